@@ -1,0 +1,1 @@
+"""States problems, stores them and serves their solutions."""

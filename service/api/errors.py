@@ -1,0 +1,84 @@
+"""What a request can be refused with: RFC 9457 documents, one code per cause."""
+
+import json
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+
+from fastapi import Response
+
+from service.schemas.faults import Fault
+
+MEDIA_TYPE = "application/problem+json"
+URN = "urn:polhode:problem:"
+
+TITLES: Mapping[str, str] = {
+    "accuracy_not_met": "The accuracy cannot be met",
+    "aperiodic_motion": "The motion is not periodic",
+    "body_too_large": "The body is too large",
+    "inadmissible_potential": "The potential admits no such motions",
+    "internal_error": "The service failed",
+    "invalid_json": "The body is not JSON",
+    "invalid_problem": "The document is not a problem",
+    "invalid_request": "The request is not valid",
+    "job_finished": "The job has finished",
+    "method_not_allowed": "Method not allowed",
+    "no_motion": "There is no such motion",
+    "no_such_window": "There is no such window",
+    "not_acceptable": "No such format",
+    "not_finite": "The stored solution is damaged",
+    "not_found": "Not found",
+    "not_ready": "Not ready",
+    "outside_horizon": "Outside the times of the solution",
+    "several_windows": "There are several motions",
+    "start_outside_window": "The motion does not pass the start",
+    "undecided_potential": "Nothing is known of the potential",
+    "unavailable": "The database cannot be reached",
+    "undefined_potential": "The potential has no value",
+    "unsupported_media_type": "Unsupported media type",
+    "verdict_crashed": "The verdict could not be reached",
+    "verdict_memory_limit": "The verdict takes too much memory",
+    "verdict_time_limit": "The verdict takes too long",
+}
+"""Titles by code; a code of the mathematics that is not listed here is its own title."""
+
+
+class ApiError(Exception):
+    """A request that is refused."""
+
+    def __init__(
+        self,
+        status: int,
+        code: str,
+        detail: str,
+        *,
+        faults: Sequence[Fault] = (),
+        extras: Mapping[str, object] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__(detail)
+        self.status, self.code, self.detail = status, code, detail
+        self.faults, self.extras, self.headers = tuple(faults), dict(extras or {}), dict(headers or {})
+
+    def response(self) -> Response:
+        """Return the problem document."""
+        document: dict[str, object] = {
+            "type": URN + self.code,
+            "title": TITLES.get(self.code, self.code.replace("_", " ").capitalize()),
+            "status": self.status,
+            "detail": self.detail,
+        }
+        if self.faults:
+            document["errors"] = [
+                {"pointer": fault.pointer, "code": fault.code, "message": fault.message}
+                for fault in self.faults
+            ]
+        document.update(self.extras)
+        # Escaped to ASCII: a client's half of a surrogate pair could not be encoded otherwise.
+        content = json.dumps(document, allow_nan=False)
+        return Response(content, status_code=self.status, media_type=MEDIA_TYPE, headers=self.headers)
+
+
+def invalid_request(faults: Sequence[Fault]) -> ApiError:
+    """Return the refusal of query parameters or headers."""
+    detail = "; ".join(f"{fault.pointer}: {fault.message}" for fault in faults)
+    return ApiError(HTTPStatus.UNPROCESSABLE_ENTITY, "invalid_request", detail, faults=faults)

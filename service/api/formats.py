@@ -1,0 +1,127 @@
+"""Trajectories as JSON, CSV, NPZ and Arrow, chosen by the Accept header."""
+
+import io
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+
+import numpy as np
+import orjson
+from fastapi import Response
+from numpy.typing import NDArray
+
+from service.api.arrow import arrow_stream
+from service.api.errors import ApiError
+
+FloatArray = NDArray[np.float64]
+
+ERROR_HEADER = "Polhode-Error"
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Equally long columns and the bound of the absolute error of every number in them."""
+
+    columns: Mapping[str, FloatArray]
+    error: float
+
+
+Writer = Callable[[Trajectory], Response]
+
+
+def choose_format(accept: str | None) -> Writer:
+    """Return the writer of the format that the client likes best; JSON if it says nothing.
+
+    Raises
+    ------
+    ApiError
+        406 if it accepts none of ours.
+    """
+    best, best_quality = None, 0.0
+    for media_type in _FORMATS:
+        quality = _quality(media_type, accept or "*/*")
+        if quality > best_quality:
+            best, best_quality = media_type, quality
+    if best is None:
+        detail = f"formats are {', '.join(_FORMATS)}"
+        raise ApiError(HTTPStatus.NOT_ACCEPTABLE, "not_acceptable", detail)
+    build = _FORMATS[best]
+
+    def write(trajectory: Trajectory) -> Response:
+        _require_finite(trajectory)
+        headers = {ERROR_HEADER: repr(trajectory.error), "Vary": "Accept"}
+        return Response(build(trajectory), media_type=best, headers=headers)
+
+    return write
+
+
+def media_types() -> dict[str, object]:
+    """Return the formats other than JSON, for the OpenAPI document."""
+    binary = {"schema": {"type": "string", "format": "binary"}}
+    return {name: binary for name in _FORMATS if name != "application/json"}
+
+
+def _quality(media_type: str, accept: str) -> float:
+    """Return how much a client likes a media type (RFC 9110, 12.5.1): the most special entry counts."""
+    kind = media_type.partition("/")[0]
+    ranks = {"*/*": 1, f"{kind}/*": 2, media_type: 3}
+    found, quality = 0, 0.0
+    for entry in accept.split(","):
+        name, *parameters = (part.strip().lower() for part in entry.split(";"))
+        rank = ranks.get(name, 0)
+        if rank > found:
+            found, quality = rank, _weight(parameters)
+    return quality
+
+
+def _weight(parameters: list[str]) -> float:
+    for parameter in parameters:
+        name, _, value = parameter.partition("=")
+        if name.strip() == "q":
+            try:
+                weight = float(value)
+            except ValueError:
+                return 0.0
+            return weight if 0.0 <= weight <= 1.0 else 0.0
+    return 1.0
+
+
+def _require_finite(trajectory: Trajectory) -> None:
+    """Refuse what no solver writes, rather than send null for it."""
+    bad = [name for name, values in trajectory.columns.items() if not np.isfinite(values).all()]
+    if bad or not math.isfinite(trajectory.error):
+        what = ", ".join(bad) or "the error"
+        detail = f"the stored solution has values of {what} that are not finite; it cannot be sent"
+        raise ApiError(HTTPStatus.INTERNAL_SERVER_ERROR, "not_finite", detail)
+
+
+def _json(trajectory: Trajectory) -> bytes:
+    columns = {name: np.ascontiguousarray(values) for name, values in trajectory.columns.items()}
+    return orjson.dumps({"columns": columns, "error": trajectory.error}, option=orjson.OPT_SERIALIZE_NUMPY)
+
+
+def _csv(trajectory: Trajectory) -> bytes:
+    # repr is the shortest decimal that reads back to the same double.
+    rows = zip(*(values.tolist() for values in trajectory.columns.values()), strict=True)
+    lines = [",".join(trajectory.columns), *(",".join(map(repr, row)) for row in rows), ""]
+    return "\r\n".join(lines).encode()
+
+
+def _npz(trajectory: Trajectory) -> bytes:
+    buffer = io.BytesIO()
+    columns: dict[str, FloatArray] = dict(trajectory.columns)
+    np.savez(buffer, allow_pickle=False, **columns)
+    return buffer.getvalue()
+
+
+def _arrow(trajectory: Trajectory) -> bytes:
+    return arrow_stream(trajectory.columns, {ERROR_HEADER: repr(trajectory.error)})
+
+
+_FORMATS: Mapping[str, Callable[[Trajectory], bytes]] = {
+    "application/json": _json,
+    "text/csv": _csv,
+    "application/x-npz": _npz,
+    "application/vnd.apache.arrow.stream": _arrow,
+}

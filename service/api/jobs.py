@@ -1,0 +1,148 @@
+"""/v1/jobs: submit, follow, cancel."""
+
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Query, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.api.documentation import request_body
+from service.api.examining import examine
+from service.api.prefer import wait_seconds
+from service.api.requests import Body, read_json, without_query
+from service.api.resources import Inside, Resources
+from service.api.responses import json_response, refusals
+from service.dynamics.problem import PlanarMotion
+from service.examination import examine_problem
+from service.jobs.job import Job
+from service.jobs.states import JobState
+from service.schemas.job import JobOut, JobPageOut
+from service.schemas.problem import canonical_document, problem_digest, read_problem
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+EXAMPLES: dict[str, object] = {
+    "quadrature": {
+        "value": {
+            "body": {"A": 2, "B": "3/2", "C": 1},
+            "potential": {
+                "type": "expression",
+                "expression": "a*g1 + b/g3^2",
+                "parameters": {"a": -1, "b": "1/20"},
+            },
+            "motion": {"type": "planar", "lambda": 1},
+            "time": {"stop": 10, "samples": 101},
+            "accuracy": {"tolerance": 1e-10},
+            "method": "auto",
+            "outputs": ["gamma", "omega"],
+        }
+    },
+    "state": {
+        "value": {
+            "body": {"A": 2, "B": "3/2", "C": 1},
+            "potential": {"type": "gravity", "a": 1, "c": "-1/2"},
+            "motion": {"type": "state", "omega": ["2/5", "1/10", "9/10"], "gamma": ["3/5", 0, "4/5"]},
+            "time": {"stop": 20, "samples": 201},
+        }
+    },
+}
+
+
+class JobsQuery(BaseModel):
+    """Which jobs."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    state: JobState | None = None
+    limit: int = Field(default=50, ge=1, le=200)
+    offset: int = Field(default=0, ge=0, le=10**9)
+
+
+@router.post(
+    "",
+    response_model=JobOut,
+    status_code=HTTPStatus.ACCEPTED,
+    responses={
+        200: {"model": JobOut, "description": "With `Prefer: wait=S`: the job has finished in time"},
+        **refusals(400, 413, 415, 503),
+    },
+    openapi_extra=request_body("ProblemIn", EXAMPLES),
+    dependencies=[without_query],
+)
+def submit(
+    content: Body,
+    inside: Inside,
+    prefer: Annotated[
+        str | None, Header(description="`wait=S`: wait up to S ≤ 60 seconds for the job to finish")
+    ] = None,
+) -> Response:
+    """Check a problem and queue it; an equal problem that was solved before brings its solution."""
+    document = read_json(content)
+    problem = read_problem(document)
+    digest = problem_digest(canonical_document(document))
+    if isinstance(problem.motion, PlanarMotion):
+        examine(inside, examine_problem, document)
+    assert isinstance(document, dict)
+    job = inside.jobs.submit(document, digest)
+    if not job.is_finished:
+        inside.doorbell.ring()
+    return _submitted(job, inside, wait_seconds(prefer))
+
+
+def _submitted(job: Job, inside: Resources, seconds: int | None) -> Response:
+    """Return the new job; wait for it if that is wished and there is a place for one more."""
+    status, headers = HTTPStatus.ACCEPTED, {"Location": f"/v1/jobs/{job.id}"}
+    if seconds is not None and inside.waiting.acquire(blocking=False):
+        try:
+            inside.doorbell.wait_for(
+                job.id, is_finished=lambda: inside.jobs.get(job.id).is_finished, timeout=seconds
+            )
+        finally:
+            inside.waiting.release()
+        headers["Preference-Applied"] = f"wait={seconds}"
+        job = inside.jobs.get(job.id)
+        if job.is_finished:
+            status = HTTPStatus.OK
+    return json_response(_out(job), status=status, headers=headers)
+
+
+@router.get("", response_model=JobPageOut, responses=refusals())
+def list_jobs(query: Annotated[JobsQuery, Query()], inside: Inside) -> Response:
+    """List jobs, newest first."""
+    page = inside.jobs.list_jobs(state=query.state, limit=query.limit, offset=query.offset)
+    items = [_out(job) for job in page.jobs]
+    return json_response(JobPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset))
+
+
+@router.get("/{job_id}", response_model=JobOut, responses=refusals(404), dependencies=[without_query])
+def get_job(job_id: str, inside: Inside) -> Response:
+    """Show a job."""
+    return json_response(_out(inside.jobs.get(job_id)))
+
+
+@router.post(
+    "/{job_id}/cancel", response_model=JobOut, responses=refusals(404, 409), dependencies=[without_query]
+)
+def cancel(job_id: str, inside: Inside) -> Response:
+    """Cancel a queued or running job at once; cancelling again changes nothing."""
+    job = inside.jobs.cancel(job_id)
+    inside.doorbell.ring()
+    # Whoever waits for it need not wait on.
+    inside.doorbell.announce(job.id)
+    return json_response(_out(job))
+
+
+def _out(job: Job) -> JobOut:
+    return JobOut(
+        id=job.id,
+        state=job.state.value,
+        attempt=job.attempt,
+        progress=job.progress,
+        error=None if job.error is None else dict(job.error),
+        reused=job.reused,
+        solution=job.solution_id,
+        problem=dict(job.problem),
+        created_at=job.created_at,
+        started_at=job.started_at,
+        finished_at=job.finished_at,
+    )

@@ -1,0 +1,38 @@
+"""What every endpoint works with, made once by the app."""
+
+import threading
+from dataclasses import dataclass
+from typing import Annotated
+
+from fastapi import Depends, Request
+
+from service.jobs.store import JobStore
+from service.jobs.wakeup import Doorbell
+from service.sandbox import Sandbox
+from service.settings import Settings
+from service.storage.database import Database
+from service.storage.solution_store import SolutionStore
+
+
+@dataclass(frozen=True, slots=True)
+class Resources:
+    """Stores, the children that reach verdicts, and the bell of the local workers."""
+
+    settings: Settings
+    database: Database
+    jobs: JobStore
+    solutions: SolutionStore
+    sandbox: Sandbox
+    doorbell: Doorbell
+    waiting: threading.BoundedSemaphore
+    """Places for clients that wait for their job: each takes a thread."""
+
+
+def _resources(request: Request) -> Resources:
+    resources = request.app.state.resources
+    assert isinstance(resources, Resources)
+    return resources
+
+
+Inside = Annotated[Resources, Depends(_resources)]
+"""The type of an endpoint's parameter that receives the resources."""

@@ -1,0 +1,104 @@
+"""/v1/solutions: found by their numbers, summaries without arrays."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.api.requests import without_query
+from service.api.resources import Inside
+from service.api.responses import json_response, refusals
+from service.schemas.solution import SolutionOut, SolutionPageOut
+from service.storage.solution_store import (
+    NUMBER_COLUMNS,
+    SORT_COLUMNS,
+    Interval,
+    NumberColumn,
+    Solution,
+    SolutionQuery,
+    SortColumn,
+)
+
+router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
+
+Sort = Literal[
+    "created_at", "A", "C", "period", "energy", "error",
+    "-created_at", "-A", "-C", "-period", "-energy", "-error",
+]  # fmt: skip
+
+
+class SolutionsQuery(BaseModel):
+    """Which solutions, in which order; limits are inclusive."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    job: str | None = Field(default=None, description="The job that computed it.")
+    family: str | None = Field(default=None, description="The potential's `type`.")
+    method: str | None = None
+    tier: str | None = None
+    A_min: float | None = None
+    A_max: float | None = None
+    C_min: float | None = None
+    C_max: float | None = None
+    period_min: float | None = None
+    period_max: float | None = None
+    energy_min: float | None = None
+    energy_max: float | None = None
+    error_min: float | None = None
+    error_max: float | None = None
+    sort: Sort = Field(default="-created_at", description="With - in front: largest first.")
+    limit: int = Field(default=50, ge=1, le=200)
+    offset: int = Field(default=0, ge=0, le=10**9)
+
+
+@router.get("", response_model=SolutionPageOut, responses=refusals())
+def list_solutions(query: Annotated[SolutionsQuery, Query()], inside: Inside) -> Response:
+    """Find solutions by their numbers; those without the number they are sorted by come last."""
+    page = inside.solutions.find(_store_query(query))
+    items = [_out(solution) for solution in page.solutions]
+    return json_response(
+        SolutionPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset)
+    )
+
+
+@router.get(
+    "/{solution_id}", response_model=SolutionOut, responses=refusals(404), dependencies=[without_query]
+)
+def get_solution(solution_id: str, inside: Inside) -> Response:
+    """Show a solution without its arrays."""
+    return json_response(_out(inside.solutions.get(solution_id)))
+
+
+def _store_query(query: SolutionsQuery) -> SolutionQuery:
+    given = query.model_dump()
+    intervals: dict[NumberColumn, Interval] = {}
+    for name in NUMBER_COLUMNS:
+        interval = Interval(given[f"{name}_min"], given[f"{name}_max"])
+        if interval != Interval():
+            intervals[name] = interval
+    return SolutionQuery(
+        job_id=query.job,
+        family=query.family,
+        method=query.method,
+        tier=query.tier,
+        intervals=intervals,
+        sort=_column(query.sort),
+        descending=query.sort.startswith("-"),
+        limit=query.limit,
+        offset=query.offset,
+    )
+
+
+def _column(sort: Sort) -> SortColumn:
+    return next(name for name in SORT_COLUMNS if name == sort.removeprefix("-"))
+
+
+def _out(solution: Solution) -> SolutionOut:
+    document = {
+        **solution.summary,
+        "id": solution.id,
+        "job": solution.job_id,
+        "problem": solution.problem,
+        "created_at": solution.created_at,
+    }
+    return SolutionOut.model_validate(document)

@@ -1,0 +1,1 @@
+"""Pure mathematics: what the problem is. No I/O, clock, log or framework."""

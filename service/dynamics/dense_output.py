@@ -1,0 +1,158 @@
+"""A solution as a function of time: piecewise Chebyshev polynomials.
+
+Each piece maps [breaks[k], breaks[k+1]] onto [-1, 1] and holds, for every
+column, the coefficients of a Chebyshev series of the first kind. A periodic
+motion stores one period; its length is the sum hi + lo of two doubles, so that
+reducing a time by n periods costs no digits for any n up to 2^53.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.errors import DynamicsError
+
+FloatArray = NDArray[np.float64]
+
+EPSILON = float(np.finfo(np.float64).eps)
+_SPLIT = 134217729.0  # 2^27 + 1: Veltkamp's constant for doubles
+
+
+class OutsideHorizonError(DynamicsError):
+    """A time was asked for that the solution does not reach."""
+
+    code = "outside_horizon"
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """A period hi + lo (|lo| ≤ ulp(hi)/2) and the bound of its absolute error."""
+
+    hi: float
+    lo: float
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class DenseOutput:
+    """Columns as functions of time.
+
+    Parameters
+    ----------
+    columns
+        Names, in the order of the last axis.
+    breaks
+        Shape (pieces + 1,), strictly increasing. Periodic: from 0 to the period.
+    coefficients
+        Shape (pieces, degree + 1, columns).
+    period
+        None if the motion is not periodic (or not known to be): then only
+        times within ``breaks`` can be asked.
+    error
+        Bound of the absolute error of every column within ``breaks``.
+    """
+
+    columns: tuple[str, ...]
+    breaks: FloatArray
+    coefficients: FloatArray
+    period: Period | None
+    error: float
+
+    def __call__(self, times: FloatArray) -> FloatArray:
+        """Return the columns at ``times``, shape (len(times), columns).
+
+        Raises
+        ------
+        OutsideHorizonError
+            A time is outside ``breaks`` and the motion is not periodic.
+        """
+        times = np.asarray(times, dtype=np.float64)
+        if self.period is None:
+            self._require_within(times)
+            local = times
+        else:
+            local = reduce_time(times, self.period)
+        piece = np.clip(np.searchsorted(self.breaks, local, side="right") - 1, 0, len(self.breaks) - 2)
+        left, right = self.breaks[piece], self.breaks[piece + 1]
+        x = np.clip(((local - left) - (right - local)) / (right - left), -1.0, 1.0)
+        return _clenshaw(self.coefficients, piece, x)
+
+    def error_at(self, times: FloatArray) -> float:
+        """Return the bound of the absolute error of any column at any of ``times``.
+
+        For a periodic motion the error of the phase comes on top: that of the
+        period, once for every period that has passed, and the rounding of a
+        time by a few ulp. What it does is measured by moving the times by it.
+        """
+        samples = self(times)
+        rounding = EPSILON * float(np.abs(samples).max(initial=0.0))
+        if self.period is None or not len(times):
+            return self.error + rounding
+        turns = float(np.abs(times).max()) / self.period.hi
+        phase = self.period.error * turns + 4.0 * EPSILON * self.period.hi
+        # Reduced first: a small shift would drown in the rounding of a late time.
+        local = reduce_time(times, self.period)
+        moved = max(float(np.abs(self(local + by) - samples).max()) for by in (-phase, phase))
+        return self.error + rounding + moved
+
+    def _require_within(self, times: FloatArray) -> None:
+        first, last = float(self.breaks[0]), float(self.breaks[-1])
+        outside = times[~((times >= first) & (times <= last))]
+        if outside.size:
+            raise OutsideHorizonError(
+                f"t = {outside[0]:.17g} is outside [{first:.17g}, {last:.17g}], "
+                "where this solution was computed"
+            )
+
+
+def reduce_time(times: FloatArray, period: Period) -> FloatArray:
+    """Return t − n (hi + lo) in [0, hi], with the product n hi formed exactly."""
+    turns = np.floor(times / period.hi)
+    local = _remainder(times, turns, period)
+    shift = np.where(local < 0.0, -1.0, np.where(local >= period.hi, 1.0, 0.0))
+    local = np.where(shift == 0.0, local, _remainder(times, turns + shift, period))
+    return np.clip(local, 0.0, period.hi)
+
+
+def _remainder(times: FloatArray, turns: FloatArray, period: Period) -> FloatArray:
+    product, rest = _two_product(turns, period.hi)
+    return ((times - product) - rest) - turns * period.lo
+
+
+def _two_product(a: FloatArray, b: float) -> tuple[FloatArray, FloatArray]:
+    """Return a·b as an unevaluated sum of two doubles (Dekker 1971)."""
+    product = a * b
+    a_high = _SPLIT * a - (_SPLIT * a - a)
+    b_high = _SPLIT * b - (_SPLIT * b - b)
+    a_low, b_low = a - a_high, b - b_high
+    rest = ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
+    return product, rest
+
+
+def _clenshaw(coefficients: FloatArray, piece: NDArray[np.intp], x: FloatArray) -> FloatArray:
+    """Sum the Chebyshev series of each time's piece; all columns at once."""
+    degree = coefficients.shape[1] - 1
+    shape = (len(x), coefficients.shape[2])
+    second, first = np.zeros(shape), np.zeros(shape)
+    twice = 2.0 * x[:, None]
+    for k in range(degree, 0, -1):
+        first, second = coefficients[piece, k] + twice * first - second, first
+    value: FloatArray = coefficients[piece, 0] + x[:, None] * first - second
+    return value
+
+
+def chebyshev_points(degree: int) -> FloatArray:
+    """Return cos(π j / degree), j = 0..degree: from 1 down to -1."""
+    return np.sin(np.pi * np.arange(degree, -degree - 1, -2) / (2 * degree))
+
+
+def chebyshev_coefficients(values: FloatArray) -> FloatArray:
+    """Return the series that takes ``values`` (axis 0) at :func:`chebyshev_points`."""
+    degree = values.shape[0] - 1
+    j = np.arange(degree + 1)
+    # The angle is reduced in integers: cos of a large one would cost two digits.
+    matrix = np.cos(np.pi * (np.outer(j, j) % (2 * degree)) / degree) * (2.0 / degree)
+    matrix[:, [0, -1]] *= 0.5
+    matrix[[0, -1], :] *= 0.5
+    return np.tensordot(matrix, values, axes=(1, 0))

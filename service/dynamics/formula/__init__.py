@@ -1,0 +1,1 @@
+"""The formula language of clients: own tokens, tree, limits and evaluators."""

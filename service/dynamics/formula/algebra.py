@@ -1,0 +1,40 @@
+"""What a formula can be evaluated in: numbers, arrays, balls, jets, expressions."""
+
+from fractions import Fraction
+from typing import Protocol, TypeVar
+
+T = TypeVar("T")
+
+
+class Algebra(Protocol[T]):
+    """The operations a tape needs; undefined results are the algebra's NaN, never an exception."""
+
+    def constant(self, value: Fraction) -> T:
+        """Return an exact number."""
+
+    def pi(self) -> T:
+        """Return π."""
+
+    def add(self, left: T, right: T) -> T:
+        """Return left + right."""
+
+    def subtract(self, left: T, right: T) -> T:
+        """Return left - right."""
+
+    def multiply(self, left: T, right: T) -> T:
+        """Return left · right."""
+
+    def divide(self, left: T, right: T) -> T:
+        """Return left / right."""
+
+    def negate(self, operand: T) -> T:
+        """Return -operand."""
+
+    def power(self, base: T, exponent: Fraction) -> T:
+        """Return base^exponent; a negative base is defined for integer exponents only."""
+
+    def general_power(self, base: T, exponent: T) -> T:
+        """Return exp(exponent · log(base)), defined for base > 0."""
+
+    def call(self, name: str, argument: T) -> T:
+        """Return exp, log, sin, cos, tan, abs, or sign (the derivative of abs) of the argument."""

@@ -1,0 +1,1 @@
+"""The algebras a formula is evaluated in, one file each."""

@@ -1,0 +1,90 @@
+"""Balls: rigorous enclosures with python-flint's ``arb``, at the current ``flint.ctx.prec``."""
+
+from collections.abc import Callable
+from fractions import Fraction
+
+from flint import arb, fmpq
+
+_FUNCTIONS: dict[str, Callable[[arb], arb]] = {
+    "exp": arb.exp,
+    "log": arb.log,
+    "sin": arb.sin,
+    "cos": arb.cos,
+    "tan": arb.tan,
+    "abs": arb.__abs__,
+    "sign": arb.sgn,
+}
+
+
+class BallAlgebra:
+    """``arb`` balls; NaN as soon as the argument's ball leaves the domain.
+
+    Constants are enclosed at the precision in force when they are asked for.
+    """
+
+    def constant(self, value: Fraction) -> arb:
+        """Return the ball of the number: exact if it is dyadic and short enough."""
+        numerator, denominator = value.as_integer_ratio()
+        return arb(numerator) if denominator == 1 else arb(fmpq(numerator, denominator))
+
+    def pi(self) -> arb:
+        """Return a ball of π."""
+        return arb.pi()
+
+    def add(self, left: arb, right: arb) -> arb:
+        """Return left + right."""
+        return left + right
+
+    def subtract(self, left: arb, right: arb) -> arb:
+        """Return left - right."""
+        return left - right
+
+    def multiply(self, left: arb, right: arb) -> arb:
+        """Return left · right."""
+        return left * right
+
+    def divide(self, left: arb, right: arb) -> arb:
+        """Return left / right."""
+        return left / right
+
+    def negate(self, operand: arb) -> arb:
+        """Return -operand."""
+        return -operand
+
+    def power(self, base: arb, exponent: Fraction) -> arb:
+        """Return base^exponent; with a fraction the whole ball of the base must be ≥ 0."""
+        numerator, denominator = exponent.as_integer_ratio()
+        if denominator == 1:
+            if numerator == 2:
+                return base * base
+            if numerator == -2:
+                return 1 / (base * base)
+            power = base**numerator
+            # Flint gives NaN for a ball whose midpoint is 0.
+            return _product(base, numerator) if numerator > 0 and power.is_nan() else power
+        if denominator == 2:
+            if numerator == 1:
+                return base.sqrt()
+            if numerator == -1:
+                return base.rsqrt()
+        return base ** fmpq(numerator, denominator)
+
+    def general_power(self, base: arb, exponent: arb) -> arb:
+        """Return exp(exponent · log(base)), NaN unless the whole ball of the base is > 0."""
+        return (exponent * base.log()).exp()
+
+    def call(self, name: str, argument: arb) -> arb:
+        """Return the function of the ball."""
+        return _FUNCTIONS[name](argument)
+
+
+def _product(base: arb, count: int) -> arb:
+    """Return base^count for count ≥ 1, by squaring."""
+    result: arb | None = None
+    while True:
+        if count & 1:
+            result = base if result is None else result * base
+        count >>= 1
+        if not count:
+            return arb(1) if result is None else result
+        base = base * base

@@ -1,0 +1,88 @@
+"""Doubles: numpy arrays of any broadcastable shapes."""
+
+from collections.abc import Callable
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "exp": np.exp,
+    "log": np.log,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "abs": np.abs,
+    "sign": np.sign,
+}
+
+
+class RealAlgebra:
+    """float64 arrays; NaN where undefined (also at poles), no warnings.
+
+    For single points :class:`~service.dynamics.formula.algebras.scalar.ScalarAlgebra` is faster.
+    """
+
+    def constant(self, value: Fraction) -> FloatArray:
+        """Return the nearest double, ±inf beyond the doubles."""
+        return np.asarray(nearest_double(value))
+
+    def pi(self) -> FloatArray:
+        """Return π."""
+        return np.asarray(np.pi)
+
+    @np.errstate(all="ignore")
+    def add(self, left: FloatArray, right: FloatArray) -> FloatArray:
+        """Return left + right."""
+        return left + right
+
+    @np.errstate(all="ignore")
+    def subtract(self, left: FloatArray, right: FloatArray) -> FloatArray:
+        """Return left - right."""
+        return left - right
+
+    @np.errstate(all="ignore")
+    def multiply(self, left: FloatArray, right: FloatArray) -> FloatArray:
+        """Return left · right."""
+        return left * right
+
+    @np.errstate(all="ignore")
+    def divide(self, left: FloatArray, right: FloatArray) -> FloatArray:
+        """Return left / right, NaN where right is 0."""
+        return left / np.where(right == 0.0, np.nan, right)
+
+    def negate(self, operand: FloatArray) -> FloatArray:
+        """Return -operand."""
+        return -operand
+
+    @np.errstate(all="ignore")
+    def power(self, base: FloatArray, exponent: Fraction) -> FloatArray:
+        """Return base^exponent; NaN for a negative base under a fraction and at poles."""
+        if exponent < 0:
+            base = np.where(base == 0.0, np.nan, base)
+        if exponent.denominator == 2 and abs(exponent.numerator) == 1:
+            root = np.sqrt(base)
+            return root if exponent > 0 else 1.0 / root
+        return np.power(base, float(exponent))
+
+    @np.errstate(all="ignore")
+    def general_power(self, base: FloatArray, exponent: FloatArray) -> FloatArray:
+        """Return base^exponent, NaN unless base > 0."""
+        return np.power(np.where(base > 0.0, base, np.nan), exponent)
+
+    @np.errstate(all="ignore")
+    def call(self, name: str, argument: FloatArray) -> FloatArray:
+        """Return the function, log of 0 being NaN."""
+        if name == "log":
+            argument = np.where(argument > 0.0, argument, np.nan)
+        return _FUNCTIONS[name](argument)
+
+
+def nearest_double(value: Fraction) -> float:
+    """Return the double nearest to ``value``, ±inf where it is too large."""
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else float("-inf")

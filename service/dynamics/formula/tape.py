@@ -1,0 +1,214 @@
+"""A formula as a list of instructions: shared parts once, constants exact, no recursion."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal, NamedTuple, TypeVar
+
+from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.binding import PI
+from service.dynamics.formula.errors import UnknownNameError
+from service.dynamics.formula.folding import fold_binary, fold_call
+from service.dynamics.formula.traversal import fold_tree
+from service.dynamics.formula.tree import (
+    VARIABLES,
+    BinaryOperator,
+    Call,
+    FunctionName,
+    Negation,
+    Number,
+    Symbol,
+    Tree,
+)
+
+T = TypeVar("T")
+
+Operation = Literal[
+    "constant", "pi", "add", "subtract", "multiply", "divide", "negate", "power", "general_power", "call"
+]
+
+_ARITHMETIC: dict[BinaryOperator, Operation] = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide"}
+
+
+class Instruction(NamedTuple):
+    """One operation on registers; its result is appended as a new register.
+
+    ``number`` is the value of a constant or the exponent of a power, ``name``
+    the function of a call; operands that an operation lacks are -1.
+    """
+
+    operation: Operation
+    left: int = -1
+    right: int = -1
+    number: Fraction | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Tape:
+    """Instructions on registers, the first of which are the ``variables``; ``result`` is a register."""
+
+    variables: tuple[str, ...]
+    instructions: tuple[Instruction, ...]
+    result: int
+
+    def evaluate(self, algebra: Algebra[T], inputs: Sequence[T]) -> T:
+        """Return the value at ``inputs``, one per variable, computed in ``algebra``."""
+        add, multiply, divide, power = algebra.add, algebra.multiply, algebra.divide, algebra.power
+        registers = list(inputs)
+        for operation, left, right, number, name in self.instructions:
+            if operation == "add":
+                value = add(registers[left], registers[right])
+            elif operation == "multiply":
+                value = multiply(registers[left], registers[right])
+            elif number is not None:
+                value = power(registers[left], number) if operation == "power" else algebra.constant(number)
+            elif operation == "divide":
+                value = divide(registers[left], registers[right])
+            elif operation == "subtract":
+                value = algebra.subtract(registers[left], registers[right])
+            elif operation == "negate":
+                value = algebra.negate(registers[left])
+            elif operation == "call":
+                value = algebra.call(name, registers[left])
+            elif operation == "general_power":
+                value = algebra.general_power(registers[left], registers[right])
+            else:
+                value = algebra.pi()
+            registers.append(value)
+        return registers[self.result]
+
+
+def compile_tape(tree: Tree, variables: Sequence[str] = VARIABLES) -> Tape:
+    """Return the tape of ``tree``, whose symbols must be ``variables`` or ``pi``.
+
+    Constant parts become exact numbers, by the rules of
+    :func:`~service.dynamics.formula.folding.fold_binary`; x + 0, 1·x and x^1 are x.
+
+    Raises
+    ------
+    UnknownNameError
+        Another symbol is left: the tree was not bound.
+    UndefinedConstantError, FormulaLimitError
+        A constant part has no value, or is too large.
+    """
+    return _Compiler(tuple(variables)).compile(tree)
+
+
+_Operand = Fraction | int
+"""While compiling: an exact constant, or the number of a register."""
+
+
+class _Compiler:
+    def __init__(self, variables: tuple[str, ...]) -> None:
+        self._variables = variables
+        self._instructions: list[Instruction] = []
+        self._registers: dict[Instruction, int] = {}
+
+    def compile(self, tree: Tree) -> Tape:
+        result = self._register(fold_tree(tree, self._node))
+        return _without_unused(Tape(self._variables, tuple(self._instructions), result))
+
+    def _node(self, index: int, node: Tree, operands: Sequence[_Operand]) -> _Operand:
+        if isinstance(node, Number):
+            return node.value
+        if isinstance(node, Symbol):
+            return self._symbol(node)
+        if isinstance(node, Negation):
+            return self._negate(operands[0])
+        if isinstance(node, Call):
+            return self._call(node.function, operands[0])
+        return self._binary(node.operator, operands[0], operands[1])
+
+    def _symbol(self, node: Symbol) -> _Operand:
+        if node.name == PI:
+            return self._emit(Instruction("pi"))
+        if node.name not in self._variables:
+            raise UnknownNameError(
+                f"{node.name!r} is not known here; known are {', '.join(self._variables)}, {PI}"
+            )
+        return self._variables.index(node.name)
+
+    def _call(self, function: FunctionName, operand: _Operand) -> _Operand:
+        if isinstance(operand, Fraction):
+            value = fold_call(function, operand)
+            if value is not None:
+                return value
+        if function == "sqrt":
+            return self._power(operand, Fraction(1, 2))
+        return self._emit(Instruction("call", self._register(operand), name=function))
+
+    def _negate(self, operand: _Operand) -> _Operand:
+        if isinstance(operand, Fraction):
+            return -operand
+        return self._emit(Instruction("negate", operand))
+
+    def _binary(self, operator: BinaryOperator, left: _Operand, right: _Operand) -> _Operand:
+        value = fold_binary(operator, _constant(left), _constant(right))
+        if value is not None:
+            return value
+        if operator == "^":
+            if isinstance(right, Fraction):
+                return self._power(left, right)
+            return self._emit(Instruction("general_power", self._register(left), self._register(right)))
+        simple = self._without_neutral(operator, left, right)
+        if simple is not None:
+            return simple
+        return self._emit(Instruction(_ARITHMETIC[operator], self._register(left), self._register(right)))
+
+    def _without_neutral(self, operator: BinaryOperator, left: _Operand, right: _Operand) -> _Operand | None:
+        """Return what is left of an operation with a constant 0, 1 or -1, None if all of it is."""
+        if isinstance(right, Fraction):
+            if operator in "+-" and right == 0:
+                return left
+            if operator in "*/" and abs(right) == 1:
+                return left if right == 1 else self._negate(left)
+        if isinstance(left, Fraction):
+            if operator in "+-" and left == 0:
+                return right if operator == "+" else self._negate(right)
+            if operator == "*" and abs(left) == 1:
+                return right if left == 1 else self._negate(right)
+        return None
+
+    def _power(self, base: _Operand, exponent: Fraction) -> _Operand:
+        """Emit base^exponent; what is a rational constant has been folded already."""
+        if exponent == 1:
+            return base
+        return self._emit(Instruction("power", self._register(base), number=exponent))
+
+    def _register(self, operand: _Operand) -> int:
+        if isinstance(operand, Fraction):
+            return self._emit(Instruction("constant", number=operand))
+        return operand
+
+    def _emit(self, instruction: Instruction) -> int:
+        """Append the instruction unless the same one is there already; return its register."""
+        register = self._registers.get(instruction)
+        if register is None:
+            register = len(self._variables) + len(self._instructions)
+            self._instructions.append(instruction)
+            self._registers[instruction] = register
+        return register
+
+
+def _constant(operand: _Operand) -> Fraction | None:
+    return operand if isinstance(operand, Fraction) else None
+
+
+def _without_unused(tape: Tape) -> Tape:
+    """Return the tape without the instructions its result does not need."""
+    inputs = len(tape.variables)
+    needed = {tape.result}
+    for register in range(inputs + len(tape.instructions) - 1, inputs - 1, -1):
+        if register in needed:
+            instruction = tape.instructions[register - inputs]
+            needed |= {instruction.left, instruction.right}
+    renumbered = {register: register for register in range(-1, inputs)}
+    kept: list[Instruction] = []
+    for register, instruction in enumerate(tape.instructions, start=inputs):
+        if register in needed:
+            renumbered[register] = inputs + len(kept)
+            kept.append(
+                instruction._replace(left=renumbered[instruction.left], right=renumbered[instruction.right])
+            )
+    return Tape(tape.variables, tuple(kept), renumbered[tape.result])

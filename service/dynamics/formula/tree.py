@@ -1,0 +1,53 @@
+"""The tree of a formula: five kinds of nodes, immutable and comparable."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+BinaryOperator = Literal["+", "-", "*", "/", "^"]
+FunctionName = Literal["sqrt", "exp", "log", "sin", "cos", "tan", "abs"]
+
+FUNCTIONS: tuple[FunctionName, ...] = ("sqrt", "exp", "log", "sin", "cos", "tan", "abs")
+VARIABLES: tuple[str, str, str] = ("g1", "g2", "g3")
+"""The Poisson variables: the space-fixed unit vector seen from the body."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A non-negative decimal, exact. Ratios and signs are Binary and Negation."""
+
+    value: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol:
+    """A variable, a parameter, a moment of inertia or ``pi``."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Negation:
+    """Minus its operand."""
+
+    operand: "Tree"
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    """Two operands joined by one of ``+ - * / ^``."""
+
+    operator: BinaryOperator
+    left: "Tree"
+    right: "Tree"
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A function of one argument."""
+
+    function: FunctionName
+    argument: "Tree"
+
+
+Tree = Number | Symbol | Negation | Binary | Call

@@ -1,0 +1,146 @@
+"""A potential of the field as a function of the Poisson variables, in any algebra."""
+
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Self
+
+import numpy as np
+from flint import arb
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.jets import FirstOrderJets
+from service.dynamics.formula.algebras.real import RealAlgebra
+from service.dynamics.formula.algebras.scalar import ScalarAlgebra
+from service.dynamics.formula.printer import format_tree
+from service.dynamics.formula.tape import Tape, compile_tape
+from service.dynamics.formula.tree import Tree
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Potential:
+    """V(g1, g2, g3).
+
+    ``tree`` has g1, g2, g3, pi and numbers only. Two potentials are equal if
+    their tapes are: what is computed is the same. Where V is undefined, values
+    in doubles and balls are NaN.
+    """
+
+    tree: Tree = field(compare=False, repr=False)
+    tape: Tape
+    family: str
+
+    @classmethod
+    def from_tree(cls, tree: Tree, family: str) -> Self:
+        """Return the potential of a bound tree; raises as :func:`compile_tape`."""
+        return cls(tree, compile_tape(tree), family)
+
+    def formula(self) -> str:
+        """Return V as a formula of the grammar."""
+        return format_tree(self.tree)
+
+    def value(self, gamma: FloatArray) -> FloatArray:
+        """Return V at ``gamma`` of shape (..., 3), shape (...)."""
+        gamma = np.asarray(gamma, dtype=np.float64)
+        if gamma.ndim == 1:
+            return np.asarray(self.tape.evaluate(ScalarAlgebra(), gamma.tolist()))
+        value = self.tape.evaluate(RealAlgebra(), _parts(gamma))
+        return np.broadcast_to(value, gamma.shape[:-1]).copy()
+
+    def gradient(self, gamma: FloatArray) -> FloatArray:
+        """Return (V_1, V_2, V_3) at ``gamma`` of shape (..., 3), same shape."""
+        gamma = np.asarray(gamma, dtype=np.float64)
+        if gamma.ndim == 1:
+            return np.array(self.gradient_at(*gamma.tolist()))
+        jets = _real_jets(3)
+        jet = self.tape.evaluate(jets, jets.variables(_parts(gamma)))
+        columns = [np.broadcast_to(part, gamma.shape[:-1]) for part in jets.gradient(jet)]
+        return np.stack(columns, axis=-1)
+
+    def gradient_at(self, g1: float, g2: float, g3: float) -> tuple[float, float, float]:
+        """Return (V_1, V_2, V_3) at one point, in plain floats: for integrators."""
+        jets = _scalar_jets()
+        V_1, V_2, V_3 = jets.gradient(self.tape.evaluate(jets, jets.variables((g1, g2, g3))))
+        return V_1, V_2, V_3
+
+    def D(self, gamma: FloatArray) -> FloatArray:
+        """Return D = g1 V_3 - g3 V_1 at ``gamma`` of shape (..., 3), shape (...)."""
+        return self.D_real(*_parts(np.asarray(gamma, dtype=np.float64)))
+
+    def H(self, body: RigidBody, gamma: FloatArray) -> FloatArray:
+        """Return H = V + Q D / (2 (A - C) g1 g3), Q = A g1² + C g3², shape (...).
+
+        V is admissible if and only if H is constant on every curve
+        |g3| = λ |g1|^(C/A); the constant is the energy. NaN where g1 g3 = 0.
+
+        Raises
+        ------
+        EqualMomentsError
+            A = C.
+        """
+        body.require_planar()
+        gamma = np.asarray(gamma, dtype=np.float64)
+        g1, g2, g3 = _parts(gamma)
+        A, C = float(body.A), float(body.C)
+        value, D = self._value_and_D(g1, g2, g3)
+        with np.errstate(all="ignore"):
+            H = value + (A * g1**2 + C * g3**2) * D / (2.0 * (A - C) * g1 * np.where(g3 == 0.0, np.nan, g3))
+        return np.where(np.isfinite(H), H, np.nan)
+
+    def D_real(self, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> FloatArray:
+        """Return D at the points given by three arrays of one shape, same shape."""
+        return self._value_and_D(g1, g2, g3)[1]
+
+    def value_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
+        """Return an enclosure of V, at the current ``flint.ctx.prec``."""
+        return self.tape.evaluate(BallAlgebra(), (g1, g2, g3))
+
+    def D_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
+        """Return an enclosure of D = g1 V_3 - g3 V_1."""
+        return self._value_and_D_ball(g1, g2, g3)[1]
+
+    def H_ball(self, body: RigidBody, g1: arb, g2: arb, g3: arb) -> arb:
+        """Return an enclosure of H; raises as :meth:`H`."""
+        body.require_planar()
+        ball = BallAlgebra()
+        value, D = self._value_and_D_ball(g1, g2, g3)
+        Q = ball.constant(body.A) * g1 * g1 + ball.constant(body.C) * g3 * g3
+        return value + Q * D / (ball.constant(2 * (body.A - body.C)) * g1 * g3)
+
+    def _value_and_D(self, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> tuple[FloatArray, FloatArray]:
+        jets = _real_jets(1)
+        # D is the derivative along (-g3, 0, g1): the turn about the second axis.
+        inputs = (jets.seed(g1, (-g3,)), jets.seed(g2, (None,)), jets.seed(g3, (g1,)))
+        jet = self.tape.evaluate(jets, inputs)
+        shape = np.shape(g1)
+        value, D = jet.value, jets.gradient(jet)[0]
+        return np.broadcast_to(value, shape).copy(), np.broadcast_to(D, shape).copy()
+
+    def _value_and_D_ball(self, g1: arb, g2: arb, g3: arb) -> tuple[arb, arb]:
+        jets = _ball_jets()
+        inputs = (jets.seed(g1, (-g3,)), jets.seed(g2, (None,)), jets.seed(g3, (g1,)))
+        jet = self.tape.evaluate(jets, inputs)
+        D = jet.first[0]
+        return jet.value, arb(0) if D is None else D
+
+
+def _parts(gamma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return gamma[..., 0], gamma[..., 1], gamma[..., 2]
+
+
+@cache
+def _real_jets(directions: int) -> FirstOrderJets[FloatArray]:
+    return FirstOrderJets(RealAlgebra(), directions)
+
+
+@cache
+def _scalar_jets() -> FirstOrderJets[float]:
+    return FirstOrderJets(ScalarAlgebra(), 3)
+
+
+@cache
+def _ball_jets() -> FirstOrderJets[arb]:
+    return FirstOrderJets(BallAlgebra(), 1)

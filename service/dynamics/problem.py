@@ -1,0 +1,103 @@
+"""A whole problem: body, potential, motion, times, accuracy, method, outputs."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+from service.dynamics.body import RigidBody
+from service.dynamics.potentials.potential import Potential
+
+Sign = Literal[-1, 1]
+Method = Literal["auto", "quadrature", "integration", "both"]
+Output = Literal["gamma", "omega", "invariants"]
+
+
+@dataclass(frozen=True, slots=True)
+class StartAtEquator:
+    """Start where g2 = 0, with the sign of the amplitude s."""
+
+    s_sign: Sign = 1
+
+
+@dataclass(frozen=True, slots=True)
+class StartAtRest:
+    """Start where p = r = 0, in the hemisphere of ``g2_sign``."""
+
+    g2_sign: Sign = 1
+
+
+@dataclass(frozen=True, slots=True)
+class StartAtPoint:
+    """Start at a given g1 inside the window."""
+
+    g1: Fraction
+    g2_sign: Sign = 1
+    s_sign: Sign = 1
+
+
+Start = StartAtEquator | StartAtRest | StartAtPoint
+
+
+@dataclass(frozen=True, slots=True)
+class PlanarMotion:
+    """A motion with q = 0 and zero areas integral, on |g3| = λ |g1|^(C/A).
+
+    Exactly one of ``lambda_`` (> 0) and ``nu`` (signed, nu = g3²/g1, A = 2C
+    only) is given; with ``nu`` the sign of g1 is that of nu.
+    """
+
+    lambda_: Fraction | None
+    nu: Fraction | None = None
+    g1_sign: Sign = 1
+    g3_sign: Sign = 1
+    window: int | None = None
+    start: Start | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StateMotion:
+    """A motion from any initial state: omega = (p, q, r), gamma = (g1, g2, g3)."""
+
+    omega: tuple[Fraction, Fraction, Fraction]
+    gamma: tuple[Fraction, Fraction, Fraction]
+
+
+@dataclass(frozen=True, slots=True)
+class TimeSpan:
+    """``samples`` equidistant times from ``start`` to ``stop``, both included."""
+
+    start: Fraction
+    stop: Fraction
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class TimePeriods:
+    """``samples`` equidistant times over ``periods`` periods from 0, both ends included."""
+
+    periods: Fraction
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class TimeList:
+    """The times themselves, in the order asked."""
+
+    times: tuple[Fraction, ...]
+
+
+Times = TimeSpan | TimePeriods | TimeList
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Everything a solver needs to know, exact."""
+
+    body: RigidBody
+    potential: Potential
+    motion: PlanarMotion | StateMotion
+    time: Times
+    tolerance: float
+    """Largest absolute error allowed in any of the six variables over the asked times."""
+    method: Method
+    outputs: tuple[Output, ...]

@@ -1,0 +1,49 @@
+"""An arc of the loop on which p² > 0, and what happens at its ends."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from flint import arb
+
+from service.dynamics.reduction.loop import Loop
+
+ArcEnd = Literal["rest", "double", "collision", "pole"]
+"""A simple zero of P; a zero of higher order; P → ∞ at a pole; P → 0 at a pole."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """A maximal interval lower ≤ v ≤ upper with p² ≥ 0, or the whole loop."""
+
+    loop: Loop
+    lower: arb
+    upper: arb
+    lower_end: ArcEnd | None
+    """None, with ``upper_end``, if the arc is the whole loop: p never vanishes."""
+    upper_end: ArcEnd | None
+
+    @property
+    def is_whole_loop(self) -> bool:
+        """Say whether the motion goes round the loop."""
+        return self.lower_end is None
+
+    @property
+    def is_periodic(self) -> bool:
+        """Say whether every motion on the arc closes in finite time."""
+        return self.is_whole_loop or (self.lower_end == "rest" and self.upper_end == "rest")
+
+    @property
+    def poles(self) -> list[arb]:
+        """Return the v inside the arc where it passes a pole: multiples of π."""
+        return self._inside(0)
+
+    @property
+    def equators(self) -> list[arb]:
+        """Return the v inside the arc where it crosses the equator: odd multiples of π/2."""
+        return self._inside(1)
+
+    def _inside(self, parity: int) -> list[arb]:
+        # An arc lies within −2π ≤ v ≤ 2π.
+        quarters = (k for k in range(-4, 5) if k % 2 == parity)
+        places = (arb.pi() * k / 2 for k in quarters)
+        return [v for v in places if self.lower < v and v < self.upper]

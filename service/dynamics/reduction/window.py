@@ -1,0 +1,30 @@
+"""Admissible windows: the stretches of a curve on which a planar motion lives."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from service.dynamics.reduction.arc import Arc
+
+EndKind = Literal["pole", "equator", "rest"]
+WindowKind = Literal["periodic", "separatrix", "equilibrium", "collision", "pole"]
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """One admissible window of |g3| = λ|g1|^(C/A).
+
+    Two arcs that are mirror images under g2 → −g2 make one window.
+    """
+
+    index: int
+    """Place in the order of growing largest |g1|."""
+    kind: WindowKind
+    """How the motion in it ends: ``periodic``, or the reason why it never closes."""
+    ends: tuple[EndKind, EndKind]
+    """Where |g1| is smallest, where it is largest."""
+    g1: tuple[float, float]
+    """g1, with its sign, at the two ends."""
+    g2: tuple[float, float]
+    """Smallest and largest g2 of the (northern, if there are two) arc."""
+    arcs: tuple[Arc, ...]
+    """One arc of the loop, or two that are mirror images (northern first)."""

@@ -1,0 +1,156 @@
+"""Zeros of the radicand between places where its sign is known, enclosed in balls."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from flint import arb, ctx
+
+Region = Literal["north", "middle", "south"]
+"""Near a pole the coordinate x is the distance to it; in the middle it is v."""
+PoleKind = Literal["passable", "blocked", "collision", "asymptotic"]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point 0 < v < π: x in its region, with the sign of g3 of the half."""
+
+    region: Region
+    x: arb
+    nothing: float = 0.0
+    """Values of P up to this size count as zero here: set at critical points."""
+    sign: int | None = None
+    """The sign of P where doubles leave no doubt of it."""
+
+    def v(self) -> arb:
+        """Return the loop coordinate, 0 < v < π."""
+        return arb.pi() - self.x if self.region == "south" else self.x
+
+
+Radicand = Callable[[Place], arb]
+"""P as a function of the place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Zero:
+    """A zero of P at v (a ball that contains it)."""
+
+    v: arb
+    is_simple: bool
+    """False for a zero of order two or more: an equilibrium or separatrix."""
+
+
+def zeros_between(cuts: list[Place], radicand: Radicand) -> tuple[list[Zero], list[int]]:
+    """Return the zeros between the cuts, and the signs around them.
+
+    Between neighbouring cuts P is monotone, so a change of sign is exactly one
+    zero. A cut at which P vanishes is itself a zero.
+    """
+    zeros: list[Zero] = []
+    signs: list[int] = []
+    last: int | None = None  # the cut whose sign was last certain
+    touched: Place | None = None
+    for k, place in enumerate(cuts):
+        sign = place.sign if place.sign is not None else _sign(radicand(place), place.nothing)
+        if sign is None:
+            continue
+        if sign == 0:
+            touched = touched or place
+            continue
+        if last is not None:
+            if touched is not None:
+                crossing = sign != signs[-1]
+                simple = crossing and _is_simple(radicand, touched)
+                zeros.append(Zero(touched.v(), simple))
+                signs.append(sign)
+            elif sign != signs[-1]:
+                zeros.append(_crossing(radicand, cuts[last], place))
+                signs.append(sign)
+        else:
+            signs.append(sign)
+        last, touched = k, None
+    return zeros, signs or [-1]
+
+
+def _sign(value: arb, nothing: float) -> int | None:
+    """Return the certain sign of a value, 0 if it is as good as zero, None if undefined."""
+    if not value.is_finite():
+        return None
+    if abs(value).upper() <= nothing:
+        return 0
+    return 1 if value > 0 else -1 if value < 0 else 0
+
+
+def _crossing(radicand: Radicand, left: Place, right: Place) -> Zero:
+    """Enclose the one zero between two places of opposite sign."""
+    if left.region != right.region:
+        left, right = _common_region(left, right)
+
+    def function(x: arb) -> arb:
+        return radicand(Place(left.region, x))
+
+    root = Place(left.region, enclose_zero(function, left.x, right.x))
+    return Zero(root.v(), _is_simple(radicand, root))
+
+
+def _common_region(left: Place, right: Place) -> tuple[Place, Place]:
+    """Express two neighbouring places in one coordinate; regions meet at a quarter of the half loop."""
+    if left.region == "north":
+        return Place("middle", left.x), right
+    return left, Place("middle", arb.pi() - right.x)
+
+
+def enclose_zero(function: Callable[[arb], arb], a: arb, b: arb) -> arb:
+    """Return a ball around the zero of ``function`` between a and b, where its signs differ.
+
+    Regula falsi with Anderson and Björck's weights (1973) on midpoints, then the
+    ball is proved by the signs at its ends.
+    """
+    a, b = a.mid(), b.mid()
+    fa, fb = function(a).mid(), function(b).mid()
+    small = arb(2) ** (16 - ctx.prec)
+    for step in range(8 * ctx.prec):
+        # Every fourth step halves: a bracket never shrinks slower than bisection / 4.
+        x = ((a + b) / 2 if step % 4 == 3 else (a * fb - b * fa) / (fb - fa)).mid()
+        fx = function(x).mid()
+        if fx == 0 or abs(b - a) < small * abs(b) or x in (a, b):
+            break
+        if (fx > 0) == (fb > 0):
+            weight = 1 - fx / fb
+            fa = fa * (weight if weight > 0 else arb("0.5")).mid()
+        else:
+            a, fa = b, fb
+        b, fb = x, fx
+        if abs(fx) < abs(fa) * arb(2) ** (8 - ctx.prec):
+            break
+    return _proved(function, x)
+
+
+def _proved(function: Callable[[arb], arb], x: arb) -> arb:
+    """Return the smallest ball x ± 2^k ulp at whose ends the signs provably differ."""
+    radius = abs(x) * arb(2) ** (12 - ctx.prec)
+    for _ in range(ctx.prec // 4):
+        low, high = function((x - radius).mid()), function((x + radius).mid())
+        if (low > 0 and high < 0) or (low < 0 and high > 0):
+            break
+        radius = (radius * 4).mid()
+    return arb(x.mid(), radius.abs_upper())
+
+
+def _is_simple(radicand: Radicand, place: Place) -> bool:
+    """Say whether P grows like the first power of the distance from its zero."""
+    x = place.x.mid()
+    steps = (abs(x) * arb(2) ** -60, abs(x) * arb(2) ** -61)
+    far, near = (abs(radicand(Place(place.region, (x + step).mid()))).mid() for step in steps)
+    return bool(far < arb(3) * near)
+
+
+def classify_pole(radicand: Radicand, side: Region) -> PoleKind:
+    """Say what P does at a pole, from its power law between distances 2^-352 and 2^-704."""
+    near, far = (radicand(Place(side, arb(2) ** e)) for e in (-704, -352))
+    if not (near > 0 and far > 0):
+        return "blocked"
+    slope = float((near / far).log()) / float(arb(2).log() * -352)
+    if abs(slope) < 1e-3:
+        return "passable"
+    return "asymptotic" if slope > 0 else "collision"

@@ -1,0 +1,160 @@
+"""What is found out about a potential before any job is made. Runs in a child that can be killed.
+
+A verdict may take unforeseeably long, or crash inside a compiled library, for
+some formulas; hence documents go in and come out as JSON text, and the caller
+puts the limits.
+"""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from flint import ctx
+
+from service.dynamics.errors import DynamicsError
+from service.dynamics.problem import PlanarMotion, Problem, StateMotion
+from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.windows import (
+    PRECISION,
+    SeveralWindowsError,
+    choose_window,
+    find_windows,
+)
+from service.dynamics.verdict.verdict import Verdict, decide
+from service.schemas.faults import InvalidProblemError
+from service.schemas.problem import read_problem, read_question
+
+Answer = dict[str, object]
+
+_POTENTIAL = "/potential"
+
+
+class AperiodicMotionError(DynamicsError):
+    """The motion never closes: there is no period to solve for by quadrature."""
+
+    code = "aperiodic_motion"
+
+
+def examine_question(document_json: str) -> str:
+    """Answer a validation: ``{"verdict": …}`` or ``{"error": {code, detail, pointer, …}}``, as JSON."""
+    return _answer(document_json, _judge_question)
+
+
+def examine_problem(document_json: str) -> str:
+    """Answer whether a problem can be solved as asked: ``{"verdict": …}`` or ``{"error": …}``, as JSON.
+
+    The error is what its job would end with. A state has no verdict: null.
+    """
+    return _answer(document_json, _judge_problem)
+
+
+def answer_ping() -> str:
+    """Answer that the child lives."""
+    return "alive"
+
+
+def _answer(document_json: str, judge: Callable[[object], Answer]) -> str:
+    try:
+        answer = judge(json.loads(document_json))
+    except InvalidProblemError as error:
+        faults = [{"pointer": f.pointer, "code": f.code, "message": f.message} for f in error.faults]
+        answer = _error("invalid_problem", str(error), faults=faults)
+    except SeveralWindowsError as error:
+        windows = [_window(window) for window in error.windows]
+        answer = _error(error.code, error.message, error.pointer, windows=windows)
+    except DynamicsError as error:
+        answer = _error(error.code, error.message, error.pointer)
+    return json.dumps(answer, allow_nan=False)
+
+
+def _judge_question(document: object) -> Answer:
+    question = read_question(document)
+    verdict = decide(question.body, question.potential)
+    motions: list[Answer] | None = None
+    if isinstance(question.motion, PlanarMotion) and verdict.verdict != "inadmissible":
+        found = find_windows(question.body, question.potential, question.motion)
+        motions = [_window(window) for window in found]
+    return {"verdict": _verdict(verdict, motions)}
+
+
+def _judge_problem(document: object) -> Answer:
+    problem = read_problem(document)
+    if isinstance(problem.motion, StateMotion):
+        return {"verdict": None}
+    verdict = decide(problem.body, problem.potential)
+    answer = _verdict(verdict, None)
+    if verdict.verdict == "inadmissible":
+        detail = (
+            "the potential does not satisfy the compatibility equation, hence there is no family of motions "
+            "with q = 0 and zero areas integral; the residual at the point given is certainly not 0"
+        )
+        return _error("inadmissible_potential", detail, _POTENTIAL, counterexample=answer["counterexample"])
+    if verdict.verdict == "undecided":
+        detail = "neither a proof nor a counterexample was found within the precision that was tried"
+        return _error("undecided_potential", detail, _POTENTIAL, evidence=answer["evidence"])
+    window = _require_motion(problem, problem.motion)
+    return {"verdict": {**answer, "motions": [_window(window)]}}
+
+
+def _require_motion(problem: Problem, motion: PlanarMotion) -> Window:
+    """Return the window of the motion, or raise what its job would end with."""
+    with _precision(PRECISION):
+        windows = find_windows(problem.body, problem.potential, motion)
+        window = choose_window(windows, motion)
+        if problem.method != "integration" and window.kind != "periodic":
+            raise AperiodicMotionError(
+                f"the motion in window {window.index} is not periodic ({window.kind}); "
+                'accepted for it is "method": "integration", with the moment B',
+                pointer="/motion",
+            )
+        starting_point(window, motion)
+    return window
+
+
+@contextmanager
+def _precision(bits: int) -> Iterator[None]:
+    before = ctx.prec
+    ctx.prec = bits
+    try:
+        yield
+    finally:
+        ctx.prec = before
+
+
+def _verdict(verdict: Verdict, motions: list[Answer] | None) -> Answer:
+    counterexample, evidence, energy = verdict.counterexample, verdict.evidence, verdict.energy_formula
+    return {
+        "verdict": verdict.verdict,
+        "proof": verdict.proof,
+        "energy": None if energy is None else {"h": energy},
+        "counterexample": None
+        if counterexample is None
+        else {
+            "g": [str(g) for g in counterexample.g],
+            "residual": {"mid": counterexample.residual.mid, "rad": counterexample.residual.rad},
+        },
+        "evidence": None
+        if evidence is None
+        else {
+            "points": evidence.points,
+            "bits": evidence.bits,
+            "largest_enclosure": evidence.largest_enclosure,
+        },
+        "decomposition": None,
+        "motions": motions,
+    }
+
+
+def _window(window: Window) -> Answer:
+    return {
+        "window": window.index,
+        "kind": window.kind,
+        "ends": list(window.ends),
+        "g1": list(window.g1),
+        "g2": list(window.g2),
+    }
+
+
+def _error(code: str, detail: str, pointer: str = "", **extras: object) -> Answer:
+    return {"error": {"code": code, "detail": detail, "pointer": pointer, **extras}}

@@ -1,0 +1,27 @@
+"""What can be wrong with a request about a job or its solution, one class per cause."""
+
+from service.jobs.states import JobState
+
+
+class JobNotFoundError(LookupError):
+    """There is no job of that id."""
+
+    def __init__(self, job_id: str) -> None:
+        super().__init__(f"there is no job {job_id}")
+        self.job_id = job_id
+
+
+class JobFinishedError(Exception):
+    """A job that has succeeded or failed cannot be cancelled."""
+
+    def __init__(self, job_id: str, state: JobState) -> None:
+        super().__init__(f"job {job_id} has already {state}: only queued and running jobs can be cancelled")
+        self.job_id, self.state = job_id, state
+
+
+class SolutionNotFoundError(LookupError):
+    """There is no solution of that id."""
+
+    def __init__(self, solution_id: str) -> None:
+        super().__init__(f"there is no solution {solution_id}")
+        self.solution_id = solution_id

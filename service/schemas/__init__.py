@@ -1,0 +1,1 @@
+"""The wire format: HTTP bodies and job payloads alike."""

@@ -1,0 +1,64 @@
+"""One of several kinds of object: which one a client means, and what to say if it is none.
+
+Pydantic's own unions either report the faults of every member, or know nothing
+of what the contract names and this version does not offer.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from pydantic import BaseModel, ConfigDict
+
+from service.schemas.numbers import refuse
+
+TAG_MARK = "<>"
+"""Begins the tags of union members, so that they are told from fields in the path of an error."""
+
+
+class WireModel(BaseModel):
+    """What every object of a request has in common."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
+
+
+def require_kind(
+    kinds: Sequence[str], *, later: Sequence[str] = (), models: Mapping[str, type[BaseModel]]
+) -> Callable[[object], object]:
+    """Return a validator that refuses objects whose ``type`` is none of ``kinds``.
+
+    ``later`` holds types that the contract names and this version does not offer.
+    """
+    accepted = f"accepted are {', '.join(kinds)}"
+
+    def check(value: object) -> object:
+        if isinstance(value, tuple(models.values())):
+            return value
+        if not isinstance(value, dict):
+            raise refuse("invalid_type", f'an object with "type" is expected; {accepted}')
+        if "type" not in value:
+            raise refuse("missing_field", f'"type" is missing; {accepted}', below="type")
+        kind = value["type"]
+        if kind in later:
+            raise refuse("not_available", f"{kind} is not offered by this version; {accepted}", below="type")
+        if not isinstance(kind, str) or kind not in kinds:
+            raise refuse("invalid_value", f"{str(kind)[:40]!r} is not a type; {accepted}", below="type")
+        return value
+
+    return check
+
+
+def tag_by_type(value: object) -> str | None:
+    """Return the tag of the union member that ``type`` names."""
+    kind = value.get("type") if isinstance(value, dict) else getattr(value, "type", None)
+    return f"{TAG_MARK}{kind}"
+
+
+def tag_by_field(choices: Sequence[str], default: str) -> Callable[[object], str]:
+    """Return a discriminator by which of the fields ``choices`` is given."""
+
+    def tag(value: object) -> str:
+        for name in choices:
+            if (name in value) if isinstance(value, dict) else hasattr(value, name):
+                return TAG_MARK + name
+        return TAG_MARK + default
+
+    return tag

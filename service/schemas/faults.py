@@ -1,0 +1,36 @@
+"""What is wrong with a document: every fault at once, each with its place."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from service.dynamics.errors import DynamicsError
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault of a document."""
+
+    pointer: str
+    """JSON pointer (RFC 6901) into the document; empty for the whole."""
+    code: str
+    """Stable word for programs."""
+    message: str
+    """Sentence for people; says what would have been accepted."""
+
+
+class InvalidProblemError(Exception):
+    """A document that is not a problem; ``faults`` holds everything that was found."""
+
+    def __init__(self, faults: Sequence[Fault]) -> None:
+        super().__init__("; ".join(f"{fault.pointer or '/'}: {fault.message}" for fault in faults))
+        self.faults = tuple(faults)
+
+
+def pointer_to(parts: Iterable[str | int]) -> str:
+    """Return the JSON pointer of a path."""
+    return "".join(f"/{str(part).replace('~', '~0').replace('/', '~1')}" for part in parts)
+
+
+def fault_of(error: DynamicsError, *, pointer: str = "") -> Fault:
+    """Return the fault that a domain error stands for; ``pointer`` is used if it names no place."""
+    return Fault(error.pointer or pointer, error.code, error.message)

@@ -1,0 +1,35 @@
+"""A job, as clients see it."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import Field
+
+from service.schemas.verdict import ResponseModel
+
+StateName = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+
+
+class JobOut(ResponseModel):
+    """One piece of queued work."""
+
+    id: str
+    state: StateName
+    attempt: int = Field(description="Number of times a worker has taken it.")
+    progress: float = Field(description="From 0 to 1.")
+    error: dict[str, object] | None = Field(description="Why it failed: `code`, `detail` and more.")
+    reused: bool = Field(description="Its solution was computed for an earlier job.")
+    solution: str | None = Field(description="Id of the solution, when succeeded.")
+    problem: dict[str, object] = Field(description="The document as it was sent.")
+    created_at: datetime
+    started_at: datetime | None = Field(description="When the last attempt began.")
+    finished_at: datetime | None
+
+
+class JobPageOut(ResponseModel):
+    """Some jobs, newest first."""
+
+    items: list[JobOut]
+    total: int = Field(description="Jobs that match in all.")
+    limit: int
+    offset: int

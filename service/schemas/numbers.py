@@ -1,0 +1,154 @@
+"""Numbers on the wire: JSON numbers, or strings that hold exact values."""
+
+from fractions import Fraction
+from typing import Annotated, Literal
+
+from pydantic import PlainSerializer, PlainValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+from service.dynamics.errors import InvalidNumberError
+from service.dynamics.exact import exact_number, exact_text
+
+LARGEST = Fraction(10) ** 300
+"""Numbers other than 0 lie between 1/LARGEST and LARGEST in absolute value: within a double's range."""
+
+MAX_SAMPLES = 100_000
+"""Times of one trajectory."""
+LATEST = Fraction(10) ** 15
+"""Largest |t| and number of periods: beyond it the spacing of doubles leaves no phase to speak of."""
+
+
+def refuse(code: str, message: str, *, below: str = "") -> PydanticCustomError:
+    """Return the error to raise in a validator; ``below`` names the field at fault of an object."""
+    context = {"message": message, "below": below}
+    # The type must be a literal string for its author's type checker only.
+    return PydanticCustomError(code, "{message}", context)  # type: ignore[arg-type,unused-ignore]
+
+
+def read_exact(value: object) -> Fraction:
+    """Return the exact value of a JSON number or string."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str | Fraction):
+        raise refuse("invalid_number", 'a number, or a string such as "17/10", is expected')
+    try:
+        number = exact_number(value)
+    except InvalidNumberError as error:
+        raise refuse("invalid_number", error.message) from error
+    if number and not 1 / LARGEST <= abs(number) <= LARGEST:
+        raise refuse("invalid_number", "beyond what can be computed with; accepted are 0 and 1e-300 to 1e300")
+    return number
+
+
+def read_positive(value: object) -> Fraction:
+    """Return an exact value above 0."""
+    number = read_exact(value)
+    if number <= 0:
+        raise refuse("out_of_range", f"{_short(number)} is not positive; a number > 0 is accepted")
+    return number
+
+
+def read_moment(value: object) -> Fraction:
+    """Return an exact moment of inertia."""
+    number = read_exact(value)
+    if number <= 0:
+        raise refuse("invalid_inertia", f"{_short(number)} is not positive; a moment of inertia is > 0")
+    return number
+
+
+def read_nonzero(value: object) -> Fraction:
+    """Return an exact value other than 0."""
+    number = read_exact(value)
+    if number == 0:
+        raise refuse("out_of_range", "0 is not accepted here; any other number is")
+    return number
+
+
+def read_integer(value: object) -> int:
+    """Return an integer, however it is written."""
+    number = read_exact(value)
+    if number.denominator != 1:
+        raise refuse("invalid_number", f"{_short(number)} is not an integer; an integer is accepted")
+    return number.numerator
+
+
+def read_sign(value: object) -> Literal[-1, 1]:
+    """Return 1 or -1."""
+    number = read_integer(value)
+    if number == 1:
+        return 1
+    if number == -1:
+        return -1
+    raise refuse("out_of_range", "a sign is expected: 1 and -1 are accepted")
+
+
+def read_time(value: object) -> Fraction:
+    """Return an exact instant."""
+    number = read_exact(value)
+    if abs(number) > LATEST:
+        raise refuse("out_of_range", f"too far away; times up to ±{float(LATEST):.0e} are accepted")
+    return number
+
+
+def read_periods(value: object) -> Fraction:
+    """Return an exact number of periods."""
+    number = read_positive(value)
+    if number > LATEST:
+        raise refuse("out_of_range", f"too many; up to {float(LATEST):.0e} periods are accepted")
+    return number
+
+
+def read_window(value: object) -> int:
+    """Return the number of a window."""
+    number = read_integer(value)
+    if not 0 <= number < 1000:
+        raise refuse("out_of_range", "not the number of a window; 0 to 999 are accepted")
+    return number
+
+
+def read_samples(value: object) -> int:
+    """Return a number of samples."""
+    number = read_integer(value)
+    if not 1 <= number <= MAX_SAMPLES:
+        raise refuse("out_of_range", f"{number:.6g} samples; 1 to {MAX_SAMPLES} are accepted")
+    return number
+
+
+def _short(number: Fraction) -> str:
+    text = exact_text(number)
+    return text if len(text) <= 40 else f"{float(number):.6g}"
+
+
+_NUMBER = [{"type": "number"}, {"type": "string", "examples": ["17/10", "1e-12"]}]
+_TEXT = PlainSerializer(exact_text, return_type=str)
+
+Exact = Annotated[Fraction, PlainValidator(read_exact), _TEXT, WithJsonSchema({"anyOf": _NUMBER})]
+Positive = Annotated[
+    Fraction,
+    PlainValidator(read_positive),
+    _TEXT,
+    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _NUMBER[1]]}),
+]
+Moment = Annotated[
+    Fraction,
+    PlainValidator(read_moment),
+    _TEXT,
+    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _NUMBER[1]]}),
+]
+Instant = Annotated[Fraction, PlainValidator(read_time), _TEXT, WithJsonSchema({"anyOf": _NUMBER})]
+Periods = Annotated[
+    Fraction,
+    PlainValidator(read_periods),
+    _TEXT,
+    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _NUMBER[1]]}),
+]
+Nonzero = Annotated[Fraction, PlainValidator(read_nonzero), _TEXT, WithJsonSchema({"anyOf": _NUMBER})]
+WindowNumber = Annotated[
+    int,
+    PlainValidator(read_window),
+    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 0}, _NUMBER[1]]}),
+]
+Samples = Annotated[
+    int,
+    PlainValidator(read_samples),
+    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1, "maximum": MAX_SAMPLES}, _NUMBER[1]]}),
+]
+Sign = Annotated[Literal[-1, 1], PlainValidator(read_sign), WithJsonSchema({"enum": [-1, 1]})]

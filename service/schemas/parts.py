@@ -1,0 +1,135 @@
+"""From a document to its parts, with every fault found.
+
+A fault in one part must not hide those in another. Hence a document that
+pydantic refuses as a whole is read part by part, and whatever could be read is
+still checked against the rules of the domain.
+"""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import TypeVar
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from service.schemas.choices import TAG_MARK
+from service.schemas.faults import Fault, pointer_to
+from service.schemas.motions import EquatorStartIn, PlanarMotionIn, PointStartIn, RestStartIn, StateMotionIn
+from service.schemas.potentials import ExpressionIn, GravityIn, RationalIn
+from service.schemas.sections import (
+    TierIn,
+    TimeListIn,
+    TimePeriodsIn,
+    TimeSpanIn,
+    ToleranceIn,
+)
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_MEMBERS: dict[str, type[BaseModel]] = {
+    "expression": ExpressionIn,
+    "gravity": GravityIn,
+    "rational": RationalIn,
+    "planar": PlanarMotionIn,
+    "state": StateMotionIn,
+    "equator": EquatorStartIn,
+    "rest": RestStartIn,
+    "point": PointStartIn,
+    "stop": TimeSpanIn,
+    "periods": TimePeriodsIn,
+    "times": TimeListIn,
+    "tolerance": ToleranceIn,
+    "tier": TierIn,
+}
+"""Members of unions by their tags, without the mark."""
+
+_CODES = {
+    "missing": "missing_field",
+    "extra_forbidden": "unknown_field",
+    "literal_error": "invalid_value",
+    "too_short": "invalid_length",
+    "too_long": "invalid_length",
+    "string_too_long": "invalid_length",
+}
+"""Our words for pydantic's; errors about types are ``invalid_type``."""
+
+_EXPECTED = {
+    "model_type": "an object",
+    "model_attributes_type": "an object",
+    "dict_type": "an object",
+    "list_type": "a list",
+    "string_type": "a string",
+    "bool_type": "true or false",
+}
+
+
+def read_parts(document: object, model: type[Model]) -> tuple[dict[str, object], list[Fault]]:
+    """Return the parts of ``document`` that could be read, and the faults of the others.
+
+    Fields that were left out have their defaults.
+    """
+    if not isinstance(document, dict):
+        accepted = ", ".join(model.model_fields)
+        return {}, [Fault("", "invalid_type", f"an object is expected, with the fields {accepted}")]
+    try:
+        whole = model.model_validate(document)
+    except ValidationError as error:
+        found = error.errors(include_url=False, include_input=False)
+        faults = [_fault(details, model) for details in found]
+        bad = {str(details["loc"][0]) for details in found if details["loc"]}
+        return {
+            name: _read_part(model, name, document) for name in model.model_fields if name not in bad
+        }, faults
+    return {name: getattr(whole, name) for name in model.model_fields}, []
+
+
+def _read_part(model: type[BaseModel], name: str, document: dict[str, object]) -> object:
+    if name not in document:
+        return model.model_fields[name].get_default(call_default_factory=True, validated_data={})
+    return _adapter(model, name).validate_python(document[name])
+
+
+@cache
+def _adapter(model: type[BaseModel], name: str) -> TypeAdapter[object]:
+    # Pydantic keeps the validators of an Annotated field apart from its type.
+    return TypeAdapter(model.__annotations__[name])
+
+
+def _fault(details: ErrorDetails, model: type[BaseModel]) -> Fault:
+    kind, path, owner = details["type"], list[str | int](), model
+    for part in details["loc"]:
+        if isinstance(part, str) and part.startswith(TAG_MARK):
+            owner = _MEMBERS.get(part.removeprefix(TAG_MARK), owner)
+            continue
+        path.append(part)
+        owner = _nested(owner, part)
+    context = details.get("ctx", {})
+    if below := context.get("below"):
+        path.append(below)
+    return Fault(pointer_to(path), _CODES.get(kind, _other_code(kind)), _message(details, path, owner))
+
+
+def _nested(owner: type[BaseModel], field: str | int) -> type[BaseModel]:
+    annotation = owner.model_fields[field].annotation if field in owner.model_fields else None
+    return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else owner
+
+
+def _other_code(kind: str) -> str:
+    is_builtin_type_error = kind.endswith(("_type", "_attributes_type"))
+    return "invalid_type" if is_builtin_type_error else kind
+
+
+def _message(details: ErrorDetails, path: Sequence[str | int], owner: type[BaseModel]) -> str:
+    if details["type"] == "extra_forbidden":
+        names = ", ".join(field.alias or name for name, field in owner.model_fields.items())
+        return f"{str(path[-1])[:40]!r} is not a field here; accepted are {names}"
+    if details["type"] == "missing":
+        return f'"{path[-1]}" is missing'
+    if details["type"] in ("too_short", "too_long"):
+        context = details["ctx"]
+        fewest, most = context.get("min_length"), context.get("max_length")
+        accepted = f"at least {fewest}" if most is None else f"at most {most}"
+        return f"{context['actual_length']} items; {accepted} are accepted"
+    if details["type"] in _EXPECTED:
+        return f"{_EXPECTED[details['type']]} is expected"
+    return details["msg"].replace("Input should be", "accepted are", 1)

@@ -1,0 +1,217 @@
+"""The parts of a problem document, and the documents that they make."""
+
+from fractions import Fraction
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from service.dynamics.body import RigidBody
+from service.dynamics.problem import TimeList, TimePeriods, Times, TimeSpan
+from service.schemas.choices import TAG_MARK, WireModel, tag_by_field
+from service.schemas.motions import MotionIn
+from service.schemas.numbers import MAX_SAMPLES, Instant, Moment, Periods, Positive, Samples, refuse
+from service.schemas.potentials import PotentialIn
+
+STANDARD_TOLERANCE = 1e-10
+"""What the tier ``standard`` means: largest absolute error in any of the six variables."""
+
+SMALLEST_TOLERANCE, LARGEST_TOLERANCE = Fraction(1, 10**15), Fraction(1, 100)
+
+Method = Literal["auto", "quadrature", "integration", "both"]
+OutputName = Literal["gamma", "omega", "invariants"]
+OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega", "invariants")
+DEFAULT_OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega")
+_LATER_OUTPUTS = ("orientation", "stability")
+_LATER_TIERS = ("draft", "high", "certified")
+
+
+class BodyIn(WireModel):
+    """Principal moments of inertia at the fixed point."""
+
+    A: Moment
+    B: Moment | None = Field(default=None, description="needed for integration and for state motions")
+    C: Moment
+    allow_unphysical: bool = Field(default=False, description="accept moments that no body can have")
+
+    def to_domain(self) -> RigidBody:
+        """Return the body, or raise :class:`UnphysicalInertiaError`."""
+        return RigidBody(self.A, self.B, self.C, self.allow_unphysical)
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document with every field."""
+        return {
+            "A": str(self.A),
+            "B": None if self.B is None else str(self.B),
+            "C": str(self.C),
+            "allow_unphysical": self.allow_unphysical,
+        }
+
+
+class TimeSpanIn(WireModel):
+    """``samples`` equidistant times from ``start`` to ``stop``, both included."""
+
+    start: Instant = Field(default=Fraction(0), description="0 if left out")
+    stop: Instant
+    samples: Samples
+
+    @model_validator(mode="after")
+    def _forward(self) -> Self:
+        if not self.start < self.stop:
+            raise refuse(
+                "out_of_range", f"stop = {self.stop} is not after start = {self.start}", below="stop"
+            )
+        return self
+
+    def to_domain(self) -> Times:
+        """Return the times."""
+        return TimeSpan(self.start, self.stop, self.samples)
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document with every field."""
+        return {"start": str(self.start), "stop": str(self.stop), "samples": self.samples}
+
+
+class TimePeriodsIn(WireModel):
+    """``samples`` equidistant times over ``periods`` periods from 0; planar motions only."""
+
+    periods: Periods
+    samples: Samples
+
+    def to_domain(self) -> Times:
+        """Return the times."""
+        return TimePeriods(self.periods, self.samples)
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {"periods": str(self.periods), "samples": self.samples}
+
+
+class TimeListIn(WireModel):
+    """The times themselves."""
+
+    times: Annotated[list[Instant], Field(min_length=1, max_length=MAX_SAMPLES)]
+
+    def to_domain(self) -> Times:
+        """Return the times."""
+        return TimeList(tuple(self.times))
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {"times": [str(time) for time in self.times]}
+
+
+def _require_time(value: object) -> object:
+    if isinstance(value, TimeSpanIn | TimePeriodsIn | TimeListIn):
+        return value
+    accepted = 'accepted are {"start", "stop", "samples"}, {"periods", "samples"} and {"times"}'
+    if not isinstance(value, dict):
+        raise refuse("invalid_type", f"an object is expected; {accepted}")
+    given = [name for name in ("stop", "periods", "times") if name in value]
+    if len(given) > 1:
+        raise refuse("conflicting_fields", f"{' and '.join(given)} exclude each other; {accepted}")
+    return value
+
+
+TimeIn = Annotated[
+    Annotated[TimePeriodsIn, Tag(f"{TAG_MARK}periods")]
+    | Annotated[TimeListIn, Tag(f"{TAG_MARK}times")]
+    | Annotated[TimeSpanIn, Tag(f"{TAG_MARK}stop")],
+    Discriminator(tag_by_field(("periods", "times"), "stop")),
+    BeforeValidator(_require_time),
+]
+
+
+class ToleranceIn(WireModel):
+    """Largest absolute error allowed in any of the six variables over the asked times."""
+
+    tolerance: Positive = Field(json_schema_extra={"minimum": 1e-15, "maximum": 1e-2})
+
+    @model_validator(mode="after")
+    def _attainable(self) -> Self:
+        if not SMALLEST_TOLERANCE <= self.tolerance <= LARGEST_TOLERANCE:
+            raise refuse(
+                "out_of_range",
+                f"a tolerance of {float(self.tolerance):.6g}; 1e-15 to 1e-2 are accepted",
+                below="tolerance",
+            )
+        return self
+
+    def to_domain(self) -> float:
+        """Return the tolerance."""
+        return float(self.tolerance)
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {"tolerance": str(self.tolerance)}
+
+
+class TierIn(WireModel):
+    """A named accuracy; ``standard`` stands for a tolerance of 1e-10."""
+
+    tier: Literal["standard"]
+
+    def to_domain(self) -> float:
+        """Return the tolerance."""
+        return STANDARD_TOLERANCE
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {"tier": self.tier}
+
+
+def _require_accuracy(value: object) -> object:
+    if isinstance(value, ToleranceIn | TierIn):
+        return value
+    accepted = 'accepted are {"tolerance": e} and {"tier": "standard"}'
+    if not isinstance(value, dict) or not ({"tolerance", "tier"} & value.keys()):
+        raise refuse("invalid_type", accepted)
+    if {"tolerance", "tier"} <= value.keys():
+        raise refuse("conflicting_fields", f"tolerance and tier exclude each other; {accepted}")
+    if value.get("tier") in _LATER_TIERS:
+        raise refuse(
+            "not_available",
+            f"the tier {value['tier']} is not offered by this version; accepted is standard",
+            below="tier",
+        )
+    return value
+
+
+AccuracyIn = Annotated[
+    Annotated[ToleranceIn, Tag(f"{TAG_MARK}tolerance")] | Annotated[TierIn, Tag(f"{TAG_MARK}tier")],
+    Discriminator(tag_by_field(("tolerance",), "tier")),
+    BeforeValidator(_require_accuracy),
+]
+
+
+def _require_output(value: object) -> object:
+    if value in _LATER_OUTPUTS:
+        raise refuse(
+            "not_available",
+            f"{value} is not offered by this version; accepted are {', '.join(OUTPUTS)}",
+        )
+    return value
+
+
+Output = Annotated[OutputName, BeforeValidator(_require_output)]
+
+
+class ProblemIn(WireModel):
+    """A problem: what ``POST /v1/jobs`` takes."""
+
+    body: BodyIn
+    potential: PotentialIn
+    motion: MotionIn
+    time: TimeIn
+    accuracy: AccuracyIn = TierIn(tier="standard")
+    method: Method = "auto"
+    outputs: Annotated[list[Output], Field(min_length=1, max_length=20)] = Field(
+        default_factory=lambda: list(DEFAULT_OUTPUTS)
+    )
+
+
+class ValidationIn(WireModel):
+    """A body and a potential, and perhaps a motion: what ``POST /v1/validations`` takes."""
+
+    body: BodyIn
+    potential: PotentialIn
+    motion: MotionIn | None = None

@@ -1,0 +1,60 @@
+"""JSON as RFC 8259 has it: no NaN, no infinities, no field given twice."""
+
+import json
+from collections.abc import Sequence
+
+MAX_INTEGER_CHARACTERS = 1000
+"""Longer integers are refused before they cost quadratic time; numbers of problems have far fewer digits."""
+
+
+class InvalidJsonError(ValueError):
+    """Bytes that are not a JSON document."""
+
+
+def parse_json(content: bytes) -> object:
+    """Return the document in ``content``, which must be UTF-8.
+
+    Raises
+    ------
+    InvalidJsonError
+        The message names line and column where they are known.
+    """
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        raise InvalidJsonError(f"byte {fault.start + 1} is not UTF-8") from fault
+    try:
+        document: object = json.loads(
+            text, parse_constant=_refuse_constant, parse_int=_integer, object_pairs_hook=_object
+        )
+        if "\\u" in text:
+            # An escaped half of a surrogate pair stands for no character and cannot be stored or sent.
+            json.dumps(document, ensure_ascii=False).encode()
+    except json.JSONDecodeError as fault:
+        raise InvalidJsonError(f"line {fault.lineno}, column {fault.colno}: {fault.msg}") from fault
+    except UnicodeEncodeError as fault:
+        raise InvalidJsonError("a \\u escape that is no character") from fault
+    except RecursionError as fault:
+        raise InvalidJsonError("lists and objects too deep inside each other") from fault
+    return document
+
+
+def _refuse_constant(word: str) -> object:
+    raise InvalidJsonError(f"{word} is not JSON; finite numbers are accepted")
+
+
+def _integer(text: str) -> int:
+    if len(text) > MAX_INTEGER_CHARACTERS:
+        raise InvalidJsonError(
+            f"an integer of {len(text)} characters; at most {MAX_INTEGER_CHARACTERS} are accepted"
+        )
+    return int(text)
+
+
+def _object(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+    document = dict(pairs)
+    if len(document) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InvalidJsonError(f"the field {twice!r} is given twice in one object")
+    return document

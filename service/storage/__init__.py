@@ -1,0 +1,1 @@
+"""SQLAlchemy tables, sessions, job and result stores, the trajectory codec."""

@@ -1,0 +1,27 @@
+"""Bring a database to the schema of this version."""
+
+from pathlib import Path
+
+from alembic import command
+from alembic.config import Config
+
+from service.storage.database import make_engine
+
+
+def migrations_folder() -> Path:
+    """Return the folder of the migrations: inside the package if installed, at the top of a checkout else."""
+    packaged = Path(__file__).with_name("_migrations")
+    return packaged if packaged.is_dir() else Path(__file__).parents[2] / "migrations"
+
+
+def migrate(url: str) -> None:
+    """Create or upgrade the tables; harmless if nothing is left to do, or if several do it at once."""
+    config = Config()
+    # Alembic's options interpolate %, which a folder's name may contain.
+    config.set_main_option("script_location", str(migrations_folder()).replace("%", "%%"))
+    engine = make_engine(url)
+    config.attributes["engine"] = engine
+    try:
+        command.upgrade(config, "head")
+    finally:
+        engine.dispose()

@@ -1,0 +1,119 @@
+"""The guarded UPDATEs by which a job moves, within somebody's transaction.
+
+The guard of a move is read from the table of legal moves, and a worker's move
+is fenced by its claim besides. Whether the UPDATE changed a row decides what
+happened; nothing is read first and written afterwards.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from sqlalchemy import ColumnElement, func, select, update
+from sqlalchemy.orm import Session
+
+from service.jobs.job import Attempt, Claim
+from service.jobs.states import FINISHED, AttemptOutcome, JobState, after_loss, sources
+from service.storage.clock import DatabaseNow
+from service.storage.records import attempt_of
+from service.storage.tables import AttemptRow, JobRow
+
+
+def all_of(*conditions: ColumnElement[bool]) -> ColumnElement[bool]:
+    """Return the conjunction of at least one condition."""
+    first, *rest = conditions
+    for condition in rest:
+        first = first & condition
+    return first
+
+
+def fence(claim: Claim) -> tuple[ColumnElement[bool], ...]:
+    """Return what must hold for a worker to write: the job still runs, by its claim."""
+    return (
+        JobRow.id == claim.job_id,
+        JobRow.state == JobState.RUNNING.value,
+        JobRow.owner == claim.worker,
+        JobRow.attempt == claim.attempt,
+    )
+
+
+def move(session: Session, target: JobState, *guard: ColumnElement[bool], **values: object) -> bool:
+    """Move a job to ``target`` if the table of legal moves and ``guard`` allow; end its lease."""
+    if target in FINISHED:
+        values["finished_at"] = DatabaseNow()
+    statement = (
+        update(JobRow)
+        .where(JobRow.state.in_(sources(target)), *guard)
+        .values(state=target.value, owner=None, lease_until=None, **values)
+        .returning(JobRow.id)
+        .execution_options(synchronize_session=False)
+    )
+    return session.scalar(statement) is not None
+
+
+def succeed(session: Session, claim: Claim, solution_id: str, *, reused: bool) -> bool:
+    """Mark the job of ``claim`` succeeded with a stored solution, if the claim holds."""
+    moved = move(
+        session, JobState.SUCCEEDED, *fence(claim), solution_id=solution_id, reused=reused, progress=1.0
+    )
+    if moved:
+        end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.SUCCEEDED)
+    return moved
+
+
+def end_attempt(
+    session: Session, job_id: str, number: int, outcome: AttemptOutcome, detail: str | None = None
+) -> None:
+    """Write how a running attempt ended; an attempt that has ended is left alone."""
+    session.execute(
+        update(AttemptRow)
+        .where(AttemptRow.job_id == job_id, AttemptRow.number == number, AttemptRow.ended_at.is_(None))
+        .values(ended_at=DatabaseNow(), outcome=outcome.value, detail=detail and detail[:512])
+        .execution_options(synchronize_session=False)
+    )
+
+
+def lose(
+    session: Session,
+    guard: Sequence[ColumnElement[bool]],
+    attempt: tuple[str, int],
+    detail: str,
+    max_attempts: int,
+) -> bool:
+    """Queue again a job whose worker or child died, or give it up with its history as the error.
+
+    ``attempt`` is the job's id and the number of the attempt; ``guard`` says when it is lost.
+    """
+    job_id, number = attempt
+    lost = AttemptRow.job_id == job_id, AttemptRow.outcome == AttemptOutcome.LOST.value
+    losses = 1 + (session.scalar(select(func.count()).select_from(AttemptRow).where(*lost)) or 0)
+    target = after_loss(losses, max_attempts)
+    if not move(session, target, *guard):
+        return False
+    end_attempt(session, job_id, number, AttemptOutcome.LOST, detail)
+    if target is JobState.FAILED:
+        error = _lost_worker_error(history(session, job_id), losses)
+        session.execute(update(JobRow).where(JobRow.id == job_id).values(error=error))
+    return True
+
+
+def history(session: Session, job_id: str) -> tuple[Attempt, ...]:
+    """Return the attempts at a job, oldest first."""
+    statement = select(AttemptRow).where(AttemptRow.job_id == job_id).order_by(AttemptRow.number)
+    return tuple(attempt_of(row) for row in session.scalars(statement))
+
+
+def _lost_worker_error(history: Sequence[Attempt], losses: int) -> Mapping[str, object]:
+    return {
+        "code": "lost_worker",
+        "detail": f"{losses} workers or their child processes died at this job; it is not tried again",
+        "attempts": [
+            {
+                "attempt": attempt.number,
+                "worker": attempt.worker,
+                "started_at": attempt.started_at.isoformat(),
+                "ended_at": attempt.ended_at and attempt.ended_at.isoformat(),
+                "outcome": attempt.outcome,
+                "detail": attempt.detail,
+            }
+            for attempt in history
+        ],
+    }

@@ -1,0 +1,162 @@
+"""Solutions: found by their numbers, read with or without their arrays.
+
+A solution is written only together with the success of its job, see
+:mod:`service.storage.job_store`; hence whatever is here comes from a success.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Literal, get_args
+
+from sqlalchemy import ColumnElement, func, select
+from sqlalchemy.orm import InstrumentedAttribute
+
+from service.jobs.errors import SolutionNotFoundError
+from service.storage.database import Database
+from service.storage.ids import is_id
+from service.storage.records import instant
+from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
+
+NumberColumn = Literal["A", "C", "period", "energy", "error"]
+SortColumn = Literal["created_at", "A", "C", "period", "energy", "error"]
+SORT_COLUMNS: tuple[SortColumn, ...] = get_args(SortColumn)
+NUMBER_COLUMNS: tuple[NumberColumn, ...] = get_args(NumberColumn)
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """A solution without its arrays."""
+
+    id: str
+    job_id: str
+    """The job that computed it; later jobs may have reused it."""
+    problem: Mapping[str, object]
+    summary: Mapping[str, object]
+    created_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """lower ≤ x ≤ upper; None is no bound. A missing number is in no interval."""
+
+    lower: float | None = None
+    upper: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SolutionQuery:
+    """Which solutions, in which order. Every condition must hold; None is no condition."""
+
+    job_id: str | None = None
+    family: str | None = None
+    method: str | None = None
+    tier: str | None = None
+    intervals: Mapping[NumberColumn, Interval] = field(default_factory=dict)
+    sort: SortColumn = "created_at"
+    descending: bool = True
+    """Solutions without the number come last either way."""
+    limit: int = 50
+    offset: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SolutionPage:
+    """Some of the solutions that match, and how many match in all."""
+
+    solutions: tuple[Solution, ...]
+    total: int
+
+
+class SolutionStore:
+    """Reads solutions from the database."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def get(self, solution_id: str) -> Solution:
+        """Return a solution, or raise :class:`SolutionNotFoundError`."""
+        if not is_id(solution_id):
+            raise SolutionNotFoundError(solution_id)
+        with self._database.read() as session:
+            row = session.get(SolutionRow, solution_id)
+            if row is None:
+                raise SolutionNotFoundError(solution_id)
+            return _solution_of(row)
+
+    def find(self, query: SolutionQuery) -> SolutionPage:
+        """Return one page of the solutions that match."""
+        conditions = _conditions(query)
+        key = _column(query.sort)
+        order = key.desc() if query.descending else key.asc()
+        tie = SolutionRow.id.desc() if query.descending else SolutionRow.id.asc()
+        statement = (
+            select(SolutionRow)
+            .where(*conditions)
+            .order_by(key.is_(None), order, tie)
+            .limit(query.limit)
+            .offset(query.offset)
+        )
+        with self._database.read() as session:
+            total = session.scalar(select(func.count()).select_from(SolutionRow).where(*conditions))
+            solutions = tuple(_solution_of(row) for row in session.scalars(statement))
+        return SolutionPage(solutions, total or 0)
+
+    def dense(self, solution_id: str) -> bytes:
+        """Return the encoded dense output, or raise :class:`SolutionNotFoundError`."""
+        return self._data(DenseOutputRow, solution_id)
+
+    def samples(self, solution_id: str) -> bytes:
+        """Return the encoded samples, or raise :class:`SolutionNotFoundError`."""
+        return self._data(SamplesRow, solution_id)
+
+    def _data(self, table: type[DenseOutputRow] | type[SamplesRow], solution_id: str) -> bytes:
+        if not is_id(solution_id):
+            raise SolutionNotFoundError(solution_id)
+        with self._database.read() as session:
+            data = session.scalar(select(table.data).where(table.solution_id == solution_id))
+        if data is None:
+            raise SolutionNotFoundError(solution_id)
+        return data
+
+
+def _conditions(query: SolutionQuery) -> list[ColumnElement[bool]]:
+    conditions: list[ColumnElement[bool]] = []
+    if query.job_id is not None:
+        conditions.append(
+            SolutionRow.job_id == query.job_id if is_id(query.job_id) else SolutionRow.id.is_(None)
+        )
+    if query.family is not None:
+        conditions.append(SolutionRow.family == query.family)
+    if query.method is not None:
+        conditions.append(SolutionRow.method == query.method)
+    if query.tier is not None:
+        conditions.append(SolutionRow.tier == query.tier)
+    for name, interval in query.intervals.items():
+        if interval.lower is not None:
+            conditions.append(_column(name) >= interval.lower)
+        if interval.upper is not None:
+            conditions.append(_column(name) <= interval.upper)
+    return conditions
+
+
+def _column(name: SortColumn) -> InstrumentedAttribute[float] | InstrumentedAttribute[float | None]:
+    columns: dict[SortColumn, InstrumentedAttribute[float] | InstrumentedAttribute[float | None]] = {
+        "created_at": SolutionRow.created_at,
+        "A": SolutionRow.A,
+        "C": SolutionRow.C,
+        "period": SolutionRow.period,
+        "energy": SolutionRow.energy,
+        "error": SolutionRow.error,
+    }
+    return columns[name]
+
+
+def _solution_of(row: SolutionRow) -> Solution:
+    return Solution(
+        id=row.id,
+        job_id=row.job_id,
+        problem=row.problem,
+        summary=row.summary,
+        created_at=instant(row.created_at),
+    )

@@ -1,0 +1,110 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from fastapi.routing import APIRoute
+
+from service.api.documentation import describe
+from service.api.errors import TITLES
+from service.dynamics.errors import DynamicsError
+from service.schemas.problem import read_problem, read_question
+from service.settings import Settings
+from tests.support.api import TestClient, create_app
+
+TOP = Path(__file__).parents[2]
+
+
+def references(node):
+    if isinstance(node, dict):
+        yield from ([node["$ref"]] if isinstance(node.get("$ref"), str) else [])
+        for value in node.values():
+            yield from references(value)
+    elif isinstance(node, list):
+        for value in node:
+            yield from references(value)
+
+
+def test_the_committed_openapi_document_is_that_of_the_app(client):
+    committed = json.loads((TOP / "docs" / "openapi.json").read_text(encoding="utf-8"))
+    assert client.get("/openapi.json").json() == committed
+
+
+def test_every_reference_in_it_leads_somewhere(app):
+    document = app.openapi()
+    found = set(references(document))
+    assert found
+    for reference in found:
+        assert reference.removeprefix("#/components/schemas/") in document["components"]["schemas"]
+
+
+def test_every_operation_names_its_refusals_as_problem_documents(app):
+    for path, operations in app.openapi()["paths"].items():
+        for operation in operations.values():
+            for status, response in operation["responses"].items():
+                kinds = set(response.get("content", {}))
+                expected = "application/problem+json" if status >= "400" else "application/json"
+                assert expected in kinds, (path, status)
+
+
+def test_the_examples_of_bodies_are_accepted(app):
+    paths = app.openapi()["paths"]
+    for path, reader in (("/v1/jobs", read_problem), ("/v1/validations", read_question)):
+        examples = paths[path]["post"]["requestBody"]["content"]["application/json"]["examples"]
+        for example in examples.values():
+            reader(example["value"])
+
+
+def test_answers_have_no_defaults(app):
+    for route in app.routes:
+        if isinstance(route, APIRoute) and route.response_model is not None:
+            assert all(field.is_required() for field in route.response_model.model_fields.values())
+
+
+def test_the_examples_of_families_are_accepted_as_jobs(client):
+    families = client.get("/v1/families").json()["items"]
+    assert {family["type"] for family in families} == {"expression", "gravity", "rational"}
+    for family in families:
+        assert family["example"]["potential"]["type"] == family["type"]
+        response = client.post("/v1/jobs", json=family["example"])
+        assert response.status_code == 202, response.json()
+
+
+def subclasses(cause):
+    for subclass in cause.__subclasses__():
+        yield subclass
+        yield from subclasses(subclass)
+
+
+def test_every_code_is_documented():
+    text = (TOP / "docs" / "errors.md").read_text(encoding="utf-8")
+    codes = set(TITLES) | {
+        cause.code for cause in subclasses(DynamicsError) if cause.__module__.startswith("service")
+    }
+    assert [code for code in sorted(codes) if f"`{code}`" not in text] == []
+
+
+def test_an_app_that_lives_is_ready(client):
+    assert client.get("/livez").json() == {"status": "ok", "checks": {}}
+    assert client.get("/readyz").json() == {"status": "ok", "checks": {"database": "ok", "sandbox": "ok"}}
+
+
+def test_without_tables_it_lives_and_is_not_ready(tmp_path):
+    settings = Settings(database_url=f"sqlite:///{tmp_path / 'empty.db'}")
+    with TestClient(create_app(settings)) as client:
+        assert client.get("/livez").status_code == 200
+        response = client.get("/readyz")
+    assert response.status_code == 503
+    assert response.json()["type"] == "urn:polhode:problem:not_ready"
+    assert "polhode migrate" in response.json()["checks"]["database"]
+
+
+@pytest.mark.parametrize("name", ["sympy", "heyoka", "matplotlib", "workers"])
+def test_the_app_starts_without_what_only_workers_need(name):
+    program = f"import sys, service.app; sys.exit({name!r} in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], cwd=TOP, check=False).returncode == 0
+
+
+def test_the_description_does_not_depend_on_the_lifespan(app):
+    assert describe(app) == app.openapi()

@@ -1,0 +1,133 @@
+import random
+import sys
+import time
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from service.dynamics.formula.errors import FormulaError, FormulaLimitError
+from service.dynamics.formula.limits import MAX_CHARACTERS, MAX_DEPTH, MAX_TOKENS
+from service.dynamics.formula.parser import parse, parse_located
+from service.dynamics.formula.printer import format_tree
+from service.dynamics.formula.traversal import post_order
+from tests.support.formulas import PRECEDENCE, REFUSED
+
+PIECES = [
+    *"0123456789.eE+-*/^()()  \n",
+    *["g1", "g2", "g3", "pi", "A", "a", "sqrt", "sqrt(", "exp(", "sin(", "**", "1e", "0.5", "((", "))"],
+]
+
+
+@pytest.mark.parametrize(("text", "with_parentheses"), PRECEDENCE)
+def test_operators_bind_as_in_books(text: str, with_parentheses: str) -> None:
+    assert parse(text) == parse(with_parentheses)
+
+
+@pytest.mark.parametrize(("text", "position"), REFUSED)
+def test_the_position_is_that_of_the_fault(text: str, position: int) -> None:
+    with pytest.raises(FormulaError) as caught:
+        parse(text)
+    assert caught.value.position == position
+    assert caught.value.message.startswith(f"character {position + 1}: ")
+    assert caught.value.code == "formula"
+
+
+def test_every_node_knows_its_place() -> None:
+    text = "a*sin(b - 2)^-c"
+    located = parse_located(text)
+    assert len(located.positions) == len(post_order(located.tree))
+    assert [text[p] for p in located.positions] == list("ab2-sc-^*")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1" * (MAX_CHARACTERS + 1),
+        "+".join(["1"] * (MAX_TOKENS // 2 + 1)),
+        "(" * (MAX_DEPTH + 1) + "1" + ")" * (MAX_DEPTH + 1),
+        "sin(" * (MAX_DEPTH + 1) + "1" + ")" * (MAX_DEPTH + 1),
+        "-" * (MAX_DEPTH + 1) + "1",
+        "^".join(["2"] * (MAX_DEPTH + 2)),
+        "(a+b*" * (MAX_DEPTH + 1) + "1" + ")" * (MAX_DEPTH + 1),
+    ],
+)
+def test_what_is_too_large_is_refused_with_its_place(text: str) -> None:
+    with pytest.raises(FormulaLimitError) as caught:
+        parse(text)
+    assert caught.value.position is not None
+
+
+@pytest.mark.parametrize("opening", ["(", "-", "2^", "sin(", "(a+b*", "a+b*-(", "a*b^("])
+def test_the_deepest_formula_needs_less_than_half_of_the_recursion_limit(opening: str) -> None:
+    # A server's own frames and a test runner's take up to 200.
+    per_level = sum(opening.count(mark) for mark in "(-^") if opening != "sin(" else 1
+    levels = MAX_DEPTH // per_level
+    text = opening * levels + "1" + ")" * (levels * opening.count("("))
+    limit = sys.getrecursionlimit()
+    frame, depth = sys._getframe(), 0
+    while frame.f_back is not None:
+        frame, depth = frame.f_back, depth + 1
+    sys.setrecursionlimit(depth + 500)
+    try:
+        tree = parse(text)
+    finally:
+        sys.setrecursionlimit(limit)
+    assert parse(format_tree(tree)) == tree
+
+
+def test_flat_sums_and_products_may_be_long() -> None:
+    for operator in "+-*/":
+        text = operator.join(["g1"] * 1250)
+        printed = format_tree(parse(text))
+        assert printed.replace(" ", "") == text
+
+
+def _fault(text: str) -> FormulaError | None:
+    try:
+        parse(text)
+    except FormulaError as error:
+        return error
+    return None
+
+
+def _refused_or_parsed_in_time(text: str) -> None:
+    # The least of three runs: other processes on the machine are not the parser's fault.
+    best = float("inf")
+    for _ in range(3):
+        start = time.perf_counter()
+        fault = _fault(text)
+        best = min(best, time.perf_counter() - start)
+        assert fault is None or fault.position is not None
+        if best < 0.05:
+            return
+    pytest.fail(f"{best:.3f} s for {text[:60]!r}")
+
+
+@settings(deadline=None)
+@given(st.text(max_size=300))
+def test_any_text_is_a_formula_or_refused_with_a_place(text: str) -> None:
+    _refused_or_parsed_in_time(text)
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.integers(0, 2**32), st.integers(0, 10_000), st.sampled_from(["ascii", "unicode", "pieces"]))
+def test_ten_thousand_random_characters_take_less_than_50_ms(seed: int, length: int, kind: str) -> None:
+    source = random.Random(seed)
+    if kind == "pieces":
+        text = "".join(source.choices(PIECES, k=length))[:length]
+    else:
+        top = 127 if kind == "ascii" else 0xD7FF
+        text = "".join(chr(source.randint(0, top)) for _ in range(length))
+    _refused_or_parsed_in_time(text)
+
+
+@pytest.mark.parametrize(
+    "piece",
+    ["1", "1.", "(", ")", "-", "2^", "1e", "1e1", "e", "g1+", "sin(", "**", "*", " ", "1/3-", ".", "9e400*"],
+)
+def test_repetition_does_not_slow_the_parser(piece: str) -> None:
+    for length in (MAX_CHARACTERS, 10_000):
+        text = (piece * length)[:length]
+        _refused_or_parsed_in_time(text)
+        _refused_or_parsed_in_time(text[:-1] + "1")

@@ -1,0 +1,188 @@
+import math
+from fractions import Fraction
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from service.dynamics.errors import EqualMomentsError
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.loop import NuNeedsDoubleMomentError
+from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.windows import (
+    NoMotionError,
+    NoSuchWindowError,
+    SeveralWindowsError,
+    choose_window,
+    find_windows,
+)
+from tests.support.planar import body, formula
+
+DOUBLE = body(2, 1)
+
+
+def windows(text: str, motion: PlanarMotion, A: int | str = 2, C: int | str = 1) -> tuple[Window, ...]:
+    rigid_body = body(A, C)
+    return find_windows(rigid_body, formula(text, rigid_body), motion)
+
+
+def by_nu(nu: str | int, g3_sign: int = 1) -> PlanarMotion:
+    return PlanarMotion(None, nu=Fraction(nu), g3_sign=1 if g3_sign > 0 else -1)
+
+
+NU_1 = by_nu(1)
+GOLDEN = (math.sqrt(5) - 1) / 2  # x at the equator: 1 - x² - x = 0
+
+
+@pytest.mark.parametrize(
+    ("text", "ends", "g1"),
+    [
+        ("-g1", ("pole", "equator"), (0.0, GOLDEN)),
+        # Zeros of P(x) = 2 b1 + nu² a1 x + 2 nu² c1 x² where they lie inside (0, x1).
+        ("-g1 + 1/(20*g3^2)", ("rest", "equator"), (0.1, GOLDEN)),
+        ("-g1 + 1.2*(g1^2 - g2^2)", ("pole", "rest"), (0.0, 1 / 2.4)),
+        (
+            "-g1 + 1/(50*g3^2) + 1.2*(g1^2 - g2^2)",
+            ("rest", "rest"),
+            ((1 - math.sqrt(1 - 16 * 0.02 * 1.2)) / 4.8, (1 + math.sqrt(1 - 16 * 0.02 * 1.2)) / 4.8),
+        ),
+    ],
+)
+def test_the_four_types_of_the_elliptic_case_end_where_its_quadratic_vanishes(text, ends, g1):
+    (window,) = windows(text, NU_1)
+    assert (window.kind, window.ends) == ("periodic", ends)
+    # Both sides are one rounding of the same number.
+    assert window.g1 == pytest.approx(g1, abs=4e-16)
+
+
+@given(
+    a1=st.fractions(-4, 4, max_denominator=50),
+    b1=st.fractions(Fraction(1, 1000), 2, max_denominator=1000),
+    c1=st.fractions(-4, 4, max_denominator=50),
+    nu=st.fractions(Fraction(1, 4), 4, max_denominator=20),
+)
+@settings(max_examples=60, deadline=None)
+def test_rest_points_are_the_roots_of_the_elliptic_quadratic(a1, b1, c1, nu):
+    text = f"({a1})*g1 + ({b1})/g3^2 + ({c1})*(g1^2 - g2^2)"
+    x1 = 2 / (nu + math.sqrt(nu * nu + 4))
+    linear, square = float(nu**2 * a1), float(2 * nu**2 * c1)
+    discriminant = linear**2 - 8 * float(b1) * square
+    # Within 1e-9 of a double root the comparison in doubles says nothing.
+    assume(abs(discriminant) > 1e-9 and (square == 0 or abs(square) > 1e-6))
+    roots = []
+    if discriminant > 0:
+        stable = -0.5 * (linear + math.copysign(math.sqrt(discriminant), linear))
+        roots = [2 * float(b1) / stable] if stable else []
+        roots += [stable / square] if square else []
+    expected = sorted(x for x in roots if 0 < x < x1)
+    assume(all(abs(x - x1) > 1e-9 for x in roots))
+    found = sorted(
+        x for w in windows(text, by_nu(nu)) for x, end in zip(w.g1, w.ends, strict=True) if end == "rest"
+    )
+    # The quadratic formula loses the digits of the root gap: 1e-16 / 1e-9 at worst, squared root of it.
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_an_equilibrium_is_recognised_at_a_double_zero_with_no_room_around_it():
+    (window,) = windows("-g1 + 1/(20*g3^2) + 5/4*(g1^2 - g2^2)", NU_1)
+    assert window.kind == "equilibrium"
+    assert window.g1 == pytest.approx((0.2, 0.2), abs=1e-15)
+
+
+def test_just_below_it_there_is_a_narrow_oscillation_and_just_above_it_nothing():
+    assert [w.kind for w in windows("-g1 + 1/(20*g3^2) + 5/4*(1-1e-12)*(g1^2-g2^2)", NU_1)] == ["periodic"]
+    assert windows("-g1 + 1/(20*g3^2) + 5/4*(1+1e-12)*(g1^2-g2^2)", NU_1) == ()
+
+
+def test_two_zeros_closer_than_doubles_can_tell_are_two():
+    (window,) = windows("-g1 + 1/(20*g3^2) + 5/4*(1-1e-24)*(g1^2-g2^2)", NU_1)
+    # x = (1 ± sqrt(e))/(5 (1 - e)): a gap of 1e-12 around 1/5.
+    assert window.kind == "periodic"
+    assert window.g1[1] - window.g1[0] == pytest.approx(0.4e-12, rel=1e-3)  # of numbers rounded at 3e-17
+
+
+def test_the_separatrix_of_the_equator_is_told_from_its_two_neighbours():
+    critical = "(1+sqrt(5))/4"
+    assert [w.kind for w in windows(f"-g1 + {critical}*(g1^2-g2^2)", NU_1)] == ["separatrix"]
+    (below,) = windows(f"-g1 + {critical}*(1-1e-12)*(g1^2-g2^2)", NU_1)
+    (above,) = windows(f"-g1 + {critical}*(1+1e-12)*(g1^2-g2^2)", NU_1)
+    assert (below.kind, below.ends) == ("periodic", ("pole", "equator"))
+    assert (above.kind, above.ends) == ("periodic", ("pole", "rest"))
+
+
+def test_an_inner_double_zero_separates_collision_from_oscillation():
+    kinds = [w.kind for w in windows("g1 - 1/(16*g3^2) - (g1^2-g2^2)", NU_1)]
+    assert kinds == ["collision", "separatrix"]
+    kinds = [w.kind for w in windows("g1 - (1-1e-8)/(16*g3^2) - (g1^2-g2^2)", NU_1)]
+    assert kinds == ["collision", "periodic"]
+    assert [w.kind for w in windows("g1 - (1+1e-8)/(16*g3^2) - (g1^2-g2^2)", NU_1)] == ["collision"]
+
+
+def test_a_pole_that_is_approached_for_ever_is_told():
+    assert [w.kind for w in windows("-(g1^2-g2^2)", NU_1)] == ["pole"]
+    assert [w.kind for w in windows("(3*g1^2+g3^2)*(-1-g2/3)", PlanarMotion(Fraction(1)), A=3)] == ["pole"]
+
+
+def test_attraction_to_a_pole_is_a_collision():
+    assert [w.kind for w in windows("-g1 - 1/(20*g3^2) - (g1^2-g2^2)/2", NU_1)] == ["collision"]
+
+
+def test_no_motion_is_no_window():
+    found = windows("g1", NU_1)
+    assert found == ()
+    with pytest.raises(NoMotionError, match="negative on the whole curve"):
+        choose_window(found, NU_1)
+
+
+def test_the_sign_of_g1_turns_the_force_round():
+    (window,) = windows("g1", by_nu("-13/10"))
+    assert window.g1 == pytest.approx((0.0, -2 / (1.3 + math.sqrt(1.3**2 + 4))), abs=4e-16)
+
+
+def test_two_windows_are_numbered_by_their_largest_g1():
+    text = "(2*g1^2+g3^2)*((g2^2-0.2)*(g2^2-0.4)*(g2^2-0.6)*(g2^2-0.8))"
+    found = windows(text, NU_1)
+    assert [w.index for w in found] == [0, 1]
+    assert all(w.kind == "periodic" and len(w.arcs) == 2 for w in found)
+    # s² = −2G/(AC): motion where G < 0, that is g2² between 0.2 and 0.4 or 0.6 and 0.8.
+    assert found[0].g2 == pytest.approx((math.sqrt(0.6), math.sqrt(0.8)), abs=1e-15)
+    assert found[1].g2 == pytest.approx((math.sqrt(0.2), math.sqrt(0.4)), abs=1e-15)
+    with pytest.raises(SeveralWindowsError, match="2 admissible windows") as caught:
+        choose_window(found, NU_1)
+    assert caught.value.windows == found
+    assert choose_window(found, PlanarMotion(Fraction(1), window=1)) is found[1]
+    with pytest.raises(NoSuchWindowError, match="accepted are 0 to 1"):
+        choose_window(found, PlanarMotion(Fraction(1), window=2))
+
+
+def test_windows_of_the_two_hemispheres_differ_if_G_is_not_even():
+    text = "(3*g1^2+g3^2)*((g2-0.5)*(g2-0.7)*(g2+0.4)*(g2+0.8))"
+    found = windows(text, PlanarMotion(Fraction(4, 5)), A=3)
+    assert [len(w.arcs) for w in found] == [1, 1]
+    assert found[0].g2 == pytest.approx((0.5, 0.7), abs=1e-15)
+    assert found[1].g2 == pytest.approx((-0.8, -0.4), abs=1e-15)
+
+
+@given(
+    lambda_=st.fractions(Fraction(1, 3), 3, max_denominator=30), alpha=st.sampled_from(["3", "17/10", "5/2"])
+)
+@settings(max_examples=20, deadline=None)
+def test_the_mirrored_body_has_the_mirrored_windows(lambda_, alpha):
+    text, mirrored = "(%s*g1^2 + g3^2)*(g2^2-1/2+g2^3/5)", "(%s*g3^2 + g1^2)*(g2^2-1/2+g2^3/5)"
+    straight = windows(text % alpha, PlanarMotion(lambda_), A=alpha)
+    other = Fraction(float(lambda_) ** -float(Fraction(alpha)))
+    turned = windows(mirrored % alpha, PlanarMotion(other), A=1, C=alpha)
+    assert [w.ends for w in straight] == [w.ends for w in turned]
+    for one, two in zip(straight, turned, strict=True):
+        # λ' = λ^(−A/C) is rounded to a double, which moves the ends by a few ulp.
+        assert one.g2 == pytest.approx(two.g2, abs=1e-14)
+
+
+def test_equal_moments_have_no_curve():
+    with pytest.raises(EqualMomentsError):
+        windows("-g1", PlanarMotion(Fraction(1)), A=1)
+
+
+def test_nu_is_for_double_moments_only():
+    with pytest.raises(NuNeedsDoubleMomentError):
+        windows("-g1", NU_1, A=3)

@@ -1,0 +1,73 @@
+"""Writers wait for each other; readers wait for nobody."""
+
+import math
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from sqlalchemy import select
+from sqlalchemy.exc import IntegrityError, StatementError
+
+from service.storage.clock import DatabaseNow
+from service.storage.tables import JobRow
+from tests.support.databases import PROBLEM, SUMMARY
+
+
+def test_many_writers_never_find_the_database_busy(jobs):
+    def work(_):
+        for _ in range(20):
+            jobs.submit(PROBLEM, "digest")
+            claim = jobs.claim("worker", lease_seconds=60)
+            jobs.finish_failure(claim, {"code": "no_motion"})
+
+    with ThreadPoolExecutor(6) as pool:
+        list(pool.map(work, range(6)))
+    page = jobs.list_jobs(limit=500)
+    assert page.total == 120
+    assert {(job.state, job.attempt) for job in page.jobs} == {("failed", 1)}
+
+
+def test_a_reader_does_not_wait_for_a_writer(database, jobs):
+    job = jobs.submit(PROBLEM, "digest")
+    with database.write() as session:
+        session.get(JobRow, job.id).digest = "other"
+        session.flush()
+        with ThreadPoolExecutor(1) as pool:
+            assert pool.submit(jobs.get, job.id).result(timeout=5).digest == "digest"
+    assert jobs.get(job.id).digest == "other"
+
+
+def store_and_fail(database):
+    with database.write() as session:
+        session.add(JobRow(id="0" * 32, state="queued", problem=PROBLEM, digest="x", created_at=0.0))
+        session.flush()
+        raise ZeroDivisionError
+
+
+def test_an_exception_rolls_everything_back(database, jobs):
+    with pytest.raises(ZeroDivisionError):
+        store_and_fail(database)
+    assert jobs.list_jobs().total == 0
+
+
+def test_a_state_out_of_the_table_is_refused_by_the_database(database):
+    with pytest.raises(IntegrityError), database.write() as session:
+        session.add(JobRow(id="0" * 32, state="paused", problem=PROBLEM, digest="x", created_at=0.0))
+
+
+def test_no_nan_is_ever_stored_in_a_document(jobs):
+    job = jobs.submit(PROBLEM, "digest")
+    claim = jobs.claim("worker", lease_seconds=60)
+    with pytest.raises((StatementError, ValueError)):
+        jobs.finish_success(claim, {**SUMMARY, "error": math.nan}, dense=b"", samples=b"")
+    assert jobs.get(job.id).state == "running"
+
+
+def test_the_clock_of_the_database_runs_in_seconds_since_1970(database, jobs):
+    before = jobs.submit(PROBLEM, "digest").created_at
+    threading.Event().wait(0.05)
+    after = jobs.submit(PROBLEM, "digest").created_at
+    # The timer may be late; nobody sleeps for a second here.
+    assert 0.04 < (after - before).total_seconds() < 5.0
+    with database.read() as session:
+        assert session.scalar(select(DatabaseNow())) == pytest.approx(after.timestamp(), abs=5.0)

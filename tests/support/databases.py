@@ -1,0 +1,65 @@
+"""Databases made by the migrations, once, and copied for each test."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from service.storage.database import Database
+from service.storage.job_store import SqlJobStore
+from service.storage.migration import migrate
+from service.storage.solution_store import SolutionStore
+
+
+def url_of(file: Path) -> str:
+    return f"sqlite:///{file}"
+
+
+def make_template(folder: Path) -> Path:
+    template = folder / "template.db"
+    migrate(url_of(template))
+    return template
+
+
+def copy_of(template: Path, folder: Path) -> str:
+    file = folder / "polhode.db"
+    shutil.copy(template, file)
+    return url_of(file)
+
+
+PROBLEM = {"body": {"A": "2", "C": "1"}, "potential": {"type": "expression", "expression": "g1"}}
+SUMMARY = {
+    "method": "quadrature",
+    "tier": "standard",
+    "period": {"value": 6.5, "error": 1e-15},
+    "energy": {"value": 0.5, "error": 0},
+    "error": 3e-15,
+}
+
+
+@pytest.fixture(scope="session")
+def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_template(tmp_path_factory.mktemp("template"))
+
+
+@pytest.fixture
+def url(template: Path, tmp_path: Path) -> str:
+    return copy_of(template, tmp_path)
+
+
+@pytest.fixture
+def database(url: str) -> Iterator[Database]:
+    database = Database(url)
+    yield database
+    database.close()
+
+
+@pytest.fixture
+def jobs(database: Database) -> SqlJobStore:
+    return SqlJobStore(database)
+
+
+@pytest.fixture
+def solutions(database: Database) -> SolutionStore:
+    return SolutionStore(database)

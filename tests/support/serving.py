@@ -1,0 +1,90 @@
+"""A real service in its own processes, for tests and measurements."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Answer:
+    status: int
+    headers: Mapping[str, str]
+    document: dict
+
+
+@dataclass(frozen=True)
+class Service:
+    address: str
+    process: "subprocess.Popen[bytes]"
+    seconds_to_ready: float
+
+    def call(self, method: str, path: str, document: object = None, **headers: str) -> Answer:
+        body = None if document is None else json.dumps(document).encode()
+        sent = {"Content-Type": "application/json", **{k.replace("_", "-"): v for k, v in headers.items()}}
+        request = urllib.request.Request(self.address + path, data=body, headers=sent, method=method)
+        try:
+            with urllib.request.urlopen(request, timeout=120) as answer:
+                return Answer(answer.status, dict(answer.headers), json.load(answer))
+        except urllib.error.HTTPError as error:
+            with error:
+                return Answer(error.code, dict(error.headers), json.load(error))
+
+    def solve(self, problem: object) -> tuple[dict, dict]:
+        """Submit, wait, and return the solution and its trajectory."""
+        job = self.call("POST", "/v1/jobs", problem, Prefer="wait=60")
+        assert job.status == 200, job
+        assert job.document["state"] == "succeeded", job
+        path = f"/v1/solutions/{job.document['solution']}"
+        return self.call("GET", path).document, self.call("GET", path + "/trajectory").document
+
+
+@contextmanager
+def serving(folder: Path, *, workers: int = 1, **environment: str) -> Iterator[Service]:
+    """Run ``polhode serve`` on a fresh database in ``folder``; stop it with SIGTERM."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [
+        Path(sys.executable).with_name("polhode"),
+        "serve",
+        "--port",
+        str(port),
+        "--workers",
+        str(workers),
+    ]
+    began = time.monotonic()
+    process = subprocess.Popen(command, cwd=folder, env={**os.environ, **environment}, start_new_session=True)
+    address = f"http://127.0.0.1:{port}"
+    try:
+        _wait_until_ready(address, process)
+        yield Service(address, process, time.monotonic() - began)
+    finally:
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(timeout=30)
+        finally:
+            # Whatever a failed test left behind in the session goes with it.
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+def _wait_until_ready(address: str, process: "subprocess.Popen[bytes]") -> None:
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        assert process.poll() is None, f"the service stopped with code {process.returncode}"
+        try:
+            with urllib.request.urlopen(address + "/readyz", timeout=5):
+                return
+        except OSError:
+            time.sleep(0.02)
+    raise AssertionError("not ready within 60 s")

@@ -1,0 +1,82 @@
+"""Start real workers, watch them and their children, and leave none behind."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from service.jobs.wakeup import Doorbell
+
+ROOT = Path(__file__).parents[2]
+PATIENCE = 15.0
+"""Seconds until a test gives up; far more than anything here takes on a busy machine."""
+
+T = TypeVar("T")
+
+
+def wait_until(condition: Callable[[], T], patience: float = PATIENCE) -> T:
+    """Return the first truth of ``condition``."""
+    deadline = time.monotonic() + patience
+    while not (value := condition()):
+        if time.monotonic() > deadline:
+            raise AssertionError("waited in vain")
+        time.sleep(0.01)
+    return value
+
+
+def _process_ids() -> list[int]:
+    return [int(folder.name) for folder in Path("/proc").iterdir() if folder.name.isdigit()]
+
+
+class Worker:
+    """A worker in a process of its own, with a bell if it is given one."""
+
+    def __init__(
+        self, url: str, *, slots: int = 1, doorbell: Doorbell | None = None, **settings: object
+    ) -> None:
+        chosen = {"lease_seconds": 1.0, "poll_seconds": 0.1, "job_memory_mb": 300, **settings}
+        environment = {f"POLHODE_{name.upper()}": str(value) for name, value in chosen.items()}
+        command = [sys.executable, "-m", "tests.workers.worker_process", str(slots)]
+        theirs = None if doorbell is None else doorbell.new_line()
+        self.process = subprocess.Popen(
+            [*command, *([] if theirs is None else [str(theirs.fileno())])],
+            cwd=ROOT,
+            env={**os.environ, **environment, "POLHODE_DATABASE_URL": url},
+            pass_fds=[] if theirs is None else [theirs.fileno()],
+            start_new_session=True,
+        )
+        if theirs is not None:
+            theirs.close()
+
+    def kill(self) -> None:
+        """Kill the worker itself, and nothing else."""
+        self.process.kill()
+        self.process.wait()
+
+    def terminate(self) -> int:
+        """Ask it to stop; return its exit code."""
+        self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(timeout=PATIENCE)
+
+    def session(self) -> set[int]:
+        """Return the ids of all living processes that this worker started, itself included."""
+        return {pid for pid in _process_ids() if self._owns(pid)}
+
+    def _owns(self, pid: int) -> bool:
+        try:
+            state, _, _, session = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[:4]
+        except (FileNotFoundError, ProcessLookupError):
+            return False
+        return int(session) == self.process.pid and state != "Z"
+
+    def clean_up(self) -> None:
+        """Kill whatever is left of it."""
+        for pid in self.session():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.process.wait()

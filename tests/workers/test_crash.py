@@ -1,0 +1,125 @@
+"""Whatever is killed, every job is solved exactly once, and nothing is left running."""
+
+import os
+import signal
+import time
+
+import pytest
+
+from service.jobs.states import AttemptOutcome, JobState
+from tests.workers.processes import wait_until
+
+LEASE = 1.0
+"""Of the workers in these tests."""
+
+
+@pytest.fixture
+def log(tmp_path):
+    return tmp_path / "log"
+
+
+def children(log):
+    """The processes that have begun with the job, in order."""
+    return [int(pid) for pid in log.read_text().split()] if log.exists() else []
+
+
+def state_of(jobs, job):
+    return jobs.get(job.id).state
+
+
+def outcomes(jobs, job):
+    return [attempt.outcome for attempt in jobs.attempts(job.id)]
+
+
+def test_a_killed_child_is_replaced_at_once(jobs, start_worker, log):
+    job = jobs.submit({"chore": "sleep", "seconds": 1.0, "log": str(log)}, "digest")
+    start_worker(lease_seconds=60)
+    wait_until(lambda: children(log))
+    os.kill(children(log)[0], signal.SIGKILL)
+    # Long before the lease of a minute ends.
+    wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED)
+    assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
+    assert "SIGKILL" in jobs.attempts(job.id)[0].detail
+
+
+def test_a_killed_worker_is_replaced_after_its_lease(jobs, start_worker, log):
+    job = jobs.submit({"chore": "sleep", "seconds": 0.5, "log": str(log)}, "digest")
+    first = start_worker(lease_seconds=LEASE)
+    wait_until(lambda: children(log))
+    killed_at = time.monotonic()
+    first.kill()
+    start_worker(lease_seconds=LEASE)
+    wait_until(lambda: len(children(log)) == 2)
+    assert time.monotonic() - killed_at < LEASE + 5.0
+    wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED)
+    assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
+    assert len(children(log)) == 2
+
+
+def test_a_second_worker_takes_over_from_a_killed_one(jobs, start_worker, log):
+    first = start_worker(lease_seconds=LEASE)
+    job = jobs.submit({"chore": "sleep", "seconds": 0.5, "log": str(log)}, "digest")
+    wait_until(lambda: children(log))
+    start_worker(lease_seconds=LEASE)
+    first.kill()
+    wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED, LEASE + 5.0 + 0.5)
+    assert len(children(log)) == 2
+
+
+@pytest.mark.parametrize("chore", ["spin", "sleep"])
+def test_nothing_is_left_of_a_killed_worker(jobs, start_worker, log, chore):
+    jobs.submit({"chore": chore, "seconds": 60, "log": str(log)}, "digest")
+    worker = start_worker(slots=2)
+    wait_until(lambda: children(log))
+    assert len(worker.session()) >= 4  # itself, the fork server, two children
+    worker.kill()
+    wait_until(lambda: not worker.session())
+
+
+def test_a_job_that_kills_every_child_is_given_up(jobs, start_worker, log):
+    job = jobs.submit({"chore": "crash", "log": str(log)}, "digest")
+    healthy = jobs.submit({"chore": "succeed"}, "another")
+    start_worker(max_attempts=3)
+    wait_until(lambda: jobs.get(healthy.id).is_finished)
+    dead = wait_until(lambda: jobs.get(job.id).is_finished and jobs.get(job.id))
+    assert (dead.state, dead.error["code"]) == (JobState.FAILED, "lost_worker")
+    assert [attempt["outcome"] for attempt in dead.error["attempts"]] == ["lost"] * 3
+    assert "SIGSEGV" in dead.error["attempts"][0]["detail"]
+    assert len(children(log)) == 3
+    assert state_of(jobs, healthy) is JobState.SUCCEEDED
+
+
+def test_a_killed_idle_child_does_not_stop_the_worker(jobs, start_worker, log):
+    first = jobs.submit({"log": str(log)}, "1")
+    worker = start_worker()
+    wait_until(lambda: jobs.get(first.id).is_finished)
+    os.kill(children(log)[0], signal.SIGKILL)
+    second = jobs.submit({"log": str(log)}, "2")
+    wait_until(lambda: state_of(jobs, second) is JobState.SUCCEEDED)
+    assert worker.process.poll() is None
+    assert worker.terminate() == 0
+
+
+def test_a_killed_fork_server_does_not_stop_the_worker(jobs, start_worker, log):
+    first = jobs.submit({"log": str(log)}, "1")
+    worker = start_worker()
+    wait_until(lambda: jobs.get(first.id).is_finished)
+    for pid in worker.session() - {worker.process.pid}:
+        os.kill(pid, signal.SIGKILL)
+    second = jobs.submit({"log": str(log)}, "2")
+    wait_until(lambda: state_of(jobs, second) is JobState.SUCCEEDED)
+
+
+def test_a_worker_that_slept_through_its_lease_does_not_finish_the_job(jobs, start_worker, log):
+    job = jobs.submit({"chore": "sleep", "seconds": 2.0, "log": str(log)}, "digest")
+    first = start_worker(lease_seconds=LEASE)
+    wait_until(lambda: children(log))
+    first.process.send_signal(signal.SIGSTOP)
+    start_worker(lease_seconds=LEASE)
+    wait_until(lambda: len(children(log)) == 2)
+    # Its child has gone on and finishes; what it hands over is out of date.
+    first.process.send_signal(signal.SIGCONT)
+    wait_until(lambda: jobs.get(job.id).is_finished)
+    assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
+    assert first.terminate() == 0
+    assert jobs.get(job.id).attempt == 2

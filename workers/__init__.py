@@ -1,0 +1,1 @@
+"""Solves: claims jobs and runs the numerics in killable child processes."""

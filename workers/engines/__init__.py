@@ -1,0 +1,1 @@
+"""Who delivers job ids to the runner."""

@@ -1,0 +1,62 @@
+"""A solution for people: a readable summary, and its samples as CSV."""
+
+import csv
+from collections.abc import Iterator, Mapping
+from io import StringIO
+from typing import Any  # JSON values of a summary: their shapes are those of the solution resource
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Summary = Mapping[str, Any]
+
+ROWS_SHOWN = 6
+
+
+def describe(summary: Summary, columns: Mapping[str, FloatArray]) -> str:
+    """Return a few lines that say what was found, and how sure it is."""
+    return "\n".join([*_numbers(summary), "", *_table(columns)])
+
+
+def to_csv(columns: Mapping[str, FloatArray]) -> str:
+    """Return the samples as CSV, every double in the shortest form that reads back to it."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
+    return text.getvalue()
+
+
+def _numbers(summary: Summary) -> Iterator[str]:
+    yield f"method      {summary['method']}"
+    period = summary["period"]
+    if period is not None:
+        yield f"period      {period['value']!r} ± {period['error']:.1e}"
+    energy = summary["energy"]
+    yield f"energy      {energy['value']!r} ± {energy['error']:.1e}"
+    window = summary["window"]
+    if window is not None:
+        (lower, upper), (first, last) = window["ends"], window["g1"]
+        yield f"window      {lower} to {upper}, g1 from {first:.12g} to {last:.12g}"
+    yield f"error       ≤ {summary['error']:.1e} in every variable at the sampled times"
+    for name, integral in (summary["invariants"] or {}).items():
+        yield f"{name + ' drift':<16}{integral['drift']:.1e}"
+    check = summary["cross_check"]
+    if check is not None:
+        verdict = "agrees" if check["agrees"] else "DISAGREES"
+        extent = f"within {check['disagreement']:.1e} up to t = {check['horizon']:.6g}"
+        yield f"cross-check {verdict} with {check['method']} {extent}"
+    for convention in summary["conventions"]:
+        yield f"convention  {convention}"
+
+
+def _table(columns: Mapping[str, FloatArray]) -> Iterator[str]:
+    names = list(columns)
+    yield "".join(f"{name:>16}" for name in names)
+    length = len(columns["t"])
+    chosen = sorted({round(k * (length - 1) / max(ROWS_SHOWN - 1, 1)) for k in range(ROWS_SHOWN)})
+    for row in chosen:
+        yield "".join(f"{columns[name][row]:16.10f}" for name in names)
+    if length > len(chosen):
+        yield f"({len(chosen)} of {length} samples)"

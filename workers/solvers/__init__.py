@@ -1,0 +1,1 @@
+"""Pure mathematics: how a problem is solved."""

@@ -1,0 +1,94 @@
+"""The cross-check of a quadrature by integration, as far as integration can vouch for its own digits.
+
+The orbit of a planar motion may be unstable across the plane: then every
+integrator leaves it after some periods, however good, because rounding grows
+by the multiplier in each period. The witness knows how far it can be trusted:
+by the difference of its own two runs.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.motion import CrossCheck, Motion
+from service.dynamics.potentials.potential import Potential
+from workers.solvers.integration.interface import neighbour_of
+from workers.solvers.integration.solve import IntegratorName, choose_integrator, tolerances
+from workers.solvers.integration.twin import Span, run_twin
+
+FloatArray = NDArray[np.float64]
+
+MEANINGFUL = 1e-9
+"""A witness whose own error is larger than this (and than the tolerance) has nothing to say."""
+CHECK_TIMES = 513
+"""Equidistant times of the comparison, besides those asked for."""
+STEPS: dict[str, int] = {"heyoka": 20_000, "dop853": 4_000}
+"""What a check may cost: some seconds at most; hundreds of periods by heyoka, tens by DOP853."""
+
+
+def compare(
+    quadrature: Motion,
+    body: RigidBody,
+    potential: Potential,
+    tolerance: float,
+    *,
+    limit: float | None = None,
+    integrator: IntegratorName = "auto",
+) -> CrossCheck:
+    """Integrate from the quadrature's state at t = 0 over its times, and compare.
+
+    Parameters
+    ----------
+    tolerance
+        Largest absolute error that was allowed in any variable.
+    limit
+        Compare at |t| < ``limit`` only: where the quadrature passes a pole by a
+        convention, the equations do not determine what follows.
+
+    Raises
+    ------
+    MissingMomentError
+        The body has no B.
+    UnsupportedFormulaError, IntegratorMissingError
+        heyoka was asked for by name and cannot be used.
+    """
+    chosen = choose_integrator(body, potential, integrator)
+    state = quadrature.dense(np.zeros(1))[0]
+    twin = run_twin(
+        chosen,
+        state,
+        _neighbour(state, quadrature.dense.error_at(np.zeros(1))),
+        _span(quadrature.times, limit),
+        local_tolerance=tolerances(chosen, tolerance)[-1],
+        max_steps=STEPS[chosen.name],
+    )
+    times = np.concatenate([quadrature.times, twin.span.uniform(CHECK_TIMES), np.zeros(1)])
+    times = times[(times >= twin.span.first) & (times <= twin.span.last)]
+    times = times[np.argsort(np.abs(times), kind="stable")]
+    witness = np.maximum.accumulate(twin.error_estimate(body, potential, times))
+    meaningful = int(np.searchsorted(witness, max(tolerance, MEANINGFUL), side="right"))
+    # A NaN estimate is not below any bound: searchsorted puts it last.
+    times, witness = times[: max(1, meaningful)], witness[: max(1, meaningful)]
+    disagreement = float(np.abs(twin.fine(times) - quadrature.dense(times)).max())
+    horizon = float(np.abs(times[-1]))
+    asked = float(np.abs(quadrature.times).max())
+    explained = disagreement <= quadrature.error + float(witness[-1]) + tolerance
+    return CrossCheck(
+        method=f"integration ({chosen.name})",
+        disagreement=disagreement,
+        horizon=horizon,
+        # A comparison at t = 0 alone, where the witness starts, confirms nothing.
+        agrees=explained and (horizon > 0.0 or asked == 0.0),
+    )
+
+
+def _span(times: FloatArray, limit: float | None) -> Span:
+    bound = np.inf if limit is None else limit
+    return Span(max(-bound, min(0.0, float(times.min()))), min(bound, max(0.0, float(times.max()))))
+
+
+def _neighbour(state: FloatArray, error: float) -> FloatArray:
+    """Return a state as far from ``state`` as the quadrature's error at t = 0 allows; zeros are exact."""
+    rounded = np.array([neighbour_of(value) for value in state.tolist()])
+    moved = state + np.where(state == 0.0, 0.0, np.copysign(error, state))
+    return np.where(np.abs(moved) > np.abs(rounded), moved, rounded)

@@ -1,0 +1,1 @@
+"""Integration of the six Euler-Poisson equations from any state."""

@@ -1,0 +1,95 @@
+"""The Runge-Kutta method of order 8 by Dormand and Prince, as SciPy has it.
+
+Needs nothing that is not everywhere. Its continuous extension is a polynomial of
+degree 7 on each step, so eight values carry all of it.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+from service.dynamics.body import RigidBody
+from service.dynamics.dense_output import chebyshev_coefficients, chebyshev_points
+from service.dynamics.formula.algebras.real import nearest_double
+from service.dynamics.potentials.potential import Potential
+from workers.solvers.integration.errors import IntegrationError
+from workers.solvers.integration.interface import (
+    Moments,
+    Rounding,
+    Run,
+    collapse,
+    neighbour_of,
+    step_has_collapsed,
+    too_many_steps,
+    undefined_start,
+)
+from workers.solvers.integration.straight_line import gradient_line
+
+FloatArray = NDArray[np.float64]
+
+_DEGREE = 7
+_POINTS = 0.5 * (1.0 + chebyshev_points(_DEGREE))
+
+
+class Dop853Integrator:
+    """The six equations for SciPy's DOP853."""
+
+    name = "dop853"
+    finest = 3e-14  # SciPy takes no relative tolerance below 100 ulp, 2.2e-14
+    tightening = 4.0  # the error is proportional to the tolerance
+
+    def __init__(self, body: RigidBody, potential: Potential, rounding: Rounding = nearest_double) -> None:
+        """Prepare the right-hand sides; raises MissingMomentError."""
+        self._body, self._potential = body, potential
+        self._moments = Moments.of(body, rounding)
+        self._gradient = gradient_line(potential, rounding)
+
+    def neighbour(self) -> "Dop853Integrator":
+        """See Integrator.neighbour."""
+        return Dop853Integrator(self._body, self._potential, neighbour_of)
+
+    def run(self, state: FloatArray, end: float, *, local_tolerance: float, max_steps: int) -> Run:
+        """Integrate from ``state`` to ``end``; see Integrator.run."""
+        start_gradient = self._gradient_of(state)
+        if not np.isfinite(start_gradient).all():
+            return Run(np.zeros(1), np.zeros((0, _DEGREE + 1, 6)), undefined_start())
+        solver = DOP853(self._derivative, 0.0, state, end, rtol=local_tolerance, atol=local_tolerance)
+        breaks, values = [0.0], list[FloatArray]()
+        longest = 0.0
+        ending: IntegrationError | None = None
+        while breaks[-1] != end:
+            if len(breaks) > max_steps:
+                ending = too_many_steps(breaks[-1], end, max_steps)
+                break
+            before = solver.y
+            with np.errstate(all="ignore"):  # trial steps may leave the potential's domain
+                solver.step()
+            step = float(solver.t) - breaks[-1]
+            longest = max(longest, abs(step))
+            # A step that the solver gave up is one of length zero.
+            if float(solver.t) != end and step_has_collapsed(step, longest, breaks[-1]):
+                ending = collapse(breaks[-1], start_gradient, self._gradient_of(before))
+                break
+            values.append(solver.dense_output()(breaks[-1] + step * _POINTS))
+            breaks.append(float(solver.t))
+        shape = (_DEGREE + 1, len(values), 6)
+        table = np.array(values).transpose(2, 0, 1) if values else np.zeros(shape)
+        return Run(np.array(breaks), chebyshev_coefficients(table).transpose(1, 0, 2), ending)
+
+    def _gradient_of(self, state: FloatArray) -> FloatArray:
+        return np.array(self._gradient(*state[3:].tolist()))
+
+    def _derivative(self, _time: float, state: FloatArray) -> FloatArray:
+        p, q, r, g1, g2, g3 = state.tolist()
+        V1, V2, V3 = self._gradient(g1, g2, g3)
+        A, B, C = self._moments.A, self._moments.B, self._moments.C
+        return np.array(
+            [
+                ((B - C) * q * r + g2 * V3 - g3 * V2) / A,
+                ((C - A) * p * r + g3 * V1 - g1 * V3) / B,
+                ((A - B) * p * q + g1 * V2 - g2 * V1) / C,
+                r * g2 - q * g3,
+                p * g3 - r * g1,
+                q * g1 - p * g2,
+            ]
+        )

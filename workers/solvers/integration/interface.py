@@ -1,0 +1,172 @@
+"""What every integrator of the six equations offers: a run made of polynomial pieces."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.dense_output import DenseOutput
+from service.dynamics.formula.algebras.real import nearest_double
+from service.dynamics.motion import COLUMNS
+from workers.solvers.integration.errors import CollisionError, IntegrationError, StepCollapseError
+
+FloatArray = NDArray[np.float64]
+
+COLLAPSED_STEP = 1e-13
+"""A step this much shorter than the longest one so far will not come back: towards a singularity
+at t* the steps shrink in proportion to t* - t, so t* is then known to the rounding of t."""
+SINGULAR_GRADIENT = 1e6
+"""Growth of the potential's gradient, since the start, that tells a collision from a mere loss of
+smoothness: at a collapsed step a term 1/g² has grown by 1e19, sqrt(g) by 1e6, |g|^(4/3) not at all."""
+
+Rounding = Callable[[Fraction], float]
+"""How exact constants become doubles: to the nearest one, or to :func:`neighbour_of` it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """The principal moments as doubles."""
+
+    A: float
+    B: float
+    C: float
+
+    @staticmethod
+    def of(body: RigidBody, rounding: "Rounding") -> "Moments":
+        """Return the moments of ``body``; raises MissingMomentError if B was left out."""
+        B = body.require_B("integration of the six equations")
+        return Moments(rounding(body.A), rounding(B), rounding(body.C))
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One integration from t = 0 in one direction.
+
+    Parameters
+    ----------
+    breaks
+        Shape (pieces + 1,), from 0 away: increasing or decreasing.
+    coefficients
+        Shape (pieces, degree + 1, 6): Chebyshev series of each piece over
+        [breaks[k], breaks[k+1]] with x = −1 at breaks[k].
+    ending
+        Why the run stopped short of the time that was asked for, or None.
+    """
+
+    breaks: FloatArray
+    coefficients: FloatArray
+    ending: IntegrationError | None
+
+    @property
+    def reached(self) -> float:
+        """The last time of the run."""
+        return float(self.breaks[-1])
+
+
+class Integrator(Protocol):
+    """The six equations for one body and one potential, ready to be integrated."""
+
+    name: str
+    finest: float
+    """Local tolerance below which rounding, not truncation, makes the error."""
+    tightening: float
+    """How much tighter the second of two runs must be for other steps and a smaller error."""
+
+    def neighbour(self) -> Self:
+        """Return the integrator of a problem that the rounded moments and coefficients might have meant."""
+        ...
+
+    def run(self, state: FloatArray, end: float, *, local_tolerance: float, max_steps: int) -> Run:
+        """Integrate from ``state``, shape (6,), at t = 0 to t = ``end``, which may be negative.
+
+        ``local_tolerance`` bounds the error of one step relative to the largest
+        variable. What ends the run early is returned with it, not raised.
+        """
+        ...
+
+
+def joined(backward: Run | None, forward: Run | None) -> DenseOutput:
+    """Return one function of time from the runs on the two sides of t = 0; its error is not known yet."""
+    breaks: list[FloatArray] = [np.zeros(1)]
+    pieces: list[FloatArray] = []
+    if backward is not None:
+        breaks.insert(0, backward.breaks[:0:-1])
+        mirrored = backward.coefficients[::-1].copy()
+        mirrored[:, 1::2] *= -1.0
+        pieces.append(mirrored)
+    if forward is not None:
+        breaks.append(forward.breaks[1:])
+        pieces.append(forward.coefficients)
+    return DenseOutput(COLUMNS, np.concatenate(breaks), _stacked(pieces), None, float("inf"))
+
+
+def _stacked(pieces: Sequence[FloatArray]) -> FloatArray:
+    length = max(part.shape[1] for part in pieces)
+    padded = [np.pad(part, ((0, 0), (0, length - part.shape[1]), (0, 0))) for part in pieces]
+    return np.concatenate(padded)
+
+
+def trimmed(coefficients: FloatArray) -> FloatArray:
+    """Drop the trailing coefficients that no double can see: 2^-54 of the largest, column by column."""
+    size = np.abs(coefficients).max(axis=0)
+    tail = np.cumsum(size[::-1], axis=0)[::-1]
+    visible = (tail > 2.0**-54 * size.max(axis=0)).any(axis=1)
+    length = max(1, int(np.flatnonzero(visible)[-1]) + 1) if visible.any() else 1
+    return coefficients[:, :length]
+
+
+def step_has_collapsed(step: float, longest: float, time: float) -> bool:
+    """Return whether a step is too short to go on with."""
+    return not abs(step) > max(COLLAPSED_STEP * longest, 4.0 * float(np.spacing(abs(time))))
+
+
+def collapse(time: float, start_gradient: FloatArray, end_gradient: FloatArray) -> IntegrationError:
+    """Return what a collapsed step means, by how the potential's gradient has grown."""
+    start, end = float(np.linalg.norm(start_gradient)), float(np.linalg.norm(end_gradient))
+    if not end <= SINGULAR_GRADIENT * start:
+        return CollisionError(
+            f"the motion runs into a singularity of the potential at t = {time:.15g} "
+            f"(its gradient has grown from {start:.1e} to {end:.1e}); ask for an earlier time",
+            time=time,
+        )
+    return StepCollapseError(
+        f"the steps shrink to nothing at t = {time:.15g} while the potential's gradient stays at {end:.1e}: "
+        "the potential is not smooth, or not defined, there; ask for an earlier time",
+        time=time,
+    )
+
+
+def too_many_steps(time: float, end: float, max_steps: int) -> StepCollapseError:
+    """Return the error of a run that used up its steps."""
+    return StepCollapseError(
+        f"{max_steps} steps reach t = {time:.15g} only, of {end:.15g}; ask for an earlier time", time=time
+    )
+
+
+def undefined_start() -> CollisionError:
+    """Return the error of a state in which the potential has no finite gradient."""
+    return CollisionError("the potential is singular or not defined at the initial state (t = 0)", time=0.0)
+
+
+def neighbour_of(number: Fraction | float) -> float:
+    """Return the neighbour of the nearest double that a rounded number might as well have been.
+
+    An exact number that a double holds has none: it is returned itself. For a
+    rational the neighbour is on the side of the true value; a double may stand
+    for anything that rounds to it, so its next neighbour outwards is taken.
+    """
+    value = nearest_double(number) if isinstance(number, Fraction) else float(number)
+    if (
+        value == 0.0
+        or not math.isfinite(value)
+        or (isinstance(number, Fraction) and Fraction(value) == number)
+    ):
+        return value
+    if isinstance(number, Fraction):
+        return float(np.nextafter(value, np.inf if number > Fraction(value) else -np.inf))
+    return float(np.nextafter(value, np.copysign(np.inf, value)))

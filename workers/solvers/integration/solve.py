@@ -1,0 +1,143 @@
+"""Integration of the six Euler-Poisson equations from any state, with its error measured."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.euler_poisson import energy_integral
+from service.dynamics.motion import Estimate, Motion
+from service.dynamics.potentials.potential import Potential
+from workers.solvers.errors import AccuracyNotMetError
+from workers.solvers.integration import taylor
+from workers.solvers.integration.dop853 import Dop853Integrator
+from workers.solvers.integration.errors import IntegratorMissingError, UnsupportedFormulaError
+from workers.solvers.integration.interface import Integrator, neighbour_of
+from workers.solvers.integration.taylor import TaylorIntegrator
+from workers.solvers.integration.twin import ROUNDING, Span, Twin, run_twin
+
+FloatArray = NDArray[np.float64]
+IntegratorName = Literal["auto", "heyoka", "dop853"]
+
+MAX_STEPS = 200_000
+"""In one direction: some 0.1 GB of dense output, seconds for heyoka, a minute or more for DOP853."""
+CHECK_TIMES = 257
+"""Equidistant times, besides those asked for, at which the two runs are compared: with few times
+asked the difference may vanish there by chance."""
+FIRST_TRY = 0.01
+"""Local tolerance of the first try in parts of the tolerance: errors of some hundred steps add up."""
+COARSEST = 1e-6
+"""Largest local tolerance, whatever is asked: above it a method of order 8 is not in its element."""
+
+
+def integrate_state(
+    body: RigidBody,
+    potential: Potential,
+    omega: Sequence[Fraction | float],
+    gamma: Sequence[Fraction | float],
+    times: FloatArray,
+    *,
+    tolerance: float,
+    integrator: IntegratorName = "auto",
+) -> Motion:
+    """Integrate from omega = (p, q, r), gamma = (g1, g2, g3) at t = 0 to all ``times``, of either sign.
+
+    ``tolerance`` is the largest absolute error allowed in any of the six
+    variables at ``times``; the error of the result is measured by a second run.
+
+    Raises
+    ------
+    MissingMomentError
+        The body has no B.
+    CollisionError, StepCollapseError
+        The motion cannot be followed to all ``times``; both say until when it can.
+    AccuracyNotMetError
+        The finest local tolerance leaves a larger error than ``tolerance``.
+    UnsupportedFormulaError, IntegratorMissingError
+        heyoka was asked for by name and cannot be used.
+    """
+    times = np.asarray(times, dtype=np.float64)
+    chosen = choose_integrator(body, potential, integrator)
+    start = (*omega, *gamma)
+    state = np.array([float(number) for number in start])
+    neighbour = np.array([neighbour_of(number) for number in start])
+    span = Span(min(0.0, float(times.min())), max(0.0, float(times.max())))
+    check = np.concatenate([times, span.uniform(CHECK_TIMES)])
+    reached = np.inf
+    for local_tolerance in tolerances(chosen, tolerance):
+        twin = run_twin(chosen, state, neighbour, span, local_tolerance=local_tolerance, max_steps=MAX_STEPS)
+        if twin.ending is not None:
+            raise twin.ending
+        error = float(twin.error_estimate(body, potential, check).max())
+        if error <= tolerance:
+            return _motion(twin, body, potential, times, check, chosen.name, error)
+        reached = min(reached, error)
+    raise AccuracyNotMetError(reached, tolerance)
+
+
+def choose_integrator(body: RigidBody, potential: Potential, name: IntegratorName) -> Integrator:
+    """Return the integrator called ``name``; ``auto`` is heyoka wherever it can be used.
+
+    Raises
+    ------
+    MissingMomentError
+        The body has no B.
+    UnsupportedFormulaError, IntegratorMissingError
+        heyoka was asked for by name and cannot be used.
+    """
+    if name == "dop853" or (name == "auto" and not taylor.AVAILABLE):
+        return Dop853Integrator(body, potential)
+    if not taylor.AVAILABLE:
+        raise IntegratorMissingError("heyoka is not installed here; ask for dop853, or for auto")
+    try:
+        return TaylorIntegrator(body, potential)
+    except UnsupportedFormulaError:
+        if name == "heyoka":
+            raise
+        return Dop853Integrator(body, potential)
+
+
+def tolerances(integrator: Integrator, tolerance: float) -> list[float]:
+    """Return the local tolerances to try, of the coarser run: by the tolerance, then the finest."""
+    finest = integrator.finest * integrator.tightening
+    first = FIRST_TRY * tolerance
+    return [min(first, COARSEST), finest] if first > finest else [finest]
+
+
+def _motion(
+    twin: Twin,
+    body: RigidBody,
+    potential: Potential,
+    times: FloatArray,
+    check: FloatArray,
+    name: str,
+    error: float,
+) -> Motion:
+    return Motion(
+        method="integration",
+        dense=replace(twin.fine, error=error),
+        times=times,
+        samples=twin.fine(times),
+        error=error,
+        energy=_energy(twin, body, potential, check),
+        window=None,
+        cross_check=None,
+        conventions=(),
+        evidence={
+            "integrator": name,
+            "steps": twin.steps,
+            "local_tolerance": twin.local_tolerance,
+            "difference_of_runs": float(twin.difference(check).max()),
+        },
+    )
+
+
+def _energy(twin: Twin, body: RigidBody, potential: Potential, check: FloatArray) -> Estimate:
+    """Return the energy at t = 0; its error is how far it strays along the motion, which rounds it anew."""
+    states = twin.fine(np.concatenate([np.zeros(1), check]))
+    h = energy_integral(body, potential, states[:, :3], states[:, 3:])
+    return Estimate(float(h[0]), float(np.abs(h - h[0]).max() + ROUNDING * abs(h[0])))

@@ -1,0 +1,40 @@
+"""How far the three integrals drift along a computed motion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.euler_poisson import areas_integral, energy_integral, geometric_integral
+from service.dynamics.motion import Motion
+from service.dynamics.potentials.potential import Potential
+
+
+@dataclass(frozen=True, slots=True)
+class Drifts:
+    """Largest departure of each integral from its value, over the samples."""
+
+    energy: float
+    geometric: float
+    areas: float
+
+
+def measure_drifts(body: RigidBody, potential: Potential, motion: Motion) -> Drifts:
+    """Compare the integrals at the samples with their values.
+
+    The energy's value is that of the motion, that of γ·γ is 1, that of the areas
+    integral is 0 for a planar motion, else the one at the first sample.
+    """
+    omega, gamma = motion.samples[:, :3], motion.samples[:, 3:]
+    areas = areas_integral(body, omega, gamma)
+    return Drifts(
+        energy=_largest(energy_integral(body, potential, omega, gamma) - motion.energy.value),
+        geometric=_largest(geometric_integral(gamma) - 1.0),
+        areas=_largest(areas - (0.0 if motion.window is not None else areas[0])),
+    )
+
+
+def _largest(departures: NDArray[np.float64]) -> float:
+    # A potential such as g3^8/g1^3 has a limit at a pole but no value there.
+    return float(np.abs(departures[np.isfinite(departures)]).max(initial=0.0))

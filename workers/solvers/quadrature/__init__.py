@@ -1,0 +1,1 @@
+"""Quadrature of planar motions: the one integral, its inversion, the dense output."""
