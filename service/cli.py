@@ -10,10 +10,7 @@ import os
 import signal
 import socket
 import sqlite3
-import subprocess
 import sys
-import threading
-import time
 from collections.abc import Callable, Mapping
 from ipaddress import ip_address
 from pathlib import Path
@@ -25,6 +22,7 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from service.jobs.wakeup import Doorbell
+from service.local_workers import LocalWorkers, worker_environment
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.strict_json import InvalidJsonError, parse_json
 from service.schemas.verdict_text import Answer, describe_verdict
@@ -35,8 +33,6 @@ LOG_LEVELS = ("critical", "error", "warning", "info", "debug")
 
 FINISH_REQUESTS_SECONDS = 3
 """How long open requests may go on after a signal to stop."""
-FIRST_PAUSE_SECONDS, LONGEST_PAUSE_SECONDS = 0.5, 30.0
-"""Before a worker process that died is started again; doubled each time it dies young."""
 
 app = typer.Typer(
     name="polhode",
@@ -94,7 +90,7 @@ def worker(
 ) -> None:
     """Compute queued jobs until SIGTERM or SIGINT."""
     settings = _settings(workers=slots, database_url=database_url)
-    _become_worker(["run", "--slots", str(max(settings.workers, 1))], _environment(settings))
+    _become_worker(["run", "--slots", str(max(settings.workers, 1))], worker_environment(settings))
 
 
 @app.command()
@@ -137,65 +133,6 @@ def solve(
     if csv is not None:
         options += ["--csv", str(csv)]
     _become_worker(["solve", *options, "--", str(file)], os.environ)
-
-
-class LocalWorkers:
-    """The worker process of a service: started, started again if it dies, stopped at the end.
-
-    It has a session of its own, so that Ctrl-C in a terminal reaches only the
-    service, which then stops it in order. If the service is killed, the worker
-    hears its bell's line break, and stops.
-    """
-
-    def __init__(self, settings: Settings, doorbell: Doorbell) -> None:
-        self._settings = settings
-        self._doorbell = doorbell
-        self._stopping = threading.Event()
-        self._process = self._start()
-        self._keeper = threading.Thread(target=self._keep, name="keeper of workers", daemon=True)
-        self._keeper.start()
-
-    def expect_end(self) -> None:
-        """Start no other process when this one ends. Safe in a signal handler."""
-        self._stopping.set()
-
-    def stop(self) -> None:
-        """Let running jobs finish within the time of grace, then make sure."""
-        self._stopping.set()
-        self._process.terminate()
-        self._keeper.join(self._settings.grace_seconds + 5.0)
-        if self._keeper.is_alive():
-            self._process.kill()
-            self._keeper.join()
-
-    def _start(self) -> "subprocess.Popen[bytes]":
-        line = self._doorbell.new_line()
-        with line:
-            options = ["--slots", str(self._settings.workers), "--wake-fd", str(line.fileno())]
-            return subprocess.Popen(
-                [sys.executable, "-m", "workers", "run", *options],
-                pass_fds=[line.fileno()],
-                env=_environment(self._settings),
-                start_new_session=True,
-            )
-
-    def _keep(self) -> None:
-        pause = FIRST_PAUSE_SECONDS
-        while True:
-            began = time.monotonic()
-            code = self._process.wait()
-            if self._stopping.is_set():
-                return
-            if time.monotonic() - began > LONGEST_PAUSE_SECONDS:
-                pause = FIRST_PAUSE_SECONDS
-            _say(f"the worker process ended with code {code}; starting another in {pause:g} s")
-            if self._stopping.wait(pause):
-                return
-            pause = min(2.0 * pause, LONGEST_PAUSE_SECONDS)
-            self._process = self._start()
-            if self._stopping.is_set():
-                # It was asked to stop between the check and the start.
-                self._process.terminate()
 
 
 def _serve(settings: Settings, listener: socket.socket, log_level: str) -> None:
@@ -285,11 +222,6 @@ def _migrate(settings: Settings) -> None:
 def _become_worker(arguments: list[str], environment: Mapping[str, str]) -> NoReturn:
     """Replace this process by one of the workers, which the service does not import."""
     os.execve(sys.executable, [sys.executable, "-m", "workers", *arguments], dict(environment))
-
-
-def _environment(settings: Settings) -> dict[str, str]:
-    """Return a worker's environment. Options are seen by other users, and a URL may hold a password."""
-    return {**os.environ, "POLHODE_DATABASE_URL": settings.database_url}
 
 
 def _read_document(file: Path) -> object:

@@ -6,8 +6,7 @@ puts the limits.
 """
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 from flint import ctx
 
@@ -20,6 +19,7 @@ from service.dynamics.reduction.windows import (
     SeveralWindowsError,
     choose_window,
     find_windows,
+    require_periodic,
 )
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.faults import InvalidProblemError
@@ -28,12 +28,6 @@ from service.schemas.problem import read_problem, read_question
 Answer = dict[str, object]
 
 _POTENTIAL = "/potential"
-
-
-class AperiodicMotionError(DynamicsError):
-    """The motion never closes: there is no period to solve for by quadrature."""
-
-    code = "aperiodic_motion"
 
 
 def examine_question(document_json: str) -> str:
@@ -99,27 +93,13 @@ def _judge_problem(document: object) -> Answer:
 
 def _require_motion(problem: Problem, motion: PlanarMotion) -> Window:
     """Return the window of the motion, or raise what its job would end with."""
-    with _precision(PRECISION):
+    with ctx.workprec(PRECISION):
         windows = find_windows(problem.body, problem.potential, motion)
         window = choose_window(windows, motion)
-        if problem.method != "integration" and window.kind != "periodic":
-            raise AperiodicMotionError(
-                f"the motion in window {window.index} is not periodic ({window.kind}); "
-                'accepted for it is "method": "integration", with the moment B',
-                pointer="/motion",
-            )
+        if problem.method != "integration":
+            require_periodic(window)
         starting_point(window, motion)
     return window
-
-
-@contextmanager
-def _precision(bits: int) -> Iterator[None]:
-    before = ctx.prec
-    ctx.prec = bits
-    try:
-        yield
-    finally:
-        ctx.prec = before
 
 
 def _verdict(verdict: Verdict, motions: list[Answer] | None) -> Answer:

@@ -22,9 +22,10 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import TypeVar, TypeVarTuple
+from typing import Any, TypeVar, TypeVarTuple  # Any: a seat does not know what its calls return
 
 from pebble import ProcessExpired, ProcessPool
 
@@ -61,18 +62,18 @@ class Sandbox:
     """
 
     def __init__(self, workers: int, *, memory_mb: int | None = None, preload: Sequence[str] = ()) -> None:
-        self._workers = workers
         self._memory_mb = memory_mb
         self._lock = threading.Lock()
         self._context = multiprocessing.get_context("forkserver")
         # With "__main__", the main module too is imported once and not by every child.
         self._context.set_forkserver_preload(["__main__", *preload])
-        self._pool = self._new_pool()
+        self._seats = [_Seat(self._new_pool()) for _ in range(workers)]
 
     def start(self) -> None:
         """Start the children now, so that the first call need not wait for them."""
         with self._lock:
-            self._usable_pool()
+            for seat in self._seats:
+                self._usable_pool(seat)
 
     def submit(
         self, function: Callable[[*Arguments], T], *arguments: *Arguments, seconds: float | None
@@ -83,31 +84,65 @@ class Sandbox:
         time limit counts from the moment a child takes the call.
         """
         with self._lock:
-            return self._usable_pool().schedule(function, args=arguments, timeout=seconds)
+            seat = min(self._seats, key=_Seat.load)
+            future: Future[T] = self._usable_pool(seat).schedule(function, args=arguments, timeout=seconds)
+            seat.calls.append(future)
+            return future
 
     def run(self, function: Callable[[*Arguments], T], *arguments: *Arguments, seconds: float | None) -> T:
         """Call a module's function in a child and wait; raises what :func:`result_of` raises."""
         return result_of(self.submit(function, *arguments, seconds=seconds))
 
+    def renew(self, future: Future[T]) -> None:
+        """Replace the child that should have taken ``future`` and has not; its calls are cancelled.
+
+        A child that is killed in the instant in which it holds the lock of its
+        pipe leaves its successors waiting for that lock for ever.
+        """
+        with self._lock:
+            for seat in self._seats:
+                if future in seat.calls:
+                    for call in seat.calls:
+                        call.cancel()
+                    _stop(seat.pool)
+                    seat.pool = self._new_pool()
+
+    @property
+    def is_idle(self) -> bool:
+        """No child has anything to do."""
+        with self._lock:
+            return not any(seat.load() for seat in self._seats)
+
     def close(self) -> None:
         """Kill the children, whatever they do."""
         with self._lock:
-            _stop(self._pool)
+            for seat in self._seats:
+                _stop(seat.pool)
 
-    def _usable_pool(self) -> ProcessPool:
+    def _usable_pool(self, seat: "_Seat") -> ProcessPool:
         """Return the pool; a new one if it broke, as it does when an idle child is killed."""
-        if not self._pool.active:
-            _stop(self._pool)
-            self._pool = self._new_pool()
-        return self._pool
+        if not seat.pool.active:
+            _stop(seat.pool)
+            seat.pool = self._new_pool()
+        return seat.pool
 
     def _new_pool(self) -> ProcessPool:
         return ProcessPool(
-            max_workers=self._workers,
-            initializer=_confine_child,
-            initargs=(self._memory_mb,),
-            context=self._context,
+            max_workers=1, initializer=_confine_child, initargs=(self._memory_mb,), context=self._context
         )
+
+
+@dataclass(slots=True)
+class _Seat:
+    """One child with its own pipe, so that what happens to one child is nothing to the others."""
+
+    pool: ProcessPool
+    calls: list[Future[Any]] = field(default_factory=list)
+
+    def load(self) -> int:
+        """Forget the calls that are over; return the number of the others."""
+        self.calls = [call for call in self.calls if not call.done()]
+        return len(self.calls)
 
 
 def result_of(future: Future[T]) -> T:

@@ -26,6 +26,8 @@ logger = logging.getLogger(__name__)
 Computation = Callable[[str], SolveOutcome]
 """A module's function from a canonical problem document, as JSON text, to its outcome."""
 
+START_SECONDS = 20.0
+"""In which a child takes a job it was given; a new child has then been started many times over."""
 RECONCILE_SECONDS = 1.0
 """How often expired leases are looked for."""
 
@@ -47,6 +49,8 @@ class _Run:
     claim: Claim
     future: Future[SolveOutcome]
     heartbeat_at: float
+    started_by: float
+    """When a child should have taken it at the latest."""
 
 
 class Runner:
@@ -99,7 +103,8 @@ class Runner:
                 continue
             document = json.dumps(claim.problem)
             future = self._sandbox.submit(self._computation, document, seconds=self._limits.job_seconds)
-            self._runs[claim.job_id] = _Run(claim, future, self._next_heartbeat())
+            deadline = time.monotonic() + START_SECONDS
+            self._runs[claim.job_id] = _Run(claim, future, self._next_heartbeat(), deadline)
             future.add_done_callback(lambda _: self._wake())
         return finished
 
@@ -123,6 +128,11 @@ class Runner:
             if not holds:
                 logger.info("job %s attempt %d: the claim is gone, stopping", job_id, run.claim.attempt)
                 run.future.cancel()
+                del self._runs[job_id]
+            elif not run.future.running() and not run.future.done() and time.monotonic() > run.started_by:
+                logger.warning("job %s attempt %d: no child has taken it", job_id, run.claim.attempt)
+                self._sandbox.renew(run.future)
+                self._store.lose(run.claim, "no child took it", max_attempts=self._limits.max_attempts)
                 del self._runs[job_id]
 
     def reconcile(self) -> None:

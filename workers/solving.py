@@ -64,7 +64,7 @@ def _failed(code: str, detail: str) -> SolveOutcome:
 
 def _reason(error: dict[str, object]) -> str:
     """Return the error as lines: each fault with its place, or the one sentence."""
-    faults = error.get("errors")
+    faults = error.get("faults")
     if isinstance(faults, list):
         return "".join(
             f"{fault['pointer'] or '/'}: {fault['message']} ({fault['code']})\n" for fault in faults

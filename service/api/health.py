@@ -50,6 +50,8 @@ def _database(inside: Resources) -> str:
 
 
 def _sandbox(inside: Resources) -> str:
+    if not inside.sandbox.is_idle:
+        return OK  # busy with verdicts, each of which has its limit
     try:
         inside.sandbox.run(answer_ping, seconds=_PING_SECONDS)
     except (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError, CancelledError):

@@ -17,7 +17,7 @@ from service.examination import examine_problem
 from service.jobs.job import Job
 from service.jobs.states import JobState
 from service.schemas.job import JobOut, JobPageOut
-from service.schemas.problem import canonical_document, problem_digest, read_problem
+from service.schemas.problem import check_problem, problem_digest
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -78,12 +78,11 @@ def submit(
 ) -> Response:
     """Check a problem and queue it; an equal problem that was solved before brings its solution."""
     document = read_json(content)
-    problem = read_problem(document)
-    digest = problem_digest(canonical_document(document))
-    if isinstance(problem.motion, PlanarMotion):
+    checked = check_problem(document)
+    if isinstance(checked.problem.motion, PlanarMotion):
         examine(inside, examine_problem, document)
     assert isinstance(document, dict)
-    job = inside.jobs.submit(document, digest)
+    job = inside.jobs.submit(document, problem_digest(checked.canonical))
     if not job.is_finished:
         inside.doorbell.ring()
     return _submitted(job, inside, wait_seconds(prefer))

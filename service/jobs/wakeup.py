@@ -23,6 +23,7 @@ class Doorbell:
         self._lock = threading.Lock()
         self._lines: list[socket.socket] = []
         self._waiting: dict[str, set[threading.Event]] = {}
+        self._closed = False
 
     def new_line(self) -> socket.socket:
         """Return the worker's end of a new line.
@@ -48,13 +49,13 @@ class Doorbell:
         """Return whether the job is finished within ``timeout`` seconds.
 
         ``is_finished`` asks the store; it is asked at once, whenever a worker
-        says so, and now and then.
+        says so, and now and then. A closed bell makes nobody wait.
         """
         deadline = time.monotonic() + timeout
         with self._registered(job_id) as finished:
             while not is_finished():
                 rest = deadline - time.monotonic()
-                if rest <= 0:
+                if rest <= 0 or self._closed:
                     return False
                 finished.wait(min(rest, _LOOK_SECONDS))
                 finished.clear()
@@ -67,8 +68,12 @@ class Doorbell:
                 event.set()
 
     def close(self) -> None:
-        """Hang up: workers at the other ends finish what they have and stop."""
+        """Hang up: workers at the other ends finish what they have and stop, and nobody waits any more."""
+        self._closed = True
         with self._lock:
+            for events in self._waiting.values():
+                for event in events:
+                    event.set()
             for line in self._lines:
                 with contextlib.suppress(OSError):
                     line.shutdown(socket.SHUT_RDWR)

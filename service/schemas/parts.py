@@ -126,10 +126,10 @@ def _message(details: ErrorDetails, path: Sequence[str | int], owner: type[BaseM
     if details["type"] == "missing":
         return f'"{path[-1]}" is missing'
     if details["type"] in ("too_short", "too_long"):
-        context = details["ctx"]
-        fewest, most = context.get("min_length"), context.get("max_length")
-        accepted = f"at least {fewest}" if most is None else f"at most {most}"
-        return f"{context['actual_length']} items; {accepted} are accepted"
+        limits = details["ctx"]
+        if "max_length" in limits:
+            return f"too many items; at most {limits['max_length']} are accepted"
+        return f"too few items; at least {limits['min_length']} are needed"
     if details["type"] in _EXPECTED:
         return f"{_EXPECTED[details['type']]} is expected"
     return details["msg"].replace("Input should be", "accepted are", 1)

@@ -2,21 +2,18 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 
 from service.dynamics.body import RigidBody
-from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.errors import FormulaError, UndefinedConstantError
 from service.dynamics.numerics import NUMERICS
-from service.dynamics.potentials.expression import require_parameter_names
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion
-from service.schemas.faults import Fault, InvalidProblemError, fault_of
-from service.schemas.motions import CURVE_FIELDS, PlanarMotionIn, StateMotionIn, curve_faults
+from service.schemas.faults import Fault, InvalidProblemError
+from service.schemas.motions import PlanarMotionIn, StateMotionIn
 from service.schemas.parts import read_parts
 from service.schemas.potentials import ExpressionIn, GravityIn, RationalIn
+from service.schemas.rules import combination_faults, read_setting
 from service.schemas.sections import (
     OUTPUTS,
     BodyIn,
@@ -29,8 +26,8 @@ from service.schemas.sections import (
     ValidationIn,
 )
 
-_STAND_IN = RigidBody(Fraction(17), Fraction(19), Fraction(23))
-"""Moments without simple relations: lets a formula be checked although the body at hand is faulty."""
+MAX_FAULTS = 200
+"""Listed at once: a list of 100 000 wrong numbers is told from its beginning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +76,8 @@ def problem_digest(canonical: Mapping[str, object]) -> str:
 def check_problem(document: object) -> CheckedProblem:
     """Return the problem and its canonical document; raises as :func:`read_problem`."""
     parts, faults = read_parts(document, ProblemIn)
-    faults += _combination_faults(document, parts)
-    body, potential = _setting(document, parts, faults)
+    faults += combination_faults(document, parts)
+    body, potential = read_setting(document, parts, faults)
     match (body, potential, parts):
         case (
             RigidBody(),
@@ -128,8 +125,8 @@ def read_question(document: object) -> Question:
         Holds every fault that was found.
     """
     parts, faults = read_parts(document, ValidationIn)
-    faults += _combination_faults(document, parts)
-    body, potential = _setting(document, parts, faults)
+    faults += combination_faults(document, parts)
+    body, potential = read_setting(document, parts, faults)
     motion_in = parts.get("motion")
     if isinstance(body, RigidBody) and isinstance(potential, Potential) and not faults:
         motion = motion_in.to_domain() if isinstance(motion_in, PlanarMotionIn | StateMotionIn) else None
@@ -138,116 +135,12 @@ def read_question(document: object) -> Question:
 
 
 def _each_once(faults: list[Fault]) -> list[Fault]:
-    """Drop what two checks found alike, the first stays."""
+    """Drop what two checks found alike; of very many faults, keep the first and say how many there are."""
     seen: dict[tuple[str, str], Fault] = {}
     for fault in faults:
         seen.setdefault((fault.pointer, fault.code), fault)
-    return list(seen.values())
-
-
-def _setting(
-    document: object, parts: Mapping[str, object], faults: list[Fault]
-) -> tuple[RigidBody | None, Potential | None]:
-    """Return body and potential where they can be had; add what speaks against them and the motion."""
-    body, potential = None, None
-    body_in, potential_in = parts.get("body"), parts.get("potential")
-    # Rules between the parts are checked even if no body has the given moments.
-    moments = _STAND_IN
-    if isinstance(body_in, BodyIn):
-        moments = RigidBody(body_in.A, body_in.B, body_in.C, allow_unphysical=True)
-        faults += _motion_faults(moments, document, parts)
-        try:
-            body = body_in.to_domain()
-        except DynamicsError as error:
-            faults.append(fault_of(error))
-    if potential_in is None:
-        potential_in = _salvage(document)
-    if isinstance(potential_in, ExpressionIn):
-        bad = {name: list(_name_faults(name)) for name in potential_in.parameters}
-        faults += [fault for found in bad.values() for fault in found]
-        good = {name: value for name, value in potential_in.parameters.items() if not bad[name]}
-        potential_in = potential_in.model_copy(update={"parameters": good})
-    if isinstance(potential_in, ExpressionIn | GravityIn | RationalIn):
-        try:
-            potential = potential_in.to_domain(moments)
-        except DynamicsError as error:
-            is_about_formula = isinstance(error, FormulaError) and not isinstance(
-                error, UndefinedConstantError
-            )
-            if moments is not _STAND_IN or is_about_formula:
-                faults.append(fault_of(error))
-    return body, potential
-
-
-def _salvage(document: object) -> ExpressionIn | None:
-    """Return what can still be checked of an expression whose parameters could not be read."""
-    match document:
-        case {"potential": {"type": "expression", "expression": str(text), **rest}}:
-            given = rest.get("parameters")
-            names = [str(name) for name in given] if isinstance(given, dict) else []
-            return ExpressionIn(
-                type="expression", expression=text, parameters=dict.fromkeys(names, Fraction(29))
-            )
-    return None
-
-
-def _name_faults(name: str) -> Iterator[Fault]:
-    try:
-        require_parameter_names({name: Fraction(1)})
-    except DynamicsError as error:
-        yield fault_of(error)
-
-
-def _motion_faults(body: RigidBody, document: object, parts: Mapping[str, object]) -> Iterator[Fault]:
-    kind = _motion_kind(document)
-    if kind == "planar":
-        try:
-            body.require_planar()
-        except DynamicsError as error:
-            yield fault_of(error)
-        if _is_given(document, "nu") and body.A != 2 * body.C:
-            message = f'nu needs A = 2C, and A = {body.A}, C = {body.C}; accepted is "lambda"'
-            yield Fault("/motion/nu", "nu_needs_double_moment", message)
-    elif kind == "state" and body.B is None:
-        yield Fault("/body/B", "missing_moment", "a state motion needs the moment B, which was left out")
-    if kind == "planar" and body.B is None and (method := parts.get("method")) in ("integration", "both"):
-        yield Fault(
-            "/body/B", "missing_moment", f"the method {method} needs the moment B, which was left out"
-        )
-
-
-def _combination_faults(document: object, parts: Mapping[str, object]) -> Iterator[Fault]:
-    """Yield what is asked of a motion that cannot be had for it."""
-    kind, method = _motion_kind(document), parts.get("method")
-    if kind == "planar" and "motion" not in parts:
-        given = {name for name in CURVE_FIELDS if _is_given(document, name)}
-        for field, code, message in curve_faults(given):
-            yield Fault(f"/motion/{field}", code, message)
-    in_periods = isinstance(parts.get("time"), TimePeriodsIn)
-    if kind == "state" and method in ("quadrature", "both"):
-        message = f"{method} is for planar motions; accepted for a state are auto and integration"
-        yield Fault("/method", "method_needs_planar_motion", message)
-    if kind == "state" and in_periods:
-        message = 'a state has no known period; accepted are {"start", "stop", "samples"} and {"times"}'
-        yield Fault("/time/periods", "period_needed", message)
-    if kind == "planar" and method == "integration" and in_periods:
-        message = (
-            'an integration finds no period; accepted are {"start", "stop", "samples"}, {"times"} '
-            "and the methods auto, quadrature and both"
-        )
-        yield Fault("/time/periods", "period_needed", message)
-
-
-def _motion_kind(document: object) -> str | None:
-    """Return the type of the motion, also of one that could not be read as a whole."""
-    match document:
-        case {"motion": {"type": str(kind)}}:
-            return kind
-    return None
-
-
-def _is_given(document: object, field: str) -> bool:
-    match document:
-        case {"motion": dict(motion)}:
-            return motion.get(field) is not None
-    return False
+    kept = list(seen.values())
+    if len(kept) <= MAX_FAULTS:
+        return kept
+    rest = Fault("", "more_faults", f"{len(kept) - MAX_FAULTS} more faults are not listed")
+    return [*kept[:MAX_FAULTS], rest]

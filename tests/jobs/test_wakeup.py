@@ -67,3 +67,12 @@ def test_a_worker_that_died_does_not_disturb_the_others(doorbell, line):
     assert line.is_open()
     line.tell("job-1")
     assert not doorbell.wait_for("job-2", is_finished=lambda: False, timeout=0.01)
+
+
+def test_a_closed_bell_makes_nobody_wait(doorbell):
+    """A service that stops answers its waiting clients as things stand."""
+    threading.Timer(0.05, doorbell.close).start()
+    start = time.monotonic()
+    assert not doorbell.wait_for("job-1", is_finished=lambda: False, timeout=5.0)
+    # The next look without the bell would be at 0.25 s.
+    assert time.monotonic() - start < 0.2

@@ -16,9 +16,3 @@ class AccuracyNotMetError(DynamicsError):
         )
         self.reached = reached
         self.tolerance = tolerance
-
-
-class AperiodicMotionError(DynamicsError):
-    """The motion never closes: quadrature over a period does not exist."""
-
-    code = "aperiodic_motion"

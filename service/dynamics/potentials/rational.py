@@ -31,7 +31,7 @@ class TooManyTermsError(DynamicsError):
 class RationalBodyError(DynamicsError):
     """The rational family was asked for with A other than 2C."""
 
-    code = "rational_needs_A_2C"
+    code = "rational_needs_double_moment"
 
 
 def require_rational_body(body: RigidBody) -> None:

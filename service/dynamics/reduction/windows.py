@@ -44,6 +44,12 @@ class NoSuchWindowError(DynamicsError):
     code = "no_such_window"
 
 
+class AperiodicMotionError(DynamicsError):
+    """The motion never closes: there is no period for a quadrature to find."""
+
+    code = "aperiodic_motion"
+
+
 @dataclass(frozen=True, slots=True)
 class _Break:
     """A place on the (unrolled) loop where an arc can end."""
@@ -64,14 +70,10 @@ def find_windows(
     EqualMomentsError, NuNeedsDoubleMomentError
         The curve does not exist.
     """
-    before = ctx.prec
-    ctx.prec = precision
-    try:
+    with ctx.workprec(precision):
         loop = make_loop(body, potential, motion)
         g3_sign = start_g3_sign(loop, motion)
         return _numbered(_arcs(loop, g3_sign), g3_sign)
-    finally:
-        ctx.prec = before
 
 
 def choose_window(windows: tuple[Window, ...], motion: PlanarMotion) -> Window:
@@ -97,6 +99,16 @@ def choose_window(windows: tuple[Window, ...], motion: PlanarMotion) -> Window:
             pointer="/motion/window",
         )
     return windows[motion.window]
+
+
+def require_periodic(window: Window) -> None:
+    """Raise AperiodicMotionError if motions in ``window`` do not close."""
+    if window.kind != "periodic":
+        raise AperiodicMotionError(
+            f"the motion in window {window.index} is not periodic ({window.kind}); "
+            'accepted for it is "method": "integration", with the moment B',
+            pointer="/motion",
+        )
 
 
 def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:

@@ -6,12 +6,14 @@ from math import isqrt
 
 from flint import fmpq, fmpq_mpoly, fmpz
 
-from service.dynamics.verdict.layout import UndefinedInOctantError
+from service.dynamics.verdict.layout import NoProofError, UndefinedInOctantError
 from service.dynamics.verdict.natures import Coordinate, Divisor, Element, Exponential, Root, exponents_of
 from service.dynamics.verdict.ring import Ring
 
 MAX_FACTORED_BITS = 64
 """Integers up to this size are split into primes under roots and logarithms."""
+MAX_NAMED_BITS = 4096
+"""Larger integers do not become generators of their own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +112,8 @@ def prime_powers(number: Fraction) -> list[tuple[int, int]]:
     for part, sign in ((number.numerator, 1), (number.denominator, -1)):
         if part.bit_length() <= MAX_FACTORED_BITS:
             found += [(int(prime), sign * int(times)) for prime, times in fmpz(part).factor()]
+        elif part.bit_length() > MAX_NAMED_BITS:
+            raise NoProofError(f"a root or logarithm of an integer beyond {MAX_NAMED_BITS} bits")
         else:
             root = isqrt(part)
             found.append((root, 2 * sign) if root * root == part else (part, sign))
@@ -137,9 +141,8 @@ def _extract(
 def _divide_out(ring: Ring, rest: fmpq_mpoly, divisor: fmpq_mpoly) -> tuple[int, fmpq_mpoly]:
     times = 0
     while len(rest) > 1:
-        ring.spend(len(rest) * len(divisor))
-        quotient, remainder = divmod(rest, divisor)
-        if remainder:
+        quotient = ring.exact_quotient(rest, divisor)
+        if quotient is None:
             break
         times, rest = times + 1, quotient
     return times, rest

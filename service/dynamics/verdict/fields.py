@@ -130,9 +130,8 @@ class VectorFields:
                 continue
             base = nature.base.numerator
             while element.shift[index] <= -nature.degree and len(element.numerator) > 1:
-                ring.spend(len(element.numerator) * len(base))
-                quotient, remainder = divmod(element.numerator, base)
-                if remainder:
+                quotient = ring.exact_quotient(element.numerator, base)
+                if quotient is None:
                     break
                 shift = list(element.shift)
                 shift[index] += nature.degree

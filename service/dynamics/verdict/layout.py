@@ -42,7 +42,7 @@ class Layout:
         """Return a layout where the degree of ``key`` is a multiple of ``multiple`` too."""
         degree = lcm(self.degree(key), multiple)
         if degree > MAX_DEGREE:
-            raise NoProofError(f"a root of degree {degree}; proofs stop at {MAX_DEGREE}")
+            raise NoProofError(f"a root of a degree beyond {MAX_DEGREE}")
         return Layout(self.atoms, {**self.degrees, key: degree})
 
     def with_more_atoms(self) -> "Layout":

@@ -41,6 +41,12 @@ MAX_TERMS = 20_000
 """Terms of one polynomial; beyond, the numeric route is the faster one."""
 MAX_WORK = 4_000_000
 """Products of terms in one proof, about a second."""
+MAX_DIVISION_STEPS = 400
+"""Degree of a quotient worth trying: dividing g1^N + 1 by rho makes N/2 terms before it fails."""
+MAX_BITS = 2**27
+"""Bits of all coefficients of one polynomial (16 MB): flint aborts the process if it gets no memory."""
+SMALL = 1000
+"""Products of terms below which the size of the coefficients is not looked at."""
 MAX_EXPONENT = 2**48
 """Exponents must stay inside 64 bits after the few products that follow."""
 
@@ -190,7 +196,10 @@ class Ring:
 
     def multiply(self, x: Element, y: Element) -> Element:
         """Return x y."""
-        self.spend(len(x.numerator) * len(y.numerator))
+        products = len(x.numerator) * len(y.numerator)
+        self.spend(products)
+        if products > SMALL:
+            self._require_room(products, _height(x.numerator) + _height(y.numerator))
         if y.shift == self.no_shift:
             shift = x.shift
         else:
@@ -200,10 +209,12 @@ class Ring:
     def integer_power(self, x: Element, exponent: int) -> Element:
         """Return x^exponent, exponent >= 0, by repeated squaring."""
         size = len(x.numerator)
-        if size > 1:
-            self._expect(size, exponent, 1)
-        elif exponent * max((*x.numerator.degrees(), *map(abs, x.shift)), default=0) > MAX_EXPONENT:
+        degree = max((*map(int, x.numerator.degrees()), *map(abs, x.shift)), default=0)
+        if exponent * degree > MAX_EXPONENT:
             raise NoProofError("exponents beyond what proofs handle")
+        # Coefficients ±1 have height 1 and keep it; a sum of n terms may grow by n each time.
+        growth = _height(x.numerator) - 1 + (size - 1).bit_length()
+        self._expand(size, exponent, 1, exponent * growth)
         return Element(x.numerator**exponent, tuple(exponent * e for e in x.shift))
 
     def normal(self, x: Element) -> Element:
@@ -214,7 +225,8 @@ class Ring:
             times = int(numerator.degrees()[index]) // relation.power
             if times <= 0:  # flint gives the zero polynomial the degree -1
                 continue
-            self._expect(relation.tail_terms, times, len(numerator))
+            growth = times * (_height(relation.polynomial) + relation.tail_terms.bit_length())
+            self._expand(relation.tail_terms, times, len(numerator), _height(numerator) + growth)
             if relation.clearing is not None:
                 numerator *= self._term(tuple(times * e for e in relation.clearing))
                 shift = tuple(a - times * b for a, b in zip(shift, relation.clearing, strict=True))
@@ -232,18 +244,35 @@ class Ring:
         shift = tuple(a + b for a, b in zip(x.shift, exponents, strict=True))
         return Element(x.numerator / self._term(exponents), shift)
 
+    def exact_quotient(self, dividend: fmpq_mpoly, divisor: fmpq_mpoly) -> fmpq_mpoly | None:
+        """Return dividend / divisor if that is a polynomial and quickly seen to be one, else None."""
+        degrees = zip(dividend.degrees(), divisor.degrees(), strict=True)
+        steps = max((int(high) // int(low) for high, low in degrees if low > 0), default=0)
+        if steps > MAX_DIVISION_STEPS or steps * len(dividend) * _height(dividend) > MAX_BITS:
+            return None
+        self.spend(len(dividend) * len(divisor) * (steps + 1))
+        quotient, remainder = divmod(dividend, divisor)
+        return None if remainder else quotient
+
     def spend(self, products: int) -> None:
         """Count work; give up when the proof gets too long."""
         self._work += products
         if products > MAX_WORK // 4 or self._work > MAX_WORK:
             raise NoProofError("polynomials too large for a proof")
 
-    def _expect(self, terms: int, exponent: int, factor: int) -> None:
-        """Give up before a power of ``terms`` terms that would be too large is expanded."""
-        # The count grows with either number; a cap on both keeps the binomial itself cheap.
-        if min(terms - 1, exponent) > 64 or comb(exponent + terms - 1, min(terms - 1, exponent)) > MAX_TERMS:
+    def _expand(self, terms: int, exponent: int, factor: int, height: int) -> None:
+        """Give up before ``factor`` terms times a power of ``terms`` terms would be too large."""
+        # Both above 64 is too many terms, and would make the binomial itself long.
+        smaller = min(max(terms - 1, 0), exponent)
+        count = comb(exponent + terms - 1, smaller) if 0 < smaller <= 64 else 1
+        if smaller > 64 or count > MAX_TERMS:
             raise NoProofError("a power with too many terms for a proof")
-        self.spend(factor * comb(exponent + terms - 1, min(terms - 1, exponent)))
+        self.spend(factor * count)
+        self._require_room(factor * count, height)
+
+    def _require_room(self, terms: int, height: int) -> None:
+        if terms * height > MAX_BITS:
+            raise NoProofError("coefficients too large for a proof")
 
     def _raised(self, x: Element, common: tuple[int, ...]) -> fmpq_mpoly:
         if x.shift == common:
@@ -257,3 +286,8 @@ class Ring:
         exponents = list(self.no_shift)
         exponents[index] = exponent
         return self._term(tuple(exponents))
+
+
+def _height(polynomial: fmpq_mpoly) -> int:
+    """Return the bits of the largest numerator or denominator among the coefficients."""
+    return max((int(coefficient.height_bits()) for coefficient in polynomial.coeffs()), default=0)

@@ -150,10 +150,10 @@ class RingAlgebra:
         """Return number^exponent, number > 0, in roots of primes."""
         result = self._ring.constant(Fraction(1))
         for prime, multiplicity in prime_powers(number):
+            base = self._ring.constant(Fraction(prime))
             whole, rest = divmod(multiplicity * exponent, 1)
-            result = self._ring.multiply(result, self._ring.constant(Fraction(prime) ** whole))
+            result = self._ring.multiply(result, self.power(base, Fraction(whole)))
             if rest:
-                base = self._ring.constant(Fraction(prime))
                 result = self._ring.multiply(result, self._root(f"prime:{prime}", base, rest))
         return result
 

@@ -242,3 +242,21 @@ def test_equal_moments_are_refused():
 )
 def test_formulas_too_large_for_a_proof_still_get_a_verdict(text):
     assert verdict_on(text).verdict == "admissible"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        # Numbers that no memory holds: flint would abort the whole process on them.
+        "(2*g1^2 + g3^2)*((((3*g2)^1000)^1000)^1000)^1000",
+        "(2*g1^2 + g3^2)*exp(1e300*log(2 + g2*0)*g2^0) + g1",
+        "(2*g1^2 + g3^2)*(3*abs(g2))^(pi*1e300/pi)",
+        "(2*g1^2 + g3^2)*2^(g2*1e300)",
+        "(2*g1^2 + g3^2)*sqrt((2^1000*abs(g2)/3)^999)",
+        "(2*g1^2 + g3^2)*(1/((1 + 1e-300*g2)^1000)^1000)",
+        "(2*g1^2 + g3^2)/(((g2^1000)^1000)^1000 + 2) + g1",
+        "(2*g1^2 + g3^2)*g2 + 0.5/(((g1^1000)^1000)^1000 + 2) - 1/(2*((g1^1000)^1000)^1000 + 4)",
+    ],
+)
+def test_numbers_that_would_explode_end_the_proof_not_the_process(text):
+    assert verdict_on(text).verdict in ("admissible", "undecided")

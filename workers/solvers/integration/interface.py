@@ -102,13 +102,14 @@ def joined(backward: Run | None, forward: Run | None) -> DenseOutput:
     if forward is not None:
         breaks.append(forward.breaks[1:])
         pieces.append(forward.coefficients)
-    return DenseOutput(COLUMNS, np.concatenate(breaks), _stacked(pieces), None, float("inf"))
+    return DenseOutput(COLUMNS, np.concatenate(breaks), stacked(pieces), None, float("inf"))
 
 
-def _stacked(pieces: Sequence[FloatArray]) -> FloatArray:
-    length = max(part.shape[1] for part in pieces)
-    padded = [np.pad(part, ((0, 0), (0, length - part.shape[1]), (0, 0))) for part in pieces]
-    return np.concatenate(padded)
+def stacked(parts: Sequence[FloatArray]) -> FloatArray:
+    """Return pieces of different degrees as one array, filled up with zeros; (0, 1, 6) if there are none."""
+    length = max((part.shape[1] for part in parts), default=1)
+    padded = [np.pad(part, ((0, 0), (0, length - part.shape[1]), (0, 0))) for part in parts]
+    return np.concatenate([np.zeros((0, length, 6)), *padded])
 
 
 def trimmed(coefficients: FloatArray) -> FloatArray:

@@ -9,7 +9,6 @@ some ten thousand steps. This is the only module that knows heyoka.
 """
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from math import comb
@@ -28,6 +27,7 @@ from workers.solvers.integration.interface import (
     Run,
     collapse,
     neighbour_of,
+    stacked,
     step_has_collapsed,
     too_many_steps,
     trimmed,
@@ -178,7 +178,7 @@ class TaylorIntegrator:
                 series, steps = [], []
         if series:
             converted.append(_chebyshev(np.array(series), np.array(steps)))
-        run = Run(np.array(breaks), _concatenated(converted), None)
+        run = Run(np.array(breaks), stacked(converted), None)
         end_gradient = self._potential.gradient(visited[-1])
         if not np.isfinite(end_gradient).all():
             # Where the potential is hardly less than smooth, a step can end beyond its domain.
@@ -249,10 +249,3 @@ def _chebyshev(series: FloatArray, steps: FloatArray) -> FloatArray:
         ]
     )
     return trimmed(np.swapaxes(scaled @ matrix, 1, 2))
-
-
-def _concatenated(parts: Sequence[FloatArray]) -> FloatArray:
-    if not parts:
-        return np.zeros((0, 1, 6))
-    length = max(part.shape[1] for part in parts)
-    return np.concatenate([np.pad(part, ((0, 0), (0, length - part.shape[1]), (0, 0))) for part in parts])

@@ -14,9 +14,9 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Window
-from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
+from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows, require_periodic
 from service.dynamics.sampling import sample_times
-from workers.solvers.errors import AccuracyNotMetError, AperiodicMotionError
+from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.quadrature.dense import resolve_motion
 from workers.solvers.quadrature.orbit import make_orbit, starting_state
 from workers.solvers.quadrature.time_map import PrecisionLostError, TimeMap, make_time_map
@@ -98,39 +98,29 @@ def planar_start(body: RigidBody, potential: Potential, motion: PlanarMotion) ->
     NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError
         The motion asked for is not there, or not the only one.
     """
-    before = ctx.prec
-    ctx.prec = PRECISION
-    try:
+    with ctx.workprec(PRECISION):
         window = choose_window(find_windows(body, potential, motion), motion)
         return tuple(float(value) for value in starting_state(starting_point(window, motion)))
-    finally:
-        ctx.prec = before
 
 
 def _solve_with_enough_bits(problem: Problem, motion: PlanarMotion) -> _Solved:
     """Double the precision of the balls until the integrand is known to a double's."""
     precision = PRECISION
     while True:
-        before = ctx.prec
-        ctx.prec = precision
         try:
-            return _solve(problem, motion, precision)
+            with ctx.workprec(precision):
+                return _solve(problem, motion, precision)
         except PrecisionLostError:
             if precision >= HIGHEST_PRECISION:
                 raise
             precision *= 2
-        finally:
-            ctx.prec = before
 
 
 def _solve(problem: Problem, motion: PlanarMotion, precision: int) -> _Solved:
     windows = find_windows(problem.body, problem.potential, motion, precision=precision)
     window = choose_window(windows, motion)
+    require_periodic(window)
     start = starting_point(window, motion)
-    if not start.arc.is_periodic:
-        raise AperiodicMotionError(
-            f"the motion in this window is not periodic: it ends in a {window.kind}", pointer="/motion"
-        )
     orbit = make_orbit(start)
     time_map = make_time_map(orbit.rate, orbit.corners, is_even=orbit.is_even)
     resolved = resolve_motion(orbit, time_map, atol=min(1e-14, 1e-3 * problem.tolerance))

@@ -1,0 +1,41 @@
+"""A child that never takes its job: killed while it held its pipe's lock, or frozen."""
+
+import os
+import signal
+
+import pytest
+
+from service.jobs.states import AttemptOutcome, JobState
+from service.sandbox import Sandbox
+from tests.workers import chores
+from tests.workers.processes import wait_until
+from workers import runner as runner_module
+from workers.runner import Limits, Runner
+
+
+@pytest.fixture
+def sandbox():
+    sandbox = Sandbox(1)
+    sandbox.start()
+    yield sandbox
+    sandbox.close()
+
+
+def test_its_job_goes_to_a_new_child(jobs, sandbox, monkeypatch, tmp_path):
+    # Shorter than in earnest, and long enough for a new child on a busy machine.
+    monkeypatch.setattr(runner_module, "START_SECONDS", 5.0)
+    limits = Limits(lease_seconds=60.0, job_seconds=60.0, memory_mb=1000, max_attempts=3)
+    runner = Runner(jobs, sandbox, chores.do_chore, slots=1, limits=limits, wake=lambda: None)
+    frozen = sandbox.run(os.getpid, seconds=30)
+    os.kill(frozen, signal.SIGSTOP)
+    job = jobs.submit({"log": str(tmp_path / "log")}, "digest")
+
+    def work() -> bool:
+        runner.fill()
+        runner.keep_leases()
+        runner.collect()
+        return jobs.get(job.id).is_finished
+
+    wait_until(work, patience=40.0)
+    assert jobs.get(job.id).state is JobState.SUCCEEDED
+    assert [a.outcome for a in jobs.attempts(job.id)] == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
