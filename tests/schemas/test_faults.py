@@ -80,7 +80,7 @@ POTENTIAL = [
     (expression("g1", **{f"k{n}": 1 for n in range(101)}), [("/potential/parameters", "invalid_length")]),
     ({"type": "expression"}, [("/potential/expression", "missing_field")]),
     ({"type": "gravity", "d": 1}, [("/potential/d", "unknown_field")]),
-    ({"type": "rational", "a": [0] * 13}, [("/potential/a", "invalid_length")]),
+    ({"type": "rational", "a": [0] * 21}, [("/potential/a", "invalid_length")]),
     ({"type": "rational", "a": [1, "x"]}, [("/potential/a/1", "invalid_number")]),
     ({"type": "homogeneous", "A": [1]}, [("/potential/type", "not_available")]),
     ({"type": "general", "F": "w"}, [("/potential/type", "not_available")]),

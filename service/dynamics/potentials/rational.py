@@ -16,7 +16,7 @@ from service.dynamics.potentials.monomials import Exponents, monomial_sum
 from service.dynamics.potentials.potential import Potential
 
 FAMILY = "rational"
-MAX_TERMS = 12
+MAX_TERMS = 20
 """Length of each list. The degree grows as 2n-1, and with it the cancellation near the poles."""
 
 Laurent = dict[Exponents, Fraction]

@@ -8,7 +8,7 @@ from flint import arb
 from service.dynamics.reduction.loop import Loop
 
 ArcEnd = Literal["rest", "double", "collision", "pole"]
-"""A simple zero of P; a zero of higher order; P → ∞ at a pole; P → 0 at a pole."""
+"""A simple zero of P; a zero of higher order; P → ∞ at a pole; a pole that is not passed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,6 @@
 r"""Every zero of the radicand P on one half of the loop, 0 < v < π (or −π < v < 0).
 
-P is resolved by Chebyshev series of degree 16 on panels that shrink
-geometrically towards both poles (P may have any power law there). A panel
+P is resolved by Chebyshev series on panels (:mod:`.panels`). A panel
 whose constant term outweighs all the others has no zero. In the others the
 critical points of the series cut the panel into monotone pieces; the signs at
 the cuts are taken in balls, and every change of sign is one zero, enclosed. A
@@ -16,13 +15,12 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.dense_output import chebyshev_coefficients, chebyshev_points
 from service.dynamics.reduction.loop import Loop
+from service.dynamics.reduction.panels import Panel, resolved_panels
 from service.dynamics.reduction.zeros import (
     Place,
     PoleKind,
     Radicand,
-    Region,
     Zero,
     classify_pole,
     zeros_between,
@@ -30,12 +28,8 @@ from service.dynamics.reduction.zeros import (
 
 FloatArray = NDArray[np.float64]
 
-DEGREE = 16
-LEVELS = 40
-"""Halvings of the distance to a pole that doubles scan: down to 1e-12; balls look further."""
 TAIL_EXPONENTS = (-352, -256, -187, -136, -99, -72, -53, -42)
 """log2 of the distances to a pole where balls take the sign beyond the scan."""
-MAX_SPLITS = 12
 SUSPECT = 1e-6
 """A critical value below this fraction of its panel is refined in balls: doubles resolve 1e-13 of it."""
 DOUBLE_BITS = 100
@@ -55,23 +49,6 @@ class HalfLoop:
     """At the smaller v (0 or −π) and at the larger (π or 0)."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Panel:
-    """left ≤ x ≤ right in one region."""
-
-    region: Region
-    left: float
-    right: float
-
-    def halves(self) -> "tuple[_Panel, _Panel]":
-        middle = 0.5 * (self.left + self.right)
-        return _Panel(self.region, self.left, middle), _Panel(self.region, middle, self.right)
-
-    def nodes(self) -> FloatArray:
-        middle, half = 0.5 * (self.left + self.right), 0.5 * (self.right - self.left)
-        return middle + half * chebyshev_points(DEGREE)
-
-
 def scan_half(loop: Loop, g3_sign: int) -> HalfLoop:
     """Return the zeros and signs of P where g3 has this sign (primed axes)."""
 
@@ -80,7 +57,7 @@ def scan_half(loop: Loop, g3_sign: int) -> HalfLoop:
         return loop.point_from(sine * g3_sign, -cosine if place.region == "south" else cosine).P
 
     cuts = [Place("north", arb(2) ** e) for e in TAIL_EXPONENTS]
-    for panel, series in _resolved_panels(loop, g3_sign):
+    for panel, series in resolved_panels(loop, g3_sign, radicand):
         cuts.extend(_cuts(panel, series, radicand))
     cuts.extend(Place("south", arb(2) ** e) for e in reversed(TAIL_EXPONENTS))
     zeros, signs = zeros_between(cuts, radicand)
@@ -92,48 +69,7 @@ def scan_half(loop: Loop, g3_sign: int) -> HalfLoop:
     return HalfLoop(tuple(zeros), tuple(signs), first, last)
 
 
-def _resolved_panels(loop: Loop, g3_sign: int) -> list[tuple[_Panel, FloatArray]]:
-    """Return panels in the order of growing v, each with the series of P, halved until resolved.
-
-    Near a pole P is like a power of the distance; the series are those of P
-    times a power that levels the panel's ends, which moves no zero. A panel
-    that overflows has a series of NaN.
-    """
-    quarter = 0.25 * np.pi
-    poles = [(quarter * 0.5 ** (k + 1), quarter * 0.5**k) for k in reversed(range(LEVELS))]
-    waiting = [_Panel("north", *edges) for edges in poles]
-    waiting.append(_Panel("middle", quarter, 3 * quarter))
-    waiting.extend(_Panel("south", *edges) for edges in reversed(poles))
-    done: list[tuple[_Panel, FloatArray]] = []
-    for split in range(MAX_SPLITS + 1):
-        series = chebyshev_coefficients(_levelled_values(loop, g3_sign, waiting))
-        sizes = np.abs(series)
-        # NaN compares false: what overflows is not split but left to balls as it is.
-        unresolved = sizes[-3:].max(axis=0) > 1e-9 * sizes.max(axis=0)
-        if split == MAX_SPLITS:
-            unresolved[:] = False
-        done.extend((p, c) for p, c, open_ in zip(waiting, series.T, unresolved, strict=True) if not open_)
-        waiting = [half for p, open_ in zip(waiting, unresolved, strict=True) if open_ for half in p.halves()]
-        if not waiting:
-            break
-    order = {"north": 0, "middle": 1, "south": 2}
-    done.sort(key=lambda at: (order[at[0].region], -at[0].left if at[0].region == "south" else at[0].left))
-    return done
-
-
-def _levelled_values(loop: Loop, g3_sign: int, panels: list[_Panel]) -> FloatArray:
-    """Return P at the nodes of all panels in one call, levelled, shape (DEGREE + 1, panels)."""
-    nodes = np.stack([panel.nodes() for panel in panels], axis=1)
-    facing = np.array([-1.0 if panel.region == "south" else 1.0 for panel in panels])
-    values = loop.radicand_real(g3_sign * np.sin(nodes), facing * np.cos(nodes))
-    with np.errstate(all="ignore"):
-        ratio = values[0] / values[-1]
-        power = np.log(np.where(ratio > 0.0, ratio, 1.0)) / np.log(nodes[0] / nodes[-1])
-        levelled: FloatArray = values * (nodes / nodes[0]) ** -power
-    return levelled
-
-
-def _cuts(panel: _Panel, series: FloatArray, radicand: Radicand) -> list[Place]:
+def _cuts(panel: Panel, series: FloatArray, radicand: Radicand) -> list[Place]:
     """Return places, in the order of growing v, that cut the panel into pieces on which P is monotone.
 
     A panel that plainly has no zero needs only one point.

@@ -121,8 +121,10 @@ def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
     signs = list(half.signs)
     other = scan_half(loop, -g3_sign) if first_open or last_open else None
     if other is not None:
-        first_open = first_open and other.last_pole == "passable"
-        last_open = last_open and other.first_pole == "passable"
+        north, south = (_is_the_same_from_both_sides(loop, cosine) for cosine in (1, -1))
+        first, last = (north, south) if g3_sign > 0 else (south, north)
+        first_open = first_open and other.last_pole == "passable" and first
+        last_open = last_open and other.first_pole == "passable" and last
     if first_open and last_open and not breaks and other is not None and not other.zeros:
         return [Arc(loop, base, base + 2 * arb.pi(), None, None)]
     lower = (
@@ -148,6 +150,13 @@ def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
     return sorted(arcs + isolated, key=lambda arc: float(arc.lower))
 
 
+def _is_the_same_from_both_sides(loop: Loop, facing: int) -> bool:
+    """Say whether p² has one limit at a pole: with another F beyond it no motion with q = 0 goes on."""
+    small, cosine = (arb(2) ** -352).sin_cos()
+    here, there = (loop.point_from(sine, cosine * facing).P for sine in (small, -small))
+    return bool(abs(here - there) < abs(here) * arb(2) ** -40)
+
+
 def _beyond(other: HalfLoop, pole: arb, *, before: bool) -> _Break:
     """Return where an arc that passes a pole ends on the mirror curve.
 
@@ -170,9 +179,9 @@ def _beyond(other: HalfLoop, pole: arb, *, before: bool) -> _Break:
 
 
 def _pole_end(kind: PoleKind) -> ArcEnd:
-    # P > 0 up to a pole that cannot be passed: it diverges, or dies out there. A
-    # one-sided finite limit (the mirror curve is forbidden) ends the motion too.
-    return "pole" if kind == "asymptotic" else "collision"
+    # P > 0 up to a pole that cannot be passed: it diverges, or dies out there, or
+    # has another limit on the mirror curve.
+    return "collision" if kind == "collision" else "pole"
 
 
 def _numbered(arcs: list[Arc], g3_sign: int) -> tuple[Window, ...]:

@@ -2,10 +2,12 @@ import math
 from fractions import Fraction
 
 import pytest
+from flint import arb, ctx
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.errors import EqualMomentsError
+from service.dynamics.potentials.rational import rational_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.loop import NuNeedsDoubleMomentError
 from service.dynamics.reduction.window import Window
@@ -123,6 +125,13 @@ def test_a_pole_that_is_approached_for_ever_is_told():
     assert [w.kind for w in windows("(3*g1^2+g3^2)*(-1-g2/3)", PlanarMotion(Fraction(1)), A=3)] == ["pole"]
 
 
+def test_a_pole_where_the_energy_would_jump_is_not_passed():
+    """F differs with the sign of g3, so that p² at the pole would: no motion with q = 0 goes on there."""
+    text = "-abs(g1)^(4/3)*(3 + g3/abs(g3))/2"
+    assert [w.kind for w in windows(text, PlanarMotion(Fraction(1)), A=3)] == ["pole"]
+    assert [w.kind for w in windows("-abs(g1)^(4/3)", PlanarMotion(Fraction(1)), A=3)] == ["periodic"]
+
+
 def test_attraction_to_a_pole_is_a_collision():
     assert [w.kind for w in windows("-g1 - 1/(20*g3^2) - (g1^2-g2^2)/2", NU_1)] == ["collision"]
 
@@ -176,6 +185,26 @@ def test_the_mirrored_body_has_the_mirrored_windows(lambda_, alpha):
     for one, two in zip(straight, turned, strict=True):
         # λ' = λ^(−A/C) is rounded to a double, which moves the ends by a few ulp.
         assert one.g2 == pytest.approx(two.g2, abs=1e-14)
+
+
+@pytest.mark.parametrize("n", [8, 12, 16, 20])
+def test_high_terms_whose_doubles_underflow_and_cancel(n):
+    """V = −U_n: near the poles g3^(4n−4) underflows, elsewhere terms of size 1e10 cancel."""
+    potential = rational_potential([Fraction(0)] * (n - 1) + [Fraction(-1)], [], [])
+    (window,) = find_windows(DOUBLE, potential, NU_1)
+    assert (window.kind, window.ends) == ("periodic", ("rest", "equator"))
+    # H[U_n] = (n − 3/2) ν^(2n−1), and p² has the sign of h − V.
+    h = -(n - arb(3) / 2)
+    (arc,) = window.arcs
+    with ctx.workprec(256):
+        for v in (arc.lower, arc.upper):
+            at = arc.loop.refined().point(v)
+            # At a rest point V = h: the end is known to 160 bits, and V' is below 1e10.
+            assert abs(potential.value_ball(at.g1, at.g2, at.g3) - h) < 1e-30
+        for share in range(1, 40):
+            v = arb.pi() * share / 80
+            at = arc.loop.refined().point(v)
+            assert (potential.value_ball(at.g1, at.g2, at.g3) < h) == (arc.lower < v and v < arc.upper)
 
 
 def test_equal_moments_have_no_curve():
