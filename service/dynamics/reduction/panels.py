@@ -124,5 +124,7 @@ def _levelled_values(loop: Loop, g3_sign: int, radicand: Radicand, panels: list[
 def _values_in_balls(panel: Panel, radicand: Radicand) -> list[float]:
     """Return P at the nodes against its size at one of them: even a power of 100 then fits a double."""
     values = [radicand(Place(panel.region, arb(float(x)))) for x in panel.nodes()]
+    if not all(value.is_finite() for value in values):
+        return [float("nan")] * len(values)
     size = abs(values[0].mid())
     return [float(value / size) for value in values]

@@ -32,6 +32,10 @@ TAIL_EXPONENTS = (-352, -256, -187, -136, -99, -72, -53, -42)
 """log2 of the distances to a pole where balls take the sign beyond the scan."""
 SUSPECT = 1e-6
 """A critical value below this fraction of its panel is refined in balls: doubles resolve 1e-13 of it."""
+LADDER = (640, 2560, 10240)
+"""Bits, in turn, where those of the caller are not enough."""
+ENOUGH_BITS = 32
+"""Relative accuracy at which a value and its sign are believed."""
 DOUBLE_BITS = 100
 """A refined critical value below 2^-100 of its panel counts as a zero of even order."""
 
@@ -51,11 +55,9 @@ class HalfLoop:
 
 def scan_half(loop: Loop, g3_sign: int) -> HalfLoop:
     """Return the zeros and signs of P where g3 has this sign (primed axes)."""
-
-    def radicand(place: Place) -> arb:
-        sine, cosine = place.x.sin_cos()
-        return loop.point_from(sine * g3_sign, -cosine if place.region == "south" else cosine).P
-
+    radicand = precise_radicand(loop, g3_sign)
+    if _vanishes(radicand):
+        return HalfLoop((), (-1,), "blocked", "blocked")
     cuts = [Place("north", arb(2) ** e) for e in TAIL_EXPONENTS]
     for panel, series in resolved_panels(loop, g3_sign, radicand):
         cuts.extend(_cuts(panel, series, radicand))
@@ -67,6 +69,37 @@ def scan_half(loop: Loop, g3_sign: int) -> HalfLoop:
         signs.reverse()
         first, last = last, first
     return HalfLoop(tuple(zeros), tuple(signs), first, last)
+
+
+def precise_radicand(loop: Loop, g3_sign: int) -> Radicand:
+    """Return P as a function of the place, with more bits where its ball is wide.
+
+    Next to a pole a formula may hold 1 − g2², or 1 − g2² − g3² = g1²: what is
+    left of it there can be 2^-1000 and less.
+    """
+    finer: dict[int, Loop] = {}
+
+    def value(at: Loop, place: Place) -> arb:
+        sine, cosine = place.x.sin_cos()
+        return at.point_from(sine * g3_sign, -cosine if place.region == "south" else cosine).P
+
+    def radicand(place: Place) -> arb:
+        P = value(loop, place)
+        for bits in LADDER:
+            if P.is_finite() and P.rel_accuracy_bits() >= ENOUGH_BITS:
+                break
+            with ctx.workprec(bits):
+                if bits not in finer:
+                    finer[bits] = loop.refined()
+                P = value(finer[bits], place)
+        return P
+
+    return radicand
+
+
+def _vanishes(radicand: Radicand) -> bool:
+    """Say whether P is zero at places that nothing distinguishes: then it is everywhere (V is constant)."""
+    return all(radicand(Place("middle", arb(x))).contains(arb(0)) for x in (1.1, 1.3))
 
 
 def _cuts(panel: Panel, series: FloatArray, radicand: Radicand) -> list[Place]:

@@ -10,9 +10,9 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc, ArcEnd
 from service.dynamics.reduction.loop import Loop, make_loop, start_g3_sign
-from service.dynamics.reduction.radicand import HalfLoop, scan_half
+from service.dynamics.reduction.radicand import HalfLoop, precise_radicand, scan_half
 from service.dynamics.reduction.window import EndKind, Window, WindowKind
-from service.dynamics.reduction.zeros import PoleKind
+from service.dynamics.reduction.zeros import Place, PoleKind
 
 PRECISION = 160
 """Bits of the balls the reduction works in: 2^-160 of room below a double's 2^-53."""
@@ -152,9 +152,10 @@ def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
 
 def _is_the_same_from_both_sides(loop: Loop, facing: int) -> bool:
     """Say whether p² has one limit at a pole: with another F beyond it no motion with q = 0 goes on."""
-    small, cosine = (arb(2) ** -352).sin_cos()
-    here, there = (loop.point_from(sine, cosine * facing).P for sine in (small, -small))
-    return bool(abs(here - there) < abs(here) * arb(2) ** -40)
+    at = Place("north" if facing > 0 else "south", arb(2) ** -352)
+    here, there = (precise_radicand(loop, g3_sign)(at) for g3_sign in (1, -1))
+    # Both are known to 32 bits at least.
+    return bool(abs(here - there) < abs(here) * arb(2) ** -24)
 
 
 def _beyond(other: HalfLoop, pole: arb, *, before: bool) -> _Break:

@@ -12,11 +12,13 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.loop import NuNeedsDoubleMomentError
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import (
+    AperiodicMotionError,
     NoMotionError,
     NoSuchWindowError,
     SeveralWindowsError,
     choose_window,
     find_windows,
+    require_periodic,
 )
 from tests.support.planar import body, formula
 
@@ -132,6 +134,14 @@ def test_a_pole_where_the_energy_would_jump_is_not_passed():
     assert [w.kind for w in windows("-abs(g1)^(4/3)", PlanarMotion(Fraction(1)), A=3)] == ["periodic"]
 
 
+def test_a_formula_that_writes_g1_by_the_others_has_the_same_window():
+    """On the sphere 1 − g2² − g3² is g1²: at a pole its digits cancel to nothing."""
+    (plain,) = windows("-abs(g1)", NU_1)
+    (cancelling,) = windows("-sqrt(1-g2^2-g3^2)", NU_1)
+    assert (cancelling.kind, cancelling.ends) == (plain.kind, plain.ends) == ("periodic", ("pole", "equator"))
+    assert cancelling.g1 == plain.g1
+
+
 def test_attraction_to_a_pole_is_a_collision():
     assert [w.kind for w in windows("-g1 - 1/(20*g3^2) - (g1^2-g2^2)/2", NU_1)] == ["collision"]
 
@@ -141,6 +151,11 @@ def test_no_motion_is_no_window():
     assert found == ()
     with pytest.raises(NoMotionError, match="negative on the whole curve"):
         choose_window(found, NU_1)
+
+
+@pytest.mark.parametrize("text", ["0", "7", "g1^2 + g2^2 + g3^2", "sin(g1)^2 + cos(g1)^2"])
+def test_a_potential_that_is_constant_on_the_sphere_moves_nothing(text):
+    assert windows(text, NU_1) == ()
 
 
 def test_the_sign_of_g1_turns_the_force_round():
@@ -205,6 +220,30 @@ def test_high_terms_whose_doubles_underflow_and_cancel(n):
             v = arb.pi() * share / 80
             at = arc.loop.refined().point(v)
             assert (potential.value_ball(at.g1, at.g2, at.g3) < h) == (arc.lower < v and v < arc.upper)
+
+
+def test_a_corner_of_the_potential_hides_no_zero():
+    """G(g2) = |g2 − 1/3| − 1/5 < 0 for 2/15 < g2 < 8/15, with a corner in between."""
+    (window,) = windows("(3*g1^2+g3^2)*(abs(g2-1/3)-1/5)", PlanarMotion(Fraction(1)), A=3)
+    assert window.g2 == pytest.approx((2 / 15, 8 / 15), abs=1e-15)
+
+
+def test_an_arc_may_come_round_to_the_one_pole_that_attracts():
+    """−Q/(1 + g2)² diverges at the south pole; the north pole is passed, and nothing else stops it."""
+    (window,) = windows("-g1 - (2*g1^2+g3^2)/(1+g2)^2", NU_1)
+    assert (window.kind, window.ends, window.g2) == ("collision", ("pole", "equator"), (-1.0, 1.0))
+
+
+def test_where_the_potential_is_not_defined_there_is_no_window():
+    found = windows("(3*g1^2+g3^2)*(1/2-sqrt(g2-1/2))", PlanarMotion(Fraction(1)), A=3)
+    # sqrt(g2 − 1/2) > 1/2 means g2 > 3/4; there s² stays finite at the pole.
+    assert [(w.kind, w.g2[0]) for w in found] == [("pole", pytest.approx(0.75, abs=1e-15))]
+
+
+def test_a_window_that_never_closes_is_refused_by_name():
+    (window,) = windows("-(g1^2-g2^2)", NU_1)
+    with pytest.raises(AperiodicMotionError, match=r"not periodic \(pole\)"):
+        require_periodic(window)
 
 
 def test_equal_moments_have_no_curve():
