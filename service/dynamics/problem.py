@@ -53,6 +53,20 @@ class PlanarMotion:
     window: int | None = None
     start: Start | None = None
 
+    def __post_init__(self) -> None:
+        if (self.lambda_ is None) == (self.nu is None):
+            raise ValueError("exactly one of lambda_ and nu is needed")
+
+    @property
+    def lambda_squared(self) -> Fraction:
+        """λ², which is |nu|."""
+        return abs(self.nu) if self.nu is not None else (self.lambda_ or Fraction(0)) ** 2
+
+    @property
+    def sign_of_g1(self) -> Sign:
+        """The sign of g1: that of nu, where nu is given."""
+        return self.g1_sign if self.nu is None else 1 if self.nu > 0 else -1
+
 
 @dataclass(frozen=True, slots=True)
 class StateMotion:

@@ -28,11 +28,6 @@ class Arc:
         return self.lower_end is None
 
     @property
-    def is_periodic(self) -> bool:
-        """Say whether every motion on the arc closes in finite time."""
-        return self.is_whole_loop or (self.lower_end == "rest" and self.upper_end == "rest")
-
-    @property
     def poles(self) -> list[arb]:
         """Return the v inside the arc where it passes a pole: multiples of π."""
         return self._inside(0)

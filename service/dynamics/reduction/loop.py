@@ -104,10 +104,6 @@ class Loop:
         P = ball(self.factor) * g3 * self._D(g1, g2, g3) / g1
         return Point(g1, g2, g3, c, P)
 
-    def radicand(self, v: arb) -> arb:
-        """Return P(v)."""
-        return self.point(v).P
-
     def energy(self, v: arb) -> arb:
         """Return h = V + A Q P / (2 C g3²), the same at every v if the potential is admissible."""
         at = self.point(v)
@@ -153,24 +149,18 @@ def make_loop(body: RigidBody, potential: Potential, motion: PlanarMotion) -> Lo
             f"nu = g3²/g1 is constant only for A = 2C (here A/C = {body.alpha}); give lambda",
             pointer="/motion/nu",
         )
-    signs = (motion.g1_sign, motion.g3_sign)
-    if motion.nu is not None:
-        signs = (1 if motion.nu > 0 else -1, motion.g3_sign)
-        square = abs(motion.nu)
-    elif motion.lambda_ is not None:
-        square = motion.lambda_**2
     mirrored = body.A < body.C
     A, C = (body.C, body.A) if mirrored else (body.A, body.C)
     unset = arb(0)
     factor = C / ((A - C) * A)
-    sign = signs[1 if mirrored else 0]
-    return Loop(potential, A, C, mirrored, sign, factor, square, unset, unset).refined()
+    sign = motion.g3_sign if mirrored else motion.sign_of_g1
+    return Loop(potential, A, C, mirrored, sign, factor, motion.lambda_squared, unset, unset).refined()
 
 
 def start_g3_sign(loop: Loop, motion: PlanarMotion) -> int:
     """Return the sign of the primed g3 on the half of the loop where ``motion`` is asked."""
     if loop.mirrored:
-        return motion.g1_sign
+        return motion.sign_of_g1
     return motion.g3_sign
 
 

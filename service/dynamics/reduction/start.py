@@ -103,9 +103,8 @@ def _at_rest(window: Window, start: StartAtRest, g3_sign: int, *, any_hemisphere
 
 def _at_point(window: Window, start: StartAtPoint, motion: PlanarMotion, g3_sign: int) -> StartingPoint:
     loop = window.arcs[0].loop
-    g1_sign = (1 if motion.nu > 0 else -1) if motion.nu is not None else motion.g1_sign
     size = abs(ball(start.g1))
-    if start.g1 * g1_sign > 0:
+    if start.g1 * motion.sign_of_g1 > 0:
         sine = size / loop.Z if loop.mirrored else ((size / loop.G).log() / ball(loop.alpha)).exp()
         if sine <= 1:
             quarter = sine.asin()
