@@ -104,8 +104,7 @@ class Sandbox:
                 if future in seat.calls:
                     for call in seat.calls:
                         call.cancel()
-                    _stop(seat.pool)
-                    seat.pool = self._new_pool()
+                    self._replace_pool(seat)
 
     @property
     def is_idle(self) -> bool:
@@ -122,9 +121,12 @@ class Sandbox:
     def _usable_pool(self, seat: "_Seat") -> ProcessPool:
         """Return the pool; a new one if it broke, as it does when an idle child is killed."""
         if not seat.pool.active:
-            _stop(seat.pool)
-            seat.pool = self._new_pool()
+            self._replace_pool(seat)
         return seat.pool
+
+    def _replace_pool(self, seat: "_Seat") -> None:
+        _stop(seat.pool)
+        seat.pool = self._new_pool()
 
     def _new_pool(self) -> ProcessPool:
         return ProcessPool(

@@ -56,9 +56,15 @@ def energy_integral(
     MissingMomentError
         The body has no B, and q is not zero throughout.
     """
-    omega = np.asarray(omega, dtype=np.float64)
-    h: FloatArray = np.sum(_inertia(body, omega) * omega**2, axis=-1) / 2.0 + potential.value(gamma)
+    h: FloatArray = kinetic_energy(body, omega) + potential.value(gamma)
     return h
+
+
+def kinetic_energy(body: RigidBody, omega: FloatArray) -> FloatArray:
+    """Return (A p² + B q² + C r²)/2, shape (...); raises as :func:`energy_integral`."""
+    omega = np.asarray(omega, dtype=np.float64)
+    T: FloatArray = np.sum(_inertia(body, omega) * omega**2, axis=-1) / 2.0
+    return T
 
 
 def geometric_integral(gamma: FloatArray) -> FloatArray:

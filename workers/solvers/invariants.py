@@ -1,16 +1,14 @@
 """How far the three integrals drift along a computed motion."""
 
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.euler_poisson import areas_integral, energy_integral, geometric_integral
+from service.dynamics.euler_poisson import areas_integral, geometric_integral, kinetic_energy
 from service.dynamics.motion import Motion
-from service.dynamics.potentials.gravity import gravity_potential
 from service.dynamics.potentials.potential import Potential
 
 FloatArray = NDArray[np.float64]
@@ -45,14 +43,12 @@ def measure_drifts(body: RigidBody, potential: Potential, motion: Motion) -> Dri
 
 def _energies(body: RigidBody, potential: Potential, omega: FloatArray, gamma: FloatArray) -> FloatArray:
     """Return the energy integral with V from balls: large terms that cancel are no drift of the motion."""
-    nothing = gravity_potential(Fraction(0), Fraction(0), Fraction(0))
-    kinetic = energy_integral(body, nothing, omega, gamma)
     with ctx.workprec(BITS):
         V = [float(potential.value_ball(*(arb(g) for g in row))) for row in gamma.tolist()]
-    energies: FloatArray = kinetic + np.array(V)
+    energies: FloatArray = kinetic_energy(body, omega) + np.array(V)
     return energies
 
 
-def _largest(departures: NDArray[np.float64]) -> float:
+def _largest(departures: FloatArray) -> float:
     # A potential such as g3^8/g1^3 has a limit at a pole but no value there.
     return float(np.abs(departures[np.isfinite(departures)]).max(initial=0.0))
