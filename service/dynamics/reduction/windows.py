@@ -12,7 +12,7 @@ from service.dynamics.reduction.arc import Arc, ArcEnd
 from service.dynamics.reduction.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.radicand import HalfLoop, precise_radicand, scan_half
 from service.dynamics.reduction.window import EndKind, Window, WindowKind
-from service.dynamics.reduction.zeros import Place, PoleKind
+from service.dynamics.reduction.zeros import Place, PoleKind, Region
 
 PRECISION = 160
 """Bits of the balls the reduction works in: 2^-160 of room below a double's 2^-53."""
@@ -121,7 +121,7 @@ def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
     signs = list(half.signs)
     other = scan_half(loop, -g3_sign) if first_open or last_open else None
     if other is not None:
-        north, south = (_is_the_same_from_both_sides(loop, cosine) for cosine in (1, -1))
+        north, south = (_is_the_same_from_both_sides(loop, side) for side in ("north", "south"))
         first, last = (north, south) if g3_sign > 0 else (south, north)
         first_open = first_open and other.last_pole == "passable" and first
         last_open = last_open and other.first_pole == "passable" and last
@@ -150,9 +150,9 @@ def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
     return sorted(arcs + isolated, key=lambda arc: float(arc.lower))
 
 
-def _is_the_same_from_both_sides(loop: Loop, facing: int) -> bool:
+def _is_the_same_from_both_sides(loop: Loop, side: Region) -> bool:
     """Say whether p² has one limit at a pole: with another F beyond it no motion with q = 0 goes on."""
-    at = Place("north" if facing > 0 else "south", arb(2) ** -352)
+    at = Place(side, arb(2) ** -352)
     here, there = (precise_radicand(loop, g3_sign)(at) for g3_sign in (1, -1))
     # Both are known to 32 bits at least.
     return bool(abs(here - there) < abs(here) * arb(2) ** -24)

@@ -240,6 +240,12 @@ def test_where_the_potential_is_not_defined_there_is_no_window():
     assert [(w.kind, w.g2[0]) for w in found] == [("pole", pytest.approx(0.75, abs=1e-15))]
 
 
+def test_a_potential_defined_only_near_a_pole_is_not_taken_for_a_constant():
+    found = windows("(3*g1^2+g3^2)*(1/10-sqrt(g2-9/10))", PlanarMotion(Fraction(1)), A=3)
+    # Motion where sqrt(g2 − 9/10) > 1/10, up to the pole, where s² stays finite.
+    assert [(w.kind, w.g2[1]) for w in found] == [("pole", 1.0)]
+
+
 def test_a_window_that_never_closes_is_refused_by_name():
     (window,) = windows("-(g1^2-g2^2)", NU_1)
     with pytest.raises(AperiodicMotionError, match=r"not periodic \(pole\)"):
