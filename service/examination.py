@@ -11,7 +11,7 @@ from collections.abc import Callable
 from flint import ctx
 
 from service.dynamics.errors import DynamicsError
-from service.dynamics.problem import PlanarMotion, Problem, StateMotion
+from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import (
@@ -19,8 +19,8 @@ from service.dynamics.reduction.windows import (
     SeveralWindowsError,
     choose_window,
     find_windows,
-    require_periodic,
 )
+from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.faults import InvalidProblemError
 from service.schemas.problem import read_problem, read_question
@@ -96,9 +96,13 @@ def _require_motion(problem: Problem, motion: PlanarMotion) -> Window:
     with ctx.workprec(PRECISION):
         windows = find_windows(problem.body, problem.potential, motion)
         window = choose_window(windows, motion)
-        if problem.method != "integration":
-            require_periodic(window)
         starting_point(window, motion)
+    if window.kind != "periodic" and isinstance(problem.time, TimePeriods):
+        raise PeriodNeededError(
+            f"the motion in window {window.index} has no period ({window.kind}); "
+            'accepted are {"start", "stop", "samples"} and {"times"}',
+            pointer="/time/periods",
+        )
     return window
 
 

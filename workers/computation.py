@@ -22,7 +22,8 @@ from service.storage.codec import encode_arrays, encode_dense
 from workers.solvers.cross_check import compare
 from workers.solvers.integration.solve import integrate_state
 from workers.solvers.invariants import measure_drifts
-from workers.solvers.quadrature.solve import FIRST_PASSAGE, planar_start, solve_planar
+from workers.solvers.quadrature.description import FIRST_PASSAGE
+from workers.solvers.quadrature.solve import planar_start, solve_planar
 
 FloatArray = NDArray[np.float64]
 
@@ -101,7 +102,10 @@ def summarise(document: dict[str, object], problem: Problem, motion: Motion) -> 
             "value": period.hi,
             "error": abs(period.lo) + period.error,
         },
-        "aperiodic": None,
+        "aperiodic": motion.aperiodic,
+        "asymptotes": None
+        if motion.past is None or motion.future is None
+        else {"past": asdict(motion.past), "future": asdict(motion.future)},
         "energy": asdict(motion.energy),
         "window": None
         if window is None

@@ -33,6 +33,10 @@ def _numbers(summary: Summary) -> Iterator[str]:
     period = summary["period"]
     if period is not None:
         yield f"period      {period['value']!r} ± {period['error']:.1e}"
+    if summary["aperiodic"] is not None:
+        yield f"aperiodic   {summary['aperiodic']}"
+        for when, end in summary["asymptotes"].items():
+            yield f"{when:<12}{_asymptote(end)}"
     energy = summary["energy"]
     yield f"energy      {energy['value']!r} ± {energy['error']:.1e}"
     window = summary["window"]
@@ -49,6 +53,15 @@ def _numbers(summary: Summary) -> Iterator[str]:
         yield f"cross-check {verdict} with {check['method']} {extent}"
     for convention in summary["conventions"]:
         yield f"convention  {convention}"
+
+
+def _asymptote(end: Mapping[str, Any]) -> str:
+    where = "{} at g = ({:.12g}, {:.12g}, {:.12g})".format(end["kind"], *end["gamma"])
+    if end["time"] is not None:
+        return f"{where}, t = {end['time']['value']!r} ± {end['time']['error']:.1e}"
+    if end["rate"] is not None:
+        return f"{where}, approached like exp(-{end['rate']['value']:.12g} |t|)"
+    return where
 
 
 def _table(columns: Mapping[str, FloatArray]) -> Iterator[str]:

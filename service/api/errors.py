@@ -13,7 +13,6 @@ URN = "urn:polhode:problem:"
 
 TITLES: Mapping[str, str] = {
     "accuracy_not_met": "The accuracy cannot be met",
-    "aperiodic_motion": "The motion is not periodic",
     "body_too_large": "The body is too large",
     "inadmissible_potential": "The potential admits no such motions",
     "internal_error": "The service failed",
@@ -28,8 +27,11 @@ TITLES: Mapping[str, str] = {
     "not_finite": "The stored solution is damaged",
     "not_found": "Not found",
     "not_ready": "Not ready",
+    "motion_ended": "The motion has ended by then",
     "outside_horizon": "Outside the times of the solution",
+    "period_needed": "The motion has no period",
     "several_windows": "There are several motions",
+    "start_needed": "A start must be given",
     "start_outside_window": "The motion does not pass the start",
     "undecided_potential": "Nothing is known of the potential",
     "unavailable": "The database cannot be reached",

@@ -21,6 +21,24 @@ class Estimate:
     error: float
 
 
+AperiodicKind = Literal["separatrix", "equilibrium", "collision", "pole"]
+"""Why a planar motion never closes; the kinds of :data:`service.dynamics.reduction.window.WindowKind`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asymptote:
+    """What an aperiodic motion runs into, in the future or out of the past."""
+
+    kind: Literal["equilibrium", "pole", "collision"]
+    """A zero of p² of higher order; a pole that is not passed; a singularity of the potential."""
+    time: Estimate | None
+    """When it is there; None if only in the limit t → ±∞."""
+    rate: Estimate | None
+    """The distance dies out like exp(−rate |t|); None if it is reached, or approached more slowly."""
+    gamma: tuple[float, float, float]
+    """The Poisson variables there, rounded to doubles."""
+
+
 @dataclass(frozen=True, slots=True)
 class CrossCheck:
     """What a second, independent method says about a motion."""
@@ -50,6 +68,10 @@ class Motion:
     energy: Estimate
     window: Window | None
     """Where on the curve a planar motion takes place; None if it was integrated from any state."""
+    aperiodic: AperiodicKind | None
+    """Why a planar motion has no period; None if it has one, or if it was integrated."""
+    past: Asymptote | None
+    future: Asymptote | None
     cross_check: CrossCheck | None
     conventions: tuple[str, ...]
     """Choices made where the equations leave one, such as the way through a pole."""

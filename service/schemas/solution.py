@@ -24,6 +24,22 @@ class WindowOut(ResponseModel):
     g2: tuple[float, float]
 
 
+class AsymptoteOut(ResponseModel):
+    """What an aperiodic motion runs into."""
+
+    kind: Literal["equilibrium", "pole", "collision"]
+    time: EstimateOut | None = Field(description="When it is there; null if in the limit of t only.")
+    rate: EstimateOut | None = Field(description="The distance dies out like exp(-rate |t|), if it does.")
+    gamma: tuple[float, float, float] = Field(description="g1, g2, g3 there.")
+
+
+class AsymptotesOut(ResponseModel):
+    """Where an aperiodic motion comes from and where it goes."""
+
+    past: AsymptoteOut
+    future: AsymptoteOut
+
+
 class DriftOut(ResponseModel):
     """The largest departure of an integral from its value, over the asked samples."""
 
@@ -61,7 +77,10 @@ class SolutionOut(ResponseModel):
     method: Literal["quadrature", "integration"]
     tier: str
     period: EstimateOut | None = Field(description="Of all six variables; null if not periodic or not known.")
-    aperiodic: str | None
+    aperiodic: Literal["separatrix", "equilibrium", "collision", "pole"] | None = Field(
+        description="Why a planar motion has no period."
+    )
+    asymptotes: AsymptotesOut | None = Field(default=None, description="Of an aperiodic motion.")
     energy: EstimateOut
     window: WindowOut | None
     invariants: dict[str, DriftOut] | None = Field(description="If the outputs ask for them.")

@@ -93,14 +93,22 @@ def test_a_start_beside_the_motion_is_refused(client):
     assert document["errors"][0]["pointer"].startswith("/motion/start")
 
 
-@pytest.mark.parametrize("method", ["auto", "quadrature", "both"])
-def test_a_motion_that_never_closes_is_left_to_the_integration(client, method):
-    separatrix = expression("-g1 + (1+sqrt(5))/4*(g1^2-g2^2)")
-    document = refused(submit(client, separatrix, nu=1, method=method), "aperiodic_motion")
-    assert "separatrix" in document["detail"]
-    # It has no rest point and reaches the equator never, hence a start must be given.
-    response = submit(client, separatrix, nu=1, method="integration", start={"g1": "1/2"})
-    assert response.status_code == 202, response.json()
+SEPARATRIX = expression("-g1 + (1+sqrt(5))/4*(g1^2-g2^2)")
+"""It has no rest point and reaches the equator never."""
+
+
+def test_a_separatrix_between_equilibria_needs_a_start(client):
+    document = refused(submit(client, SEPARATRIX, nu=1), "start_needed")
+    assert document["errors"][0]["pointer"] == "/motion/start"
+    assert submit(client, SEPARATRIX, nu=1, start={"g1": "1/2"}).status_code == 202
+
+
+def test_periods_of_a_motion_that_never_closes_are_refused(client):
+    motion = {"type": "planar", "nu": 1, "start": {"g1": "1/2"}}
+    time = {"periods": 1, "samples": 3}
+    problem = {**PLANAR, "potential": SEPARATRIX, "motion": motion, "time": time}
+    document = refused(client.post("/v1/jobs", json=problem), "period_needed")
+    assert document["errors"][0]["pointer"] == "/time/periods"
 
 
 def test_what_nothing_is_known_of_is_refused_with_the_evidence(monkeypatch):

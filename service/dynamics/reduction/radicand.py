@@ -10,6 +10,7 @@ zeros closer than doubles can tell are still two, and a double zero is one.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import ldexp
 
 import numpy as np
 from flint import arb, ctx
@@ -36,8 +37,9 @@ LADDER = (640, 2560, 10240)
 """Bits, in turn, where those of the caller are not enough."""
 ENOUGH_BITS = 32
 """Relative accuracy at which a value and its sign are believed."""
-DOUBLE_BITS = 100
-"""A refined critical value below 2^-100 of its panel counts as a zero of even order."""
+DOUBLE_SHARE = 5.0 / 8.0
+"""A refined critical value below 2^-(5/8 of the bits) of its panel counts as a zero of even order:
+2^-100 with 160 bits. With more bits a smaller gap is still told from none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +126,7 @@ def _cuts(panel: Panel, series: FloatArray, radicand: Radicand) -> list[Place]:
         x, nothing = arb(float(middle + half * root)), 0.0
         if abs(np.polynomial.chebyshev.chebval(root, series)) < SUSPECT * size:
             x = _extremum(lambda at: radicand(Place(panel.region, at)), x, arb(1e-4 * half))
-            nothing = size * 2.0**-DOUBLE_BITS
+            nothing = ldexp(size, -int(DOUBLE_SHARE * ctx.prec))
         cuts.append(Place(panel.region, x, nothing))
     return sorted(cuts, key=lambda place: float(place.x), reverse=backwards)
 

@@ -15,11 +15,20 @@ from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.loop import ball, start_g3_sign
 from service.dynamics.reduction.window import Window
 
+EQUILIBRIUM = 1e-12
+"""Distance within which a start that is asked for is the equilibrium itself."""
+
 
 class StartOutsideWindowError(DynamicsError):
     """The start asked for is not in the window."""
 
     code = "start_outside_window"
+
+
+class StartNeededError(DynamicsError):
+    """The window has no point where a motion would start by itself."""
+
+    code = "start_needed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,24 +45,54 @@ def starting_point(window: Window, motion: PlanarMotion) -> StartingPoint:
     """Return the start of ``motion`` in ``window``, at the current precision.
 
     Without a wish: at the equator with s > 0 if the window reaches it, else at
-    rest at the larger |g1|, with g2 > 0 if there is a northern arc.
+    rest at the larger |g1|, with g2 > 0 if there is a northern arc. At an
+    equilibrium every start is that point.
 
     Raises
     ------
+    StartNeededError
+        Nothing is asked, and the window has neither the equator nor a rest point:
+        a separatrix between two equilibria, or from a pole to one.
     StartOutsideWindowError
         The window does not reach the equator, has no rest point in that
         hemisphere, or does not contain that g1.
     """
     g3_sign = start_g3_sign(window.arcs[0].loop, motion)
+    if window.kind == "equilibrium":
+        return _at_equilibrium(window, motion)
     if motion.start is None:
         if window.ends[1] == "equator":
             return _at_equator(window, StartAtEquator(), g3_sign)
+        if not any("rest" in (arc.lower_end, arc.upper_end) for arc in window.arcs):
+            raise StartNeededError(
+                "the motion in this window neither crosses the equator nor comes to rest; accepted is "
+                f'"start": {{"g1": x}} with x between {window.g1[0]:.6g} and {window.g1[1]:.6g}',
+                pointer="/motion/start",
+            )
         return _at_rest(window, StartAtRest(), g3_sign, any_hemisphere=True)
     if isinstance(motion.start, StartAtEquator):
         return _at_equator(window, motion.start, g3_sign)
     if isinstance(motion.start, StartAtRest):
         return _at_rest(window, motion.start, g3_sign, any_hemisphere=False)
     return _at_point(window, motion.start, motion, g3_sign)
+
+
+def _at_equilibrium(window: Window, motion: PlanarMotion) -> StartingPoint:
+    """Return the equilibrium in the hemisphere that is asked for, the northern if none is."""
+    wanted = motion.start.g2_sign if isinstance(motion.start, StartAtRest | StartAtPoint) else 1
+    arc = window.arcs[0] if len(window.arcs) == 1 or wanted > 0 else window.arcs[1]
+    if isinstance(motion.start, StartAtRest) or motion.start is None:
+        is_there = len(window.arcs) > 1 or motion.start is None or (arc.lower.cos() > 0) == (wanted > 0)
+    elif isinstance(motion.start, StartAtEquator):
+        is_there = abs(window.g2[0]) < EQUILIBRIUM
+    else:
+        is_there = abs(float(motion.start.g1) - window.g1[0]) < EQUILIBRIUM
+    if not is_there:
+        raise StartOutsideWindowError(
+            f"the window is the equilibrium at g1 = {window.g1[0]:.17g}, g2 = {window.g2[0]:.17g} alone",
+            pointer="/motion/start",
+        )
+    return StartingPoint(arc, arc.lower, 0)
 
 
 def _at_equator(window: Window, start: StartAtEquator, g3_sign: int) -> StartingPoint:

@@ -5,7 +5,8 @@ from typing import Literal
 
 from service.dynamics.reduction.arc import Arc
 
-EndKind = Literal["pole", "equator", "rest"]
+EndKind = Literal["pole", "equator", "rest", "equilibrium"]
+"""At ``rest`` the motion turns back; an ``equilibrium`` it reaches in the limit t → ±∞ only."""
 WindowKind = Literal["periodic", "separatrix", "equilibrium", "collision", "pole"]
 
 

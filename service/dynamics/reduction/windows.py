@@ -44,12 +44,6 @@ class NoSuchWindowError(DynamicsError):
     code = "no_such_window"
 
 
-class AperiodicMotionError(DynamicsError):
-    """The motion never closes: there is no period for a quadrature to find."""
-
-    code = "aperiodic_motion"
-
-
 @dataclass(frozen=True, slots=True)
 class _Break:
     """A place on the (unrolled) loop where an arc can end."""
@@ -99,16 +93,6 @@ def choose_window(windows: tuple[Window, ...], motion: PlanarMotion) -> Window:
             pointer="/motion/window",
         )
     return windows[motion.window]
-
-
-def require_periodic(window: Window) -> None:
-    """Raise AperiodicMotionError if motions in ``window`` do not close."""
-    if window.kind != "periodic":
-        raise AperiodicMotionError(
-            f"the motion in window {window.index} is not periodic ({window.kind}); "
-            'accepted for it is "method": "integration", with the moment B',
-            pointer="/motion",
-        )
 
 
 def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
@@ -221,8 +205,10 @@ def _describe(arcs: tuple[Arc, ...], g3_sign: int) -> Window:
     ends_v = [arc.lower, arc.upper]
     sizes = [_absolute_g1(arc.loop, v) for v in ends_v]
     lo_v, hi_v = (arc.lower, arc.upper) if sizes[0] < sizes[1] else (arc.upper, arc.lower)
-    lo_end: EndKind = "pole" if arc.is_whole_loop or arc.poles or _ends_at_pole(arc, lo_v) else "rest"
-    hi_end: EndKind = "equator" if arc.is_whole_loop or arc.equators else "rest"
+    lo_end: EndKind = (
+        "pole" if arc.is_whole_loop or arc.poles or _ends_at_pole(arc, lo_v) else _stop(arc, lo_v)
+    )
+    hi_end: EndKind = "equator" if arc.is_whole_loop or arc.equators else _stop(arc, hi_v)
     loop = arc.loop
     sign = g3_sign if loop.mirrored else loop.g1_sign
     lo = 0.0 if lo_end == "pole" else min(sizes)
@@ -233,6 +219,11 @@ def _describe(arcs: tuple[Arc, ...], g3_sign: int) -> Window:
     return Window(
         0, _kind(arc), (lo_end, hi_end), (sign * lo + 0.0, sign * hi), (min(heights), max(heights)), arcs
     )
+
+
+def _stop(arc: Arc, v: arb) -> EndKind:
+    end = arc.lower_end if v is arc.lower else arc.upper_end
+    return "equilibrium" if end == "double" else "rest"
 
 
 def _ends_at_pole(arc: Arc, v: arb) -> bool:

@@ -12,13 +12,11 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.loop import NuNeedsDoubleMomentError
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import (
-    AperiodicMotionError,
     NoMotionError,
     NoSuchWindowError,
     SeveralWindowsError,
     choose_window,
     find_windows,
-    require_periodic,
 )
 from tests.support.planar import body, formula
 
@@ -107,7 +105,8 @@ def test_two_zeros_closer_than_doubles_can_tell_are_two():
 
 def test_the_separatrix_of_the_equator_is_told_from_its_two_neighbours():
     critical = "(1+sqrt(5))/4"
-    assert [w.kind for w in windows(f"-g1 + {critical}*(g1^2-g2^2)", NU_1)] == ["separatrix"]
+    (window,) = windows(f"-g1 + {critical}*(g1^2-g2^2)", NU_1)
+    assert (window.kind, window.ends) == ("separatrix", ("pole", "equilibrium"))
     (below,) = windows(f"-g1 + {critical}*(1-1e-12)*(g1^2-g2^2)", NU_1)
     (above,) = windows(f"-g1 + {critical}*(1+1e-12)*(g1^2-g2^2)", NU_1)
     assert (below.kind, below.ends) == ("periodic", ("pole", "equator"))
@@ -244,12 +243,6 @@ def test_a_potential_defined_only_near_a_pole_is_not_taken_for_a_constant():
     found = windows("(3*g1^2+g3^2)*(1/10-sqrt(g2-9/10))", PlanarMotion(Fraction(1)), A=3)
     # Motion where sqrt(g2 − 9/10) > 1/10, up to the pole, where s² stays finite.
     assert [(w.kind, w.g2[1]) for w in found] == [("pole", 1.0)]
-
-
-def test_a_window_that_never_closes_is_refused_by_name():
-    (window,) = windows("-(g1^2-g2^2)", NU_1)
-    with pytest.raises(AperiodicMotionError, match=r"not periodic \(pole\)"):
-        require_periodic(window)
 
 
 def test_equal_moments_have_no_curve():

@@ -125,6 +125,9 @@ def _motion(
         error=error,
         energy=_energy(twin, body, potential, check),
         window=None,
+        aperiodic=None,
+        past=None,
+        future=None,
         cross_check=None,
         conventions=(),
         evidence={

@@ -1,4 +1,4 @@
-"""The dense output of a periodic planar motion, resolved in time."""
+"""The pieces of a dense output, resolved in time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,9 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.dense_output import DenseOutput, chebyshev_coefficients, chebyshev_points
+from service.dynamics.dense_output import chebyshev_coefficients, chebyshev_points
 from service.dynamics.errors import DynamicsError
-from service.dynamics.motion import COLUMNS
 from workers.solvers.quadrature.orbit import Orbit
 from workers.solvers.quadrature.time_map import TimeMap
 
@@ -17,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 DEGREE = 20
 FINEST = 1e14
-"""Pieces to a period where they are shortest: next to a pole passed without smoothness."""
+"""Pieces to the scale of time where they are shortest: next to a pole passed without smoothness."""
 MAX_PIECES = 4000
 BETWEEN = (-0.93, -0.31, 0.42, 0.87)
 """Places in a piece, none a node, where the series is compared with the motion."""
@@ -29,36 +28,42 @@ class DenseOutputNotResolvedError(DynamicsError):
     code = "dense_output_not_resolved"
 
 
+Sampler = Callable[[FloatArray], FloatArray]
+"""The six variables, shape (n, 6), at times of shape (n,)."""
+
+
 @dataclass(frozen=True, slots=True)
 class ResolvedMotion:
-    """A dense output and what it took.
+    """The pieces of a dense output and what they took."""
 
-    Its error is twice the largest departure from the motion that was seen
-    between the nodes of any piece: a factor for the places not looked at.
-    """
-
-    dense: DenseOutput
+    breaks: FloatArray
+    """Shape (pieces + 1,)."""
+    coefficients: FloatArray
+    """Shape (pieces, DEGREE + 1, 6)."""
+    departure: float
+    """Largest departure from the motion that was seen between the nodes of any piece."""
     evaluations: int
-    passages: FloatArray
-    """Times in [0, period) at which a pole is passed, growing."""
+
+    @property
+    def error(self) -> float:
+        """Twice the departure: a factor for the places not looked at."""
+        return 2.0 * self.departure
 
 
-def resolve_motion(orbit: Orbit, time_map: TimeMap, *, atol: float) -> ResolvedMotion:
-    """Return the six variables as functions of t since the start, over one period.
+def resolve_motion(
+    sample: Sampler, span: tuple[float, float], passages: FloatArray, *, scale: float, atol: float
+) -> ResolvedMotion:
+    """Return the six variables as functions of t over ``span``, which is cut at the ``passages`` too.
 
     Pieces are halved until the tail of every column's series is below ``atol``
-    plus the rounding of its own size.
+    plus the rounding of its own size and of times of the size ``scale``.
 
     Raises
     ------
     DenseOutputNotResolvedError
         More than MAX_PIECES pieces would be needed.
     """
-    period = time_map.period.hi
-    origin = float(time_map.time_at(np.array([orbit.start]))[0])
-    sample = _sampler(orbit, time_map, origin)
-    passages = (time_map.time_at(np.array(orbit.corners)) - origin) % period
-    waiting = _first_pieces(period, passages)
+    waiting = _first_pieces(span, passages)
     places = np.concatenate([chebyshev_points(DEGREE), BETWEEN])
     done: list[tuple[float, float, FloatArray]] = []
     departure, evaluations = 0.0, 0
@@ -73,8 +78,8 @@ def resolve_motion(orbit: Orbit, time_map: TimeMap, *, atol: float) -> ResolvedM
         following: list[tuple[float, float]] = []
         for (left, right), states in zip(waiting, values, strict=True):
             series = chebyshev_coefficients(states[: DEGREE + 1])
-            periods = period / (right - left)
-            if _is_resolved(series, states, periods, atol) or periods > FINEST:
+            pieces = scale / (right - left)
+            if _is_resolved(series, states, pieces, atol) or pieces > FINEST:
                 done.append((left, right, series))
                 found = np.polynomial.chebyshev.chebval(np.array(BETWEEN), series).T
                 departure = max(departure, float(np.abs(found - states[DEGREE + 1 :]).max()))
@@ -85,43 +90,42 @@ def resolve_motion(orbit: Orbit, time_map: TimeMap, *, atol: float) -> ResolvedM
         if len(done) + len(waiting) > MAX_PIECES:
             raise DenseOutputNotResolvedError(f"more than {MAX_PIECES} pieces would be needed for {atol:.1e}")
     done.sort(key=lambda piece: piece[0])
-    edges = np.array([0.0, *(right for _, right, _ in done)])
+    edges = np.array([span[0], *(right for _, right, _ in done)])
     coefficients = np.stack([series for _, _, series in done])
-    dense = DenseOutput(COLUMNS, edges, coefficients, time_map.period, 2.0 * departure)
-    return ResolvedMotion(dense, evaluations, np.sort(passages))
+    return ResolvedMotion(edges, coefficients, departure, evaluations)
 
 
-def _first_pieces(period: float, passages: FloatArray) -> list[tuple[float, float]]:
-    """Return equal pieces of a period, cut at the passages of a pole as well."""
-    breaks = [0.0]
-    for t in sorted({*np.linspace(0.0, period, 9).tolist(), *passages.tolist()}):
-        if t - breaks[-1] > 1e-9 * period:
+def _first_pieces(span: tuple[float, float], passages: FloatArray) -> list[tuple[float, float]]:
+    """Return equal pieces of the span, cut at the passages of a pole as well."""
+    first, last = span
+    breaks = [first]
+    for t in sorted({*np.linspace(first, last, 9).tolist(), *passages.tolist()}):
+        if not first < t <= last:
+            continue
+        if t - breaks[-1] > 1e-9 * (last - first):
             breaks.append(t)
-        elif t in passages and 0.0 < breaks[-1] < period:
+        elif t in passages and first < breaks[-1] < last:
             breaks[-1] = t
-    breaks[-1] = period
+    breaks[-1] = last
     return list(pairwise(breaks))
 
 
-def _is_resolved(series: FloatArray, states: FloatArray, periods: float, atol: float) -> bool:
+def _is_resolved(series: FloatArray, states: FloatArray, pieces: float, atol: float) -> bool:
     """Say whether the tails of all columns are below ``atol`` and rounding.
 
-    A time is known to a few ulp of the period, which moves a column by its
-    slope, here its range over the piece's share (1/``periods``) of the period.
+    A time is known to a few ulp of its scale, which moves a column by its
+    slope, here its range over the piece's share (1/``pieces``) of the scale.
     """
     tails = np.abs(series[-2:]).max(axis=0)
-    rounding = 4e-16 * (np.abs(states).max(axis=0) + periods * np.ptp(states, axis=0))
+    rounding = 4e-16 * (np.abs(states).max(axis=0) + pieces * np.ptp(states, axis=0))
     return bool(np.all(tails <= atol + rounding))
 
 
-def _sampler(orbit: Orbit, time_map: TimeMap, origin: float) -> Callable[[FloatArray], FloatArray]:
-    """Return the six variables as a function of times since the start, in [0, period]."""
-    period = time_map.period.hi
+def phase_sampler(orbit: Orbit, time_map: TimeMap) -> Sampler:
+    """Return the six variables as a function of the time map's own times, from 0 to its total."""
 
     def sample(times: FloatArray) -> FloatArray:
-        local = times + origin
-        local = np.where(local > period, local - period, local)
-        panels, places = time_map.phase_at(np.clip(local, 0.0, period))
+        panels, places = time_map.phase_at(times)
         rows = []
         for panel, x in zip(panels, places, strict=True):
             state = orbit.state(time_map.theta(int(panel), float(x)))

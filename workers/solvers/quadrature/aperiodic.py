@@ -1,0 +1,155 @@
+"""Planar motions that never close: as functions of time, with where they come from and go to."""
+
+import numpy as np
+from flint import ctx
+from numpy.typing import NDArray
+
+from service.dynamics.dense_output import EPSILON, DenseOutput
+from service.dynamics.errors import DynamicsError
+from service.dynamics.motion import COLUMNS, AperiodicKind, Asymptote, Estimate, Motion
+from service.dynamics.problem import Problem
+from service.dynamics.reduction.start import StartingPoint
+from service.dynamics.reduction.window import Window
+from service.dynamics.sampling import sample_times
+from workers.solvers.quadrature.dense import Sampler, phase_sampler, resolve_motion
+from workers.solvers.quadrature.description import FIRST_PASSAGE, conventions_of, energy_of, evidence_of
+from workers.solvers.quadrature.flight import Flight, Reach, asymptote, make_flight, reach
+from workers.solvers.quadrature.orbit import starting_state
+from workers.solvers.quadrature.time_map import PrecisionLostError, TimeMap, make_time_map
+
+FloatArray = NDArray[np.float64]
+
+
+DOUBLE_ZERO_BITS = 320
+"""Bits with which a double zero, a minimum of P, is found to 2^-140: far beyond exp(-FARTHEST)."""
+
+
+class MotionEndedError(DynamicsError):
+    """All the times asked for lie beyond the end of the motion."""
+
+    code = "motion_ended"
+
+
+def solve_aperiodic(problem: Problem, window: Window, start: StartingPoint) -> Motion:
+    """Return the motion from ``start`` in a window that is not periodic, over the asked times.
+
+    Where the motion ends in finite time (a collision; a pole that is not
+    passed) it is sampled at the asked times before that.
+
+    Raises
+    ------
+    PeriodNeededError
+        Times are asked in periods.
+    MotionEndedError
+        The motion has ended before all of the asked times.
+    """
+    kind: AperiodicKind = "equilibrium" if window.kind == "periodic" else window.kind
+    times = sample_times(problem.time, None)
+    if kind == "equilibrium":
+        return _rest(window, start, times)
+    if "double" in (start.arc.lower_end, start.arc.upper_end) and ctx.prec < DOUBLE_ZERO_BITS:
+        raise PrecisionLostError("a double zero is known to fewer digits than its neighbourhood needs")
+    asked = float(np.abs(times).max(initial=0.0))
+    flight = make_flight(start)
+    past, future = (reach(flight, side, asked) for side in (-1, 1))
+    flight = flight.reaching(past.y, future.y)
+    time_map = make_time_map(flight.rate, flight.corners, is_even=flight.is_even)
+    origin = float(time_map.time_at(np.array([flight.start]))[0])
+    ends = _ends(flight, (past, future), time_map, origin)
+    times = _before_the_end(times, ends)
+    span = (min(0.0, float(times.min())), max(0.0, float(times.max())))
+    on_map = phase_sampler(flight, time_map)
+    total = time_map.period.hi
+
+    def sample(asked: FloatArray) -> FloatArray:
+        # Beyond the map the motion is at its asymptote, to a double's last digit.
+        return on_map(np.clip(asked + origin, 0.0, total))
+
+    passages = time_map.time_at(np.array(flight.corners)) - origin if flight.corners else np.zeros(0)
+    passages = passages[(passages > span[0]) & (passages < span[1])]
+    resolved = resolve_motion(
+        sample,
+        span if span[0] < span[1] else (0.0, float(np.spacing(1.0))),
+        passages,
+        scale=max(total, asked),
+        atol=min(1e-14, 1e-3 * problem.tolerance),
+    )
+    error = resolved.error + _error_of_times(sample, times, time_map.period.error + 4.0 * EPSILON * total)
+    dense = DenseOutput(COLUMNS, resolved.breaks, resolved.coefficients, None, error)
+    conventions = conventions_of(start)
+    first = passages[np.argmin(np.abs(passages))] if len(passages) else np.inf
+    return Motion(
+        method="quadrature",
+        dense=dense,
+        times=times,
+        samples=dense(times),
+        error=dense.error_at(times),
+        energy=energy_of(start.arc.loop, flight.somewhere()),
+        window=window,
+        aperiodic=kind,
+        past=ends[0],
+        future=ends[1],
+        cross_check=None,
+        conventions=conventions,
+        evidence={
+            **evidence_of(time_map, resolved),
+            **({FIRST_PASSAGE: float(abs(first))} if conventions and len(passages) else {}),
+        },
+    )
+
+
+def _rest(window: Window, start: StartingPoint, times: FloatArray) -> Motion:
+    """Return the constant motion at a double zero of p²."""
+    state = starting_state(start)
+    values = np.array([float(value) for value in state])
+    uncertain = max(float(value.rad()) for value in state) + float(start.v.rad())
+    span = np.array([min(0.0, float(times.min())), max(1.0, float(times.max()))])
+    dense = DenseOutput(COLUMNS, span, values[None, None, :], None, uncertain + EPSILON)
+    at = Asymptote("equilibrium", None, None, (float(values[3]), float(values[4]), float(values[5])))
+    return Motion(
+        method="quadrature",
+        dense=dense,
+        times=times,
+        samples=dense(times),
+        error=dense.error_at(times),
+        energy=energy_of(start.arc.loop, start.v),
+        window=window,
+        aperiodic="equilibrium",
+        past=at,
+        future=at,
+        cross_check=None,
+        conventions=(),
+        evidence={},
+    )
+
+
+def _ends(
+    flight: Flight, reaches: tuple[Reach, Reach], time_map: TimeMap, origin: float
+) -> tuple[Asymptote, Asymptote]:
+    """Return past and future."""
+    error = time_map.period.error + 4.0 * EPSILON * time_map.period.hi
+    arrivals = (Estimate(-origin, error), Estimate(time_map.period.hi - origin, error))
+    past, future = (asymptote(flight, found, at) for found, at in zip(reaches, arrivals, strict=True))
+    return past, future
+
+
+def _before_the_end(times: FloatArray, ends: tuple[Asymptote, Asymptote]) -> FloatArray:
+    """Return the times at which there is a motion."""
+    past, future = (end.time for end in ends)
+    kept = times
+    if past is not None:
+        kept = kept[kept > past.value + past.error]
+    if future is not None:
+        kept = kept[kept < future.value - future.error]
+    if not len(kept):
+        lives = [f"{name} t = {end.value:.15g}" for name, end in (("from", past), ("until", future)) if end]
+        raise MotionEndedError(
+            f"the motion lasts {' '.join(lives)} only, and all the asked times are outside", pointer="/time"
+        )
+    return kept
+
+
+def _error_of_times(sample: Sampler, times: FloatArray, by: float) -> float:
+    """Return what an error of the time by ``by`` does to the six variables at ``times``."""
+    before, after = sample(times - by), sample(times + by)
+    return float(np.abs(after - before).max(initial=0.0))
