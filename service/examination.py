@@ -19,6 +19,7 @@ from service.dynamics.reduction.windows import (
     SeveralWindowsError,
     choose_window,
     find_windows,
+    require_inside_domain,
 )
 from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.verdict import Verdict, decide
@@ -96,6 +97,8 @@ def _require_motion(problem: Problem, motion: PlanarMotion) -> Window:
     with ctx.workprec(PRECISION):
         windows = find_windows(problem.body, problem.potential, motion)
         window = choose_window(windows, motion)
+        if problem.method != "integration":
+            require_inside_domain(window)
         starting_point(window, motion)
     if window.kind != "periodic" and isinstance(problem.time, TimePeriods):
         raise PeriodNeededError(

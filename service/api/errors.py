@@ -20,6 +20,7 @@ TITLES: Mapping[str, str] = {
     "invalid_problem": "The document is not a problem",
     "invalid_request": "The request is not valid",
     "job_finished": "The job has finished",
+    "leaves_domain": "The motion leaves the potential's domain",
     "method_not_allowed": "Method not allowed",
     "no_motion": "There is no such motion",
     "no_such_window": "There is no such window",

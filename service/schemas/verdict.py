@@ -39,14 +39,14 @@ class EvidenceOut(ResponseModel):
     largest_enclosure: str
 
 
-EndOut = Literal["pole", "rest", "equator", "equilibrium"]
+EndOut = Literal["pole", "rest", "equator", "equilibrium", "edge"]
 
 
 class MotionWindowOut(ResponseModel):
     """A stretch of the curve on which a motion takes place."""
 
     window: int = Field(description="Its number, for the motion's `window`.")
-    kind: Literal["periodic", "separatrix", "equilibrium", "collision", "pole"]
+    kind: Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"]
     ends: tuple[EndOut, EndOut] = Field(description="Where |g1| is smallest, where it is largest.")
     g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")

@@ -41,14 +41,18 @@ class Case:
 
 
 @st.composite
-def cases(draw: st.DrawFn) -> Case:
-    """Q G(g2) with a cubic G, plus the homogeneous terms of lowest degree on |g1|, |g3| (any A ≠ C)."""
+def cases(draw: st.DrawFn, *, attracts: bool = False) -> Case:
+    """Q G(g2) with a cubic G, plus the homogeneous terms of lowest degree on |g1|, |g3| (any A ≠ C).
+
+    Where one of these diverges it repels, or ``attracts``: then motions end there.
+    """
     A, C = (Fraction(moment) for moment in draw(st.sampled_from(MOMENTS)))
     alpha = A / C
     constant, linear, square, cubic = (draw(coefficient()) for _ in range(4))
     text = f"(A*g1^2 + C*g3^2)*(({constant}) + ({linear})*g2 + ({square})*g2^2 + ({cubic})*g2^3)"
     attraction, repulsion = draw(coefficient()), draw(st.fractions(0, 1, max_denominator=50))
-    # B_0 = |g1|^(2(α−1)/α) and C_0 = |g3|^(−2(α−1)); the one that diverges at its pole must repel.
+    repulsion = -repulsion if attracts else repulsion
+    # B_0 = |g1|^(2(α−1)/α) and C_0 = |g3|^(−2(α−1)); the one that diverges decides.
     first, second = (attraction, repulsion) if alpha > 1 else (repulsion, attraction)
     text += f" + ({first})*abs(g1)^({2 * (alpha - 1) / alpha})"
     text += f" + ({second})*abs(g3)^({-2 * (alpha - 1)})"

@@ -67,7 +67,7 @@ def scan_half(loop: Loop, g3_sign: int) -> HalfLoop:
     zeros, signs = zeros_between(cuts, radicand)
     first, last = classify_pole(radicand, "north"), classify_pole(radicand, "south")
     if g3_sign < 0:
-        zeros = [Zero(-zero.v, zero.is_simple) for zero in reversed(zeros)]
+        zeros = [Zero(-zero.v, zero.kind) for zero in reversed(zeros)]
         signs.reverse()
         first, last = last, first
     return HalfLoop(tuple(zeros), tuple(signs), first, last)

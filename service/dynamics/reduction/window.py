@@ -5,9 +5,9 @@ from typing import Literal
 
 from service.dynamics.reduction.arc import Arc
 
-EndKind = Literal["pole", "equator", "rest", "equilibrium"]
+EndKind = Literal["pole", "equator", "rest", "equilibrium", "edge"]
 """At ``rest`` the motion turns back; an ``equilibrium`` it reaches in the limit t → ±∞ only."""
-WindowKind = Literal["periodic", "separatrix", "equilibrium", "collision", "pole"]
+WindowKind = Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"]
 
 
 @dataclass(frozen=True, slots=True)

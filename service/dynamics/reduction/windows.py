@@ -12,7 +12,7 @@ from service.dynamics.reduction.arc import Arc, ArcEnd
 from service.dynamics.reduction.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.radicand import HalfLoop, precise_radicand, scan_half
 from service.dynamics.reduction.window import EndKind, Window, WindowKind
-from service.dynamics.reduction.zeros import Place, PoleKind, Region
+from service.dynamics.reduction.zeros import Place, PoleKind, Region, ZeroKind
 
 PRECISION = 160
 """Bits of the balls the reduction works in: 2^-160 of room below a double's 2^-53."""
@@ -38,10 +38,29 @@ class SeveralWindowsError(DynamicsError):
         self.windows = windows
 
 
+class LeavesDomainError(DynamicsError):
+    """The motion runs into the edge of where the potential is defined."""
+
+    code = "leaves_domain"
+
+
 class NoSuchWindowError(DynamicsError):
     """A window was chosen that the curve does not have."""
 
     code = "no_such_window"
+
+
+_ENDS: dict[ZeroKind, ArcEnd] = {"simple": "rest", "multiple": "double", "edge": "edge"}
+
+
+def require_inside_domain(window: Window) -> None:
+    """Raise LeavesDomainError if the motion in ``window`` runs out of the potential's domain."""
+    if window.kind == "edge":
+        raise LeavesDomainError(
+            f"the potential is defined on the curve only for g2 between {window.g2[0]:.15g} and "
+            f"{window.g2[1]:.15g}, and the motion does not turn back before",
+            pointer="/potential",
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +118,7 @@ def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
     """Return the arcs that meet the half of the loop where g3 has ``g3_sign``."""
     half = scan_half(loop, g3_sign)
     base = arb(0) if g3_sign > 0 else -arb.pi()
-    breaks = [_Break(zero.v, "rest" if zero.is_simple else "double") for zero in half.zeros]
+    breaks = [_Break(zero.v, _ENDS[zero.kind]) for zero in half.zeros]
     first_open = half.signs[0] > 0 and half.first_pole == "passable"
     last_open = half.signs[-1] > 0 and half.last_pole == "passable"
     signs = list(half.signs)
@@ -160,7 +179,7 @@ def _beyond(other: HalfLoop, pole: arb, *, before: bool) -> _Break:
         v = v - turn
     while not before and v < pole:
         v = v + turn
-    return _Break(v, "rest" if zero.is_simple else "double")
+    return _Break(v, _ENDS[zero.kind])
 
 
 def _pole_end(kind: PoleKind) -> ArcEnd:
@@ -223,7 +242,7 @@ def _describe(arcs: tuple[Arc, ...], g3_sign: int) -> Window:
 
 def _stop(arc: Arc, v: arb) -> EndKind:
     end = arc.lower_end if v is arc.lower else arc.upper_end
-    return "equilibrium" if end == "double" else "rest"
+    return "equilibrium" if end == "double" else "edge" if end == "edge" else "rest"
 
 
 def _ends_at_pole(arc: Arc, v: arb) -> bool:
@@ -235,6 +254,8 @@ def _kind(arc: Arc) -> WindowKind:
     ends = {arc.lower_end, arc.upper_end}
     if arc.lower is arc.upper:
         return "equilibrium"
+    if "edge" in ends:
+        return "edge"
     if "collision" in ends:
         return "collision"
     if "double" in ends:

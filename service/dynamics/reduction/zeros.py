@@ -31,45 +31,80 @@ Radicand = Callable[[Place], arb]
 """P as a function of the place."""
 
 
+ZeroKind = Literal["simple", "multiple", "edge"]
+"""A zero of order one; of order two or more: an equilibrium or separatrix; the edge of where P is defined."""
+
+
 @dataclass(frozen=True, slots=True)
 class Zero:
-    """A zero of P at v (a ball that contains it)."""
+    """A place v (a ball that contains it) where P ceases to be positive, or touches zero."""
 
     v: arb
-    is_simple: bool
-    """False for a zero of order two or more: an equilibrium or separatrix."""
+    kind: ZeroKind
 
 
 def zeros_between(cuts: list[Place], radicand: Radicand) -> tuple[list[Zero], list[int]]:
     """Return the zeros between the cuts, and the signs around them.
 
     Between neighbouring cuts P is monotone, so a change of sign is exactly one
-    zero. A cut at which P vanishes is itself a zero.
+    zero. A cut at which P vanishes is itself a zero. Where P is not defined
+    there is no motion: the sign is negative, and a positive stretch ends at an edge.
     """
     zeros: list[Zero] = []
     signs: list[int] = []
-    last: int | None = None  # the cut whose sign was last certain
+    last: Place | None = None  # the cut before, unless P vanished there
+    last_is_defined = True
     touched: Place | None = None
-    for k, place in enumerate(cuts):
-        sign = place.sign if place.sign is not None else _sign(radicand(place), place.nothing)
-        if sign is None:
-            continue
-        if sign == 0:
+    for place, found in _with_edges(cuts, radicand):
+        if found == 0:
             touched = touched or place
             continue
-        if last is not None:
-            if touched is not None:
-                crossing = sign != signs[-1]
-                simple = crossing and _is_simple(radicand, touched)
-                zeros.append(Zero(touched.v(), simple))
-                signs.append(sign)
-            elif sign != signs[-1]:
-                zeros.append(_crossing(radicand, cuts[last], place))
-                signs.append(sign)
-        else:
+        sign, is_defined = found or -1, found is not None
+        if last is None:
             signs.append(sign)
-        last, touched = k, None
+        elif not (is_defined and last_is_defined):
+            if sign != signs[-1]:
+                zeros.append(Zero((place if is_defined else last).v(), "edge"))
+                signs.append(sign)
+        elif touched is not None:
+            simple = sign != signs[-1] and _is_simple(radicand, touched)
+            zeros.append(Zero(touched.v(), "simple" if simple else "multiple"))
+            signs.append(sign)
+        elif sign != signs[-1]:
+            zeros.append(_crossing(radicand, last, place))
+            signs.append(sign)
+        last, last_is_defined, touched = place, is_defined, None
     return zeros, signs or [-1]
+
+
+def _with_edges(cuts: list[Place], radicand: Radicand) -> list[tuple[Place, int | None]]:
+    """Return the cuts with their signs, and between one with a value and one without the edge itself."""
+    signed: list[tuple[Place, int | None]] = []
+    for place in cuts:
+        sign = place.sign if place.sign is not None else _sign(radicand(place), place.nothing)
+        if signed and (sign is None) != (signed[-1][1] is None):
+            edge = _edge(radicand, signed[-1][0], place)
+            signed.append((edge, _sign(radicand(edge), 0.0)))
+        signed.append((place, sign))
+    return signed
+
+
+def _edge(radicand: Radicand, left: Place, right: Place) -> Place:
+    """Return the last place with a value between one that has a value and one that has none."""
+    if left.region != right.region:
+        left, right = _common_region(left, right)
+
+    def is_defined(x: arb) -> bool:
+        return bool(radicand(Place(left.region, x)).is_finite())
+
+    a, b = left.x.mid(), right.x.mid()
+    defined, undefined = (a, b) if is_defined(a) else (b, a)
+    for _ in range(ctx.prec):
+        middle = ((defined + undefined) / 2).mid()
+        if middle in (defined, undefined):
+            break
+        defined, undefined = (middle, undefined) if is_defined(middle) else (defined, middle)
+    return Place(left.region, defined)
 
 
 def _sign(value: arb, nothing: float) -> int | None:
@@ -90,7 +125,7 @@ def _crossing(radicand: Radicand, left: Place, right: Place) -> Zero:
         return radicand(Place(left.region, x))
 
     root = Place(left.region, enclose_zero(function, left.x, right.x))
-    return Zero(root.v(), _is_simple(radicand, root))
+    return Zero(root.v(), "simple" if _is_simple(radicand, root) else "multiple")
 
 
 def _common_region(left: Place, right: Place) -> tuple[Place, Place]:

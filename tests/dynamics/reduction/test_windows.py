@@ -240,9 +240,17 @@ def test_where_the_potential_is_not_defined_there_is_no_window():
 
 
 def test_a_potential_defined_only_near_a_pole_is_not_taken_for_a_constant():
-    found = windows("(3*g1^2+g3^2)*(1/10-sqrt(g2-9/10))", PlanarMotion(Fraction(1)), A=3)
-    # Motion where sqrt(g2 − 9/10) > 1/10, up to the pole, where s² stays finite.
-    assert [(w.kind, w.g2[1]) for w in found] == [("pole", 1.0)]
+    (window,) = windows("(3*g1^2+g3^2)*(1/10-sqrt(g2-9/10))", PlanarMotion(Fraction(1)), A=3)
+    # Motion where sqrt(g2 − 9/10) > 1/10, up to the pole, where s² stays finite; the rest point lies
+    # next to the edge of the domain.
+    assert (window.kind, window.ends) == ("pole", ("pole", "rest"))
+    assert window.g2 == pytest.approx((0.91, 1.0), abs=1e-15)
+
+
+def test_a_motion_that_leaves_the_domain_of_the_potential_is_told_so():
+    (window,) = windows("(3*g1^2+g3^2)*(sqrt(g2+1/2)-2)", PlanarMotion(Fraction(1)), A=3)
+    assert (window.kind, window.ends) == ("edge", ("pole", "equator"))
+    assert window.g2 == pytest.approx((-0.5, 1.0), abs=1e-15)
 
 
 def test_equal_moments_have_no_curve():

@@ -43,25 +43,39 @@ def test_a_zero_between_two_regions_is_found():
 
     zeros, signs = zeros_between(cuts, radicand)
     assert signs == [-1, 1, -1]
-    assert [zero.is_simple for zero in zeros] == [True, True]
+    assert [zero.kind for zero in zeros] == ["simple", "simple"]
     assert [float(zero.v) for zero in zeros] == [0.75, 2.4]
 
 
 @pytest.mark.parametrize(
-    ("power", "simple", "signs"), [(1, True, [-1, 1]), (2, False, [1, 1]), (3, False, [-1, 1])]
+    ("power", "kind", "signs"),
+    [(1, "simple", [-1, 1]), (2, "multiple", [1, 1]), (3, "multiple", [-1, 1])],
 )
-def test_a_cut_that_is_a_zero_is_told_by_its_neighbours(power, simple, signs):
+def test_a_cut_that_is_a_zero_is_told_by_its_neighbours(power, kind, signs):
     cuts = places(("middle", "1"), ("middle", "1.5"), ("middle", "2"))
     zeros, found = zeros_between(cuts, lambda place: (place.x - arb(3) / 2) ** power)
     assert found == signs
-    assert [(float(zero.v), zero.is_simple) for zero in zeros] == [(1.5, simple)]
+    assert [(float(zero.v), zero.kind) for zero in zeros] == [(1.5, kind)]
 
 
-def test_places_without_a_value_are_passed_over():
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_positive_stretch_ends_where_there_is_no_value(sign):
     cuts = places(("middle", "1"), ("middle", "1.5"), ("middle", "2"))
-    zeros, signs = zeros_between(cuts, lambda place: arb("nan") if place.x > 1.8 else place.x)
-    assert (zeros, signs) == ([], [1])
+
+    def radicand(place: Place) -> arb:
+        return arb("nan") if sign * (place.x - arb("1.8")) > 0 else place.x
+
+    zeros, signs = zeros_between(cuts, radicand)
+    assert signs == [sign, -sign]
+    # Found by halving the gap between 1.5 and 2 as long as there are bits.
+    assert [(zero.kind, abs(float(zero.v) - 1.8) < 1e-15) for zero in zeros] == [("edge", True)]
+
+
+def test_without_any_value_there_is_no_positive_stretch():
+    cuts = places(("middle", "1"), ("middle", "1.5"), ("middle", "2"))
     assert zeros_between(cuts, lambda _: arb("nan")) == ([], [-1])
+    # Next to a negative stretch the edge of the domain ends nothing.
+    assert zeros_between(cuts, lambda place: arb("nan") if place.x > 1.8 else -place.x) == ([], [-1])
 
 
 @pytest.mark.parametrize(

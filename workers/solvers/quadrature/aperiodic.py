@@ -30,8 +30,8 @@ class MotionEndedError(DynamicsError):
     code = "motion_ended"
 
 
-def solve_aperiodic(problem: Problem, window: Window, start: StartingPoint) -> Motion:
-    """Return the motion from ``start`` in a window that is not periodic, over the asked times.
+def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start: StartingPoint) -> Motion:
+    """Return the motion from ``start`` in a window of the given ``kind``, over the asked times.
 
     Where the motion ends in finite time (a collision; a pole that is not
     passed) it is sampled at the asked times before that.
@@ -43,7 +43,6 @@ def solve_aperiodic(problem: Problem, window: Window, start: StartingPoint) -> M
     MotionEndedError
         The motion has ended before all of the asked times.
     """
-    kind: AperiodicKind = "equilibrium" if window.kind == "periodic" else window.kind
     times = sample_times(problem.time, None)
     if kind == "equilibrium":
         return _rest(window, start, times)

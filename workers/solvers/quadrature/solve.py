@@ -16,7 +16,12 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Window
-from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
+from service.dynamics.reduction.windows import (
+    PRECISION,
+    choose_window,
+    find_windows,
+    require_inside_domain,
+)
 from service.dynamics.sampling import sample_times
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.quadrature.aperiodic import solve_aperiodic
@@ -50,6 +55,8 @@ def solve_planar(problem: Problem) -> Motion:
     ------
     NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError
         The motion asked for is not there, or not the only one.
+    LeavesDomainError
+        The potential is not defined all the way.
     PeriodNeededError
         Times are asked in periods, and the motion has none.
     MotionEndedError
@@ -104,8 +111,9 @@ def with_enough_bits(problem: Problem, solve: Callable[[Problem, PlanarStart], T
 
 def _solve(problem: Problem, found: PlanarStart) -> Motion:
     window, start = found.window, found.start
-    if window.kind != "periodic":
-        return solve_aperiodic(problem, window, start)
+    require_inside_domain(window)
+    if window.kind != "periodic" and window.kind != "edge":
+        return solve_aperiodic(problem, window, window.kind, start)
     orbit = make_orbit(start)
     time_map = make_time_map(orbit.rate, orbit.corners, is_even=orbit.is_even)
     period = time_map.period

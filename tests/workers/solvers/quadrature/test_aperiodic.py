@@ -7,6 +7,7 @@ import pytest
 
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods, TimeSpan
 from service.dynamics.reduction.start import StartNeededError
+from service.dynamics.reduction.windows import LeavesDomainError
 from service.dynamics.sampling import PeriodNeededError
 from tests.support.planar import body, formula, planar
 from workers.solvers.integration.solve import integrate_state
@@ -133,3 +134,8 @@ def test_the_energy_is_kept_to_the_end():
     h = p**2 + r**2 / 2 - g1 + (1 + np.sqrt(5)) / 4 * (g1**2 - g2**2)
     # Sums of five numbers of size 1, each with the claimed error.
     assert np.abs(h - motion.energy.value).max() <= 5 * motion.error + 2e-15
+
+
+def test_the_edge_of_the_domain_ends_the_search_not_in_silence():
+    with pytest.raises(LeavesDomainError, match=r"g2 between -0\.5 and 1"):
+        solve_planar(planar(body(3, 1), "(3*g1^2+g3^2)*(sqrt(g2+1/2)-2)", PlanarMotion(Fraction(1))))
