@@ -29,6 +29,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import SecondOrderJets
 from service.dynamics.formula.tape import Tape
+from service.dynamics.potentials.potential import Potential
 
 
 class Arithmetic(Protocol):
@@ -93,8 +94,26 @@ def residual_ball(body: RigidBody, tape: Tape, point: Sequence[Fraction]) -> Res
     gamma = [balls.constant(coordinate) for coordinate in point]
     jets = SecondOrderJets(balls, 3)
     V = tape.evaluate(jets, jets.variables(gamma))
-    first, second = jets.gradient(V), jets.hessian(V)
+    return _residual(A, C, gamma, V.value, jets.gradient(V), jets.hessian(V))
+
+
+def residual_of(body: RigidBody, potential: Potential, point: Sequence[Fraction]) -> ResidualBall:
+    """Enclose L(V) as :func:`residual_ball` does, of any potential, a formula or not."""
+    balls = BallAlgebra()
+    A, C = balls.constant(body.A), balls.constant(body.C)
+    g1, g2, g3 = (balls.constant(coordinate) for coordinate in point)
+    return _residual(A, C, (g1, g2, g3), *potential.jet_ball(g1, g2, g3))
+
+
+def _residual(
+    A: arb,
+    C: arb,
+    gamma: Sequence[arb],
+    value: arb,
+    first: Sequence[arb],
+    second: Sequence[Sequence[arb]],
+) -> ResidualBall:
     size = (A + C) * sum((abs(part) for row in (first, *second) for part in row), start=arb(0))
     residual = pde_residual(A, C, gamma, first, second)
     # The value itself must exist too: where it does not, derivatives may still look harmless.
-    return ResidualBall(residual if V.value.is_finite() else arb("nan"), size)
+    return ResidualBall(residual if value.is_finite() else arb("nan"), size)

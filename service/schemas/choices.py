@@ -1,7 +1,7 @@
 """One of several kinds of object: which one a client means, and what to say if it is none.
 
-Pydantic's own unions either report the faults of every member, or know nothing
-of what the contract names and this version does not offer.
+Pydantic's own unions either report the faults of every member, or do not say
+what would have been accepted.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,12 +21,9 @@ class WireModel(BaseModel):
 
 
 def require_kind(
-    kinds: Sequence[str], *, later: Sequence[str] = (), models: Mapping[str, type[BaseModel]]
+    kinds: Sequence[str], *, models: Mapping[str, type[BaseModel]]
 ) -> Callable[[object], object]:
-    """Return a validator that refuses objects whose ``type`` is none of ``kinds``.
-
-    ``later`` holds types that the contract names and this version does not offer.
-    """
+    """Return a validator that refuses objects whose ``type`` is none of ``kinds``."""
     accepted = f"accepted are {', '.join(kinds)}"
 
     def check(value: object) -> object:
@@ -37,8 +34,6 @@ def require_kind(
         if "type" not in value:
             raise refuse("missing_field", f'"type" is missing; {accepted}', below="type")
         kind = value["type"]
-        if kind in later:
-            raise refuse("not_available", f"{kind} is not offered by this version; {accepted}", below="type")
         if not isinstance(kind, str) or kind not in kinds:
             raise refuse("invalid_value", f"{str(kind)[:40]!r} is not a type; {accepted}", below="type")
         return value

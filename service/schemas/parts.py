@@ -15,7 +15,7 @@ from pydantic_core import ErrorDetails
 from service.schemas.choices import TAG_MARK
 from service.schemas.faults import Fault, pointer_to
 from service.schemas.motions import EquatorStartIn, PlanarMotionIn, PointStartIn, RestStartIn, StateMotionIn
-from service.schemas.potentials import ExpressionIn, GravityIn, RationalIn
+from service.schemas.potentials import MODELS
 from service.schemas.sections import (
     TierIn,
     TimeListIn,
@@ -27,9 +27,7 @@ from service.schemas.sections import (
 Model = TypeVar("Model", bound=BaseModel)
 
 _MEMBERS: dict[str, type[BaseModel]] = {
-    "expression": ExpressionIn,
-    "gravity": GravityIn,
-    "rational": RationalIn,
+    **MODELS,
     "planar": PlanarMotionIn,
     "state": StateMotionIn,
     "equator": EquatorStartIn,

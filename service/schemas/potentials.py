@@ -1,25 +1,32 @@
 """Potentials on the wire."""
 
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic_core import PydanticCustomError
 
 from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.limits import MAX_CHARACTERS
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
+from service.dynamics.potentials import homogeneous
+from service.dynamics.potentials.coefficients import MAX_TERMS
 from service.dynamics.potentials.expression import expression_potential
 from service.dynamics.potentials.gravity import gravity_potential
+from service.dynamics.potentials.names import require_parameter_names
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.rational import MAX_TERMS, rational_potential, require_rational_body
-from service.schemas.choices import TAG_MARK, WireModel, require_kind, tag_by_type
-from service.schemas.numbers import Exact
+from service.dynamics.potentials.rational import rational_potential, require_rational_body
+from service.schemas.choices import TAG_MARK, require_kind, tag_by_type
+from service.schemas.faults import Fault, fault_of
+from service.schemas.general_potential import GeneralIn
+from service.schemas.numbers import Exact, read_exact
+from service.schemas.potential_model import FormulaModel, PotentialModel, stand_in_parameters
 
-MAX_PARAMETERS = 100
 
-
-class ExpressionIn(WireModel):
+class ExpressionIn(FormulaModel):
     """A formula in g1, g2, g3, named parameters and the moments A, B, C."""
 
     type: Literal["expression"]
@@ -28,7 +35,6 @@ class ExpressionIn(WireModel):
         f" at most {MAX_CHARACTERS} characters",
         examples=["a*g1 + b/g3^2"],
     )
-    parameters: Annotated[dict[str, Exact], Field(max_length=MAX_PARAMETERS)] = Field(default_factory=dict)
 
     def to_domain(self, body: RigidBody) -> Potential:
         """Return the potential; raises what :func:`expression_potential` raises."""
@@ -39,11 +45,33 @@ class ExpressionIn(WireModel):
         return {
             "type": self.type,
             "expression": format_tree(parse(self.expression)),
-            "parameters": {name: str(self.parameters[name]) for name in sorted(self.parameters)},
+            "parameters": self.canonical_parameters(),
         }
 
+    def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
+        """Yield the errors of the names and that of the formula."""
+        good = dict(self.parameters)
+        for name, value in self.parameters.items():
+            try:
+                require_parameter_names({name: value})
+            except DynamicsError as error:
+                del good[name]
+                yield error
+        try:
+            expression_potential(self.expression, good, body)
+        except DynamicsError as error:
+            yield error
 
-class GravityIn(WireModel):
+    @classmethod
+    def faults_of_unread(cls, document: Mapping[object, object], _: RigidBody | None) -> Iterator[Fault]:
+        """Yield the faults of the text and the names, although the numbers are not known."""
+        text, stand_ins = document.get("expression"), stand_in_parameters(document.get("parameters"))
+        if isinstance(text, str) and stand_ins is not None:
+            model = cls(type="expression", expression=text, parameters=stand_ins)
+            yield from map(fault_of, model.text_errors())
+
+
+class GravityIn(PotentialModel):
     """The uniform field a g1 + b g2 + c g3."""
 
     type: Literal["gravity"]
@@ -63,7 +91,7 @@ class GravityIn(WireModel):
 Coefficients = Annotated[list[Exact], Field(max_length=MAX_TERMS)]
 
 
-class RationalIn(WireModel):
+class RationalIn(PotentialModel):
     """The rational family of bodies with A = 2C; the lists begin with a1, b1 and c1."""
 
     type: Literal["rational"]
@@ -78,23 +106,74 @@ class RationalIn(WireModel):
 
     def canonical(self) -> dict[str, object]:
         """Return the document; zeros at the ends of the lists say nothing and go."""
-        lists: dict[str, object] = {}
-        for name, given in (("a", self.a), ("b", self.b), ("c", self.c)):
-            length = max((n for n, value in enumerate(given, start=1) if value), default=0)
-            lists[name] = [str(value) for value in given[:length]]
-        return {"type": self.type, **lists}
+        return {"type": self.type, "a": _trimmed(self.a), "b": _trimmed(self.b), "c": _trimmed(self.c)}
 
+
+class HomogeneousIn(PotentialModel):
+    """The homogeneous family of any A ≠ C; the lists begin with the index 0."""
+
+    type: Literal["homogeneous"]
+    A: Coefficients = Field(default_factory=list, description="of g2^n (A g1² + C g3²)")
+    B: Coefficients = Field(default_factory=list, description="of the terms of degree 2 (A-C) (n+1)/A")
+    C: Coefficients = Field(default_factory=list, description="of the terms of degree -2 (A-C) (n+1)/C")
+    log: Coefficients = Field(
+        default_factory=list,
+        description="of the logarithmic terms: where B_n, or C_n for A < C, is undefined or a multiple of Q",
+    )
+
+    def to_domain(self, body: RigidBody) -> Potential:
+        """Return the potential; raises what :func:`homogeneous_potential` raises."""
+        return homogeneous.homogeneous_potential(body, A=self.A, B=self.B, C=self.C, log=self.log)
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document; zeros at the ends of the lists say nothing and go."""
+        lists = {"A": self.A, "B": self.B, "C": self.C, "log": self.log}
+        return {"type": self.type} | {name: _trimmed(values) for name, values in lists.items()}
+
+    def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
+        """Yield every coefficient that has no term."""
+        found = list(homogeneous.refusals(body, A=self.A, B=self.B, C=self.C, log=self.log))
+        yield from found or super().errors(body)
+
+    @classmethod
+    def faults_of_unread(cls, document: Mapping[object, object], body: RigidBody | None) -> Iterator[Fault]:
+        """Yield the coefficients that could be read and have no term."""
+        if body is not None:
+            lists = {name: _readable(document.get(name)) for name in ("A", "B", "C", "log")}
+            yield from map(fault_of, homogeneous.refusals(body, **lists))
+
+
+MODELS: dict[str, type[PotentialModel]] = {
+    "expression": ExpressionIn,
+    "gravity": GravityIn,
+    "rational": RationalIn,
+    "homogeneous": HomogeneousIn,
+    "general": GeneralIn,
+}
+"""The potentials by their ``type``."""
 
 PotentialIn = Annotated[
     Annotated[ExpressionIn, Tag(f"{TAG_MARK}expression")]
     | Annotated[GravityIn, Tag(f"{TAG_MARK}gravity")]
-    | Annotated[RationalIn, Tag(f"{TAG_MARK}rational")],
+    | Annotated[RationalIn, Tag(f"{TAG_MARK}rational")]
+    | Annotated[HomogeneousIn, Tag(f"{TAG_MARK}homogeneous")]
+    | Annotated[GeneralIn, Tag(f"{TAG_MARK}general")],
     Discriminator(tag_by_type),
-    BeforeValidator(
-        require_kind(
-            ("expression", "gravity", "rational"),
-            later=("homogeneous", "general"),
-            models={"expression": ExpressionIn, "gravity": GravityIn, "rational": RationalIn},
-        )
-    ),
+    BeforeValidator(require_kind(tuple(MODELS), models=MODELS)),
 ]
+
+
+def _trimmed(coefficients: Sequence[Fraction]) -> list[str]:
+    length = max((n for n, value in enumerate(coefficients, start=1) if value), default=0)
+    return [str(value) for value in coefficients[:length]]
+
+
+def _readable(coefficients: object) -> list[Fraction]:
+    """Return the coefficients that are numbers, 0 in the place of the others."""
+    numbers: list[Fraction] = []
+    for value in coefficients[:MAX_TERMS] if isinstance(coefficients, list) else ():
+        try:
+            numbers.append(read_exact(value))
+        except PydanticCustomError:
+            numbers.append(Fraction(0))
+    return numbers

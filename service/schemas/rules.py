@@ -4,73 +4,48 @@ Each rule looks at as little as it needs, so that a fault elsewhere does not kee
 """
 
 from collections.abc import Iterator, Mapping
-from fractions import Fraction
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.errors import FormulaError, UndefinedConstantError
-from service.dynamics.potentials.expression import require_parameter_names
 from service.dynamics.potentials.potential import Potential
 from service.schemas.faults import Fault, fault_of
 from service.schemas.motions import CURVE_FIELDS, curve_faults
-from service.schemas.potentials import MAX_PARAMETERS, ExpressionIn, GravityIn, RationalIn
+from service.schemas.potential_model import PotentialModel
+from service.schemas.potentials import MODELS
 from service.schemas.sections import BodyIn, TimePeriodsIn
-
-_STAND_IN = RigidBody(Fraction(17), Fraction(19), Fraction(23))
-"""Moments without simple relations: lets a formula be checked although the body at hand is faulty."""
 
 
 def read_setting(
     document: object, parts: Mapping[str, object], faults: list[Fault]
 ) -> tuple[RigidBody | None, Potential | None]:
     """Return body and potential where they can be had; add what speaks against them and the motion."""
-    body, potential = None, None
+    body, moments, potential = None, None, None
     body_in, potential_in = parts.get("body"), parts.get("potential")
-    # Rules between the parts are checked even if no body has the given moments.
-    moments = _STAND_IN
     if isinstance(body_in, BodyIn):
+        # Rules between the parts are checked even if no body has the given moments.
         moments = RigidBody(body_in.A, body_in.B, body_in.C, allow_unphysical=True)
         faults += _motion_faults(moments, document, parts)
         try:
             body = body_in.to_domain()
         except DynamicsError as error:
             faults.append(fault_of(error))
-    is_exact = isinstance(body_in, BodyIn) and potential_in is not None
-    if potential_in is None:
-        potential_in = _salvage(document)
-    if isinstance(potential_in, ExpressionIn):
-        bad = {name: list(_name_faults(name)) for name in potential_in.parameters}
-        faults += [fault for found in bad.values() for fault in found]
-        good = {name: value for name, value in potential_in.parameters.items() if not bad[name]}
-        potential_in = potential_in.model_copy(update={"parameters": good})
-    if isinstance(potential_in, ExpressionIn | GravityIn | RationalIn):
+    if not isinstance(potential_in, PotentialModel):
+        faults += _faults_of_unread(document, moments)
+    elif moments is None:
+        faults += map(fault_of, potential_in.text_errors())
+    else:
         try:
             potential = potential_in.to_domain(moments)
-        except DynamicsError as error:
-            # With numbers that stand in for unread ones, only the text itself can be judged.
-            is_about_text = isinstance(error, FormulaError) and not isinstance(error, UndefinedConstantError)
-            if is_exact or is_about_text:
-                faults.append(fault_of(error))
+        except DynamicsError:
+            faults += map(fault_of, potential_in.errors(moments))
     return body, potential
 
 
-def _salvage(document: object) -> ExpressionIn | None:
-    """Return what can still be checked of an expression whose parameters could not be read."""
+def _faults_of_unread(document: object, moments: RigidBody | None) -> Iterator[Fault]:
+    """Yield what can still be told of a potential that could not be read."""
     match document:
-        case {"potential": {"type": "expression", "expression": str(text), **rest}}:
-            given = rest.get("parameters")
-            names = [str(name) for name in given] if isinstance(given, dict) else []
-            if len(names) <= MAX_PARAMETERS:
-                stand_ins = dict.fromkeys(names, Fraction(29))
-                return ExpressionIn(type="expression", expression=text, parameters=stand_ins)
-    return None
-
-
-def _name_faults(name: str) -> Iterator[Fault]:
-    try:
-        require_parameter_names({name: Fraction(1)})
-    except DynamicsError as error:
-        yield fault_of(error)
+        case {"potential": {"type": str(kind), **rest}} if kind in MODELS:
+            yield from MODELS[kind].faults_of_unread(rest, moments)
 
 
 def _motion_faults(body: RigidBody, document: object, parts: Mapping[str, object]) -> Iterator[Fault]:
@@ -85,10 +60,18 @@ def _motion_faults(body: RigidBody, document: object, parts: Mapping[str, object
             yield Fault("/motion/nu", "nu_needs_double_moment", message)
     elif kind == "state" and body.B is None:
         yield Fault("/body/B", "missing_moment", "a state motion needs the moment B, which was left out")
-    if kind == "planar" and body.B is None and (method := parts.get("method")) in ("integration", "both"):
-        yield Fault(
-            "/body/B", "missing_moment", f"the method {method} needs the moment B, which was left out"
-        )
+    if kind == "planar" and body.B is None:
+        for purpose in _purposes_of_B(parts):
+            yield Fault("/body/B", "missing_moment", f"{purpose} needs the moment B, which was left out")
+
+
+def _purposes_of_B(parts: Mapping[str, object]) -> Iterator[str]:
+    """Yield what is asked of a planar motion that its quadrature cannot tell without B."""
+    method, outputs = parts.get("method"), parts.get("outputs")
+    if method in ("integration", "both"):
+        yield f"the method {method}"
+    if isinstance(outputs, list) and "stability" in outputs:
+        yield "the output stability"
 
 
 def combination_faults(document: object, parts: Mapping[str, object]) -> Iterator[Fault]:

@@ -63,11 +63,16 @@ def test_answers_have_no_defaults(app):
 
 
 def test_the_examples_of_families_are_accepted_as_jobs(client):
-    families = client.get("/v1/families").json()["items"]
-    assert {family["type"] for family in families} == {"expression", "gravity", "rational"}
+    catalogue = client.get("/v1/families").json()
+    families, cases = catalogue["items"], catalogue["cases"]
+    kinds = {"expression", "gravity", "rational", "homogeneous", "general"}
+    assert {family["type"] for family in families} == kinds
     for family in families:
         assert family["example"]["potential"]["type"] == family["type"]
-        response = client.post("/v1/jobs", json=family["example"])
+    for case in cases:
+        assert case["example"]["potential"]["type"] == case["family"]
+    for item in (*families, *cases):
+        response = client.post("/v1/jobs", json=item["example"])
         assert response.status_code == 202, response.json()
 
 

@@ -95,6 +95,21 @@ def test_all_faults_are_told_at_once_each_with_its_place(client):
     assert all(fault["code"] and fault["message"] for fault in document["errors"])
 
 
+def test_every_coefficient_without_a_term_is_told_and_what_stands_for_it(client):
+    potential = {"type": "homogeneous", "A": ["one"], "B": [0, 0, 1], "log": [1]}
+    question = {"body": {"A": 3, "C": 1}, "potential": potential}
+    document = refusal(client.post("/v1/validations", json=question), 422, "invalid_problem")
+    codes = {fault["pointer"]: fault["code"] for fault in document["errors"]}
+    assert codes == {
+        "/potential/A/0": "invalid_number",
+        "/potential/B/2": "undefined_term",
+        "/potential/log/0": "no_log_term",
+    }
+    assert '"log" with index 2' in next(
+        fault["message"] for fault in document["errors"] if fault["code"] == "undefined_term"
+    )
+
+
 @pytest.mark.parametrize("number", ["1e999", "-1e999", "1" * 900])
 def test_numbers_beyond_what_can_be_computed_with_are_refused_in_their_place(client, number):
     content = json.dumps(STATE).replace('"A": 2', f'"A": {number}')

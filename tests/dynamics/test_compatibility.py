@@ -11,6 +11,7 @@ from service.dynamics.compatibility import (
     energy_on_curve,
     pde_residual,
     residual_ball,
+    residual_of,
 )
 from service.dynamics.formula.algebras.symbolic import sympy_expression
 from tests.dynamics.verdict.formulas import body, potential
@@ -44,7 +45,7 @@ def test_a_factor_r_squared_passes_through_the_equation():
 
 
 def test_exchanging_the_axes_changes_the_sign_of_the_equation():
-    # Theory 1.3: (A, C; g1, g3) -> (C, A; g3, g1), V(g1, g2, g3) -> V(g3, g2, g1).
+    # (A, C; g1, g3) -> (C, A; g3, g1), V(g1, g2, g3) -> V(g3, g2, g1).
     V = G1**3 * G2 + G3 * G2**2 * G1 + G3**4 / G1 + sympy.sin(G2 * G3)
     swap = {G1: G3, G3: G1}
     mirrored = L(V.subs(swap, simultaneous=True), C, A)
@@ -84,3 +85,12 @@ def test_balls_enclose_the_exact_residual(text):
 def test_where_the_potential_has_no_value_nothing_is_enclosed():
     on = body(2)
     assert not residual_ball(on, potential("log(-1 - g1^2)").tape, POINT).is_defined
+
+
+def test_both_ways_to_a_residual_agree():
+    on = body("17/10", 1)
+    V = potential("exp(g1*g2) + g3^3/g1", on)
+    with ctx.workprec(100):
+        by_tape, by_jet = residual_ball(on, V.tape, POINT), residual_of(on, V, POINT)
+        assert str(by_tape) == str(by_jet)
+        assert not residual_of(on, potential("log(-1 - g1^2)"), POINT).is_defined

@@ -37,6 +37,26 @@ potentials = st.one_of(
         }
     ),
 )
+families = st.one_of(
+    potentials,
+    st.fixed_dictionaries(
+        {"type": st.just("homogeneous")},
+        # For A = 2C: B_3 has no value, log_1 and log_3 are there.
+        optional={name: st.lists(numbers.map(str), max_size=3) for name in "ABC"}
+        | {"log": st.tuples(st.just("0"), numbers.map(str)).map(list)},
+    ),
+    st.fixed_dictionaries(
+        {
+            "type": st.just("general"),
+            "F": st.sampled_from(["k*w", "(k)*(w)", "exp(-w)", "w**2/A"]),
+            "parameters": st.fixed_dictionaries({"k": numbers.map(str)}),
+        },
+        optional={
+            "G": st.sampled_from(["g2^2", "k + g2", "0"]),
+            "reference_angle": st.sampled_from(["pi/4", "pi / 3", 0.5, "0.5", "1/2", 1]),
+        },
+    ),
+)
 starts = st.one_of(
     st.none(),
     st.fixed_dictionaries({"at": st.just("equator")}, optional={"s_sign": signs}),
@@ -64,7 +84,7 @@ times = st.one_of(
     st.fixed_dictionaries({"times": st.lists(numbers.map(str), min_size=1, max_size=5)}),
 )
 problems = st.fixed_dictionaries(
-    {"body": st.just({"A": 2, "B": 2, "C": 1}), "potential": potentials, "motion": motions, "time": times},
+    {"body": st.just({"A": 2, "B": 2, "C": 1}), "potential": families, "motion": motions, "time": times},
     optional={
         "accuracy": st.one_of(st.just({"tier": "standard"}), st.just({"tolerance": "1e-9"})),
         "method": st.just("auto"),
@@ -166,6 +186,45 @@ def test_zeros_at_the_end_of_a_list_say_nothing():
         for zeros in ([0, 0], [])
     )
     assert canonical_document(long) == canonical_document(short)
+
+
+HOMOGENEOUS = {"type": "homogeneous", "B": [1], "log": [0, "1/2"]}
+GENERAL = {"type": "general", "F": "w", "parameters": {"k": 1}}
+
+
+@pytest.mark.parametrize(
+    ("potential", "other"),
+    [
+        (HOMOGENEOUS, {**HOMOGENEOUS, "A": [], "B": ["1.0", 0, 0], "C": [0], "log": [0, 0.5, 0, 0]}),
+        (GENERAL, {**GENERAL, "G": "0", "reference_angle": " pi/4"}),
+        (GENERAL, {**GENERAL, "F": None, **{f"F_{q}": "(w)" for q in ("pp", "mp", "pm", "mm")}}),
+        (GENERAL, {**GENERAL, **{f"G_{q}": "0" for q in ("pp", "mp", "pm", "mm")}}),
+        ({**GENERAL, "reference_angle": 0.5}, {**GENERAL, "reference_angle": "1/2"}),
+        ({**GENERAL, "reference_angle": "0.50"}, {**GENERAL, "reference_angle": "1/2"}),
+    ],
+)
+def test_a_family_has_one_form(potential, other):
+    one, two = (canonical_document(changed("potential", given)) for given in (potential, other))
+    assert one == two
+    assert read_problem(one) == read_problem(changed("potential", other))
+
+
+@pytest.mark.parametrize(
+    ("potential", "other"),
+    [
+        (HOMOGENEOUS, {**HOMOGENEOUS, "B": [0, 1]}),
+        (HOMOGENEOUS, {**HOMOGENEOUS, "B": [], "C": [1]}),
+        (GENERAL, {**GENERAL, "reference_angle": "pi/3"}),
+        (
+            GENERAL,
+            {"type": "general", "F_pp": "w", "F_mp": "-w", "F_pm": "w", "F_mm": "w", "parameters": {"k": 1}},
+        ),
+    ],
+)
+def test_what_differs_in_a_family_has_another_form(potential, other):
+    assert canonical_document(changed("potential", potential)) != canonical_document(
+        changed("potential", other)
+    )
 
 
 def test_defaults_are_those_of_the_contract():

@@ -82,8 +82,58 @@ POTENTIAL = [
     ({"type": "gravity", "d": 1}, [("/potential/d", "unknown_field")]),
     ({"type": "rational", "a": [0] * 21}, [("/potential/a", "invalid_length")]),
     ({"type": "rational", "a": [1, "x"]}, [("/potential/a/1", "invalid_number")]),
-    ({"type": "homogeneous", "A": [1]}, [("/potential/type", "not_available")]),
-    ({"type": "general", "F": "w"}, [("/potential/type", "not_available")]),
+    ({"type": "homogeneous", "A": [1], "D": []}, [("/potential/D", "unknown_field")]),
+    ({"type": "homogeneous", "log": [0] * 21}, [("/potential/log", "invalid_length")]),
+    ({"type": "homogeneous", "B": [0, 1, 0, 1]}, [("/potential/B/3", "undefined_term")]),
+    (
+        {"type": "homogeneous", "A": ["x"], "B": [0, 0, 0, 1], "log": [1, 1, "y", 1]},
+        [
+            ("/potential/A/0", "invalid_number"),
+            ("/potential/log/2", "invalid_number"),
+            ("/potential/B/3", "undefined_term"),
+            ("/potential/log/0", "no_log_term"),
+        ],
+    ),
+    ({"type": "general"}, [("/potential/F", "missing_field")]),
+    ({"type": "general", "F": 7}, [("/potential/F", "invalid_type")]),
+    ({"type": "general", "F": "w", "H": "w"}, [("/potential/H", "unknown_field")]),
+    (
+        {"type": "general", "F": "g1", "G": "w +", "parameters": {"w": 1}, "reference_angle": "pi"},
+        [
+            ("/potential/parameters/w", "parameter_name"),
+            ("/potential/F", "formula"),
+            ("/potential/G", "formula"),
+            ("/potential/reference_angle", "reference_angle"),
+        ],
+    ),
+    ({"type": "general", "F": "w", "reference_angle": "g2"}, [("/potential/reference_angle", "formula")]),
+    (
+        {"type": "general", "F": "w", "reference_angle": 0},
+        [("/potential/reference_angle", "reference_angle")],
+    ),
+    (
+        {"type": "general", "F": "w", "reference_angle": True},
+        [("/potential/reference_angle", "invalid_type")],
+    ),
+    (
+        {"type": "general", "F": "w", "F_pp": "w", "G_mm": "g2", "parameters": {"k": "x"}},
+        [
+            ("/potential/parameters/k", "invalid_number"),
+            ("/potential/F_pp", "conflicting_fields"),
+            ("/potential/G_pp", "missing_field"),
+            ("/potential/G_mp", "missing_field"),
+            ("/potential/G_pm", "missing_field"),
+        ],
+    ),
+    (
+        {"type": "general", "F_pp": "w", "F_mp": "q", "F_pm": "k/(k-29)", "parameters": {"k": 29, "pi": "y"}},
+        [
+            ("/potential/parameters/pi", "invalid_number"),
+            ("/potential/F_mm", "missing_field"),
+            ("/potential/parameters/pi", "parameter_name"),
+            ("/potential/F_mp", "formula"),
+        ],
+    ),
     ({"type": "magic"}, [("/potential/type", "invalid_value")]),
     ({"type": ["gravity"]}, [("/potential/type", "invalid_value")]),
     ({}, [("/potential/type", "missing_field")]),
@@ -156,10 +206,7 @@ ASKED = [
     ({"accuracy": 1e-9}, [("/accuracy", "invalid_type")]),
     ({"method": "magic"}, [("/method", "invalid_value")]),
     ({"outputs": []}, [("/outputs", "invalid_length")]),
-    (
-        {"outputs": ["gamma", "orientation", "x"]},
-        [("/outputs/1", "not_available"), ("/outputs/2", "invalid_value")],
-    ),
+    ({"outputs": ["gamma", "orientation", "x"]}, [("/outputs/2", "invalid_value")]),
     ({"outputs": "gamma"}, [("/outputs", "invalid_type")]),
     ({"priority": 1}, [("/priority", "unknown_field")]),
 ]
@@ -174,6 +221,8 @@ WITHOUT_B = {"A": 2, "C": 1}
 COMBINATIONS = [
     ({"body": WITHOUT_B, "method": "integration"}, [("/body/B", "missing_moment")]),
     ({"body": WITHOUT_B, "method": "both"}, [("/body/B", "missing_moment")]),
+    ({"body": WITHOUT_B, "outputs": ["stability"]}, [("/body/B", "missing_moment")]),
+    ({"body": WITHOUT_B, "method": "both", "outputs": ["stability"]}, [("/body/B", "missing_moment")]),
     ({"body": WITHOUT_B, "motion": STATE}, [("/body/B", "missing_moment")]),
     ({"body": WITHOUT_B, "potential": expression("B*g1")}, [("/body/B", "missing_moment")]),
     ({"motion": STATE, "method": "quadrature"}, [("/method", "method_needs_planar_motion")]),
@@ -207,7 +256,7 @@ def test_no_fault_hides_another():
         "time": {"periods": 1, "samples": 0},
         "accuracy": {"tier": "high"},
         "method": "integration",
-        "outputs": ["stability"],
+        "outputs": ["stability", "instability"],
         "extra": None,
     }
     assert set(faults_of(document)) == {
@@ -220,14 +269,31 @@ def test_no_fault_hides_another():
         ("/motion/nu", "nu_needs_double_moment"),
         ("/time/samples", "out_of_range"),
         ("/accuracy/tier", "not_available"),
-        ("/outputs/0", "not_available"),
+        ("/outputs/1", "invalid_value"),
         ("/extra", "unknown_field"),
     }
 
 
-def test_a_formula_is_checked_although_the_body_is_faulty():
-    found = faults_of(changed(body={"A": "x", "C": 1}, potential=expression("zeta*g1")))
-    assert found == [("/body/A", "invalid_number"), ("/potential/expression", "formula")]
+@pytest.mark.parametrize(
+    ("potential", "expected"),
+    [
+        (expression("zeta*g1"), [("/potential/expression", "formula")]),
+        ({"type": "general", "F": "zeta*w"}, [("/potential/F", "formula")]),
+        # Which terms there are depends on the body.
+        ({"type": "homogeneous", "B": [1, 1, 1, 1], "log": [1]}, []),
+        ({"type": "homogeneous", "B": ["z"], "log": [1]}, [("/potential/B/0", "invalid_number")]),
+        ({"type": "rational", "a": [1]}, []),
+    ],
+)
+def test_a_formula_is_checked_although_the_body_is_faulty(potential, expected):
+    found = faults_of(changed(body={"A": "x", "C": 1}, potential=potential))
+    assert found == [("/body/A", "invalid_number"), *expected]
+
+
+@pytest.mark.parametrize("potential", [{"type": "homogeneous", "B": [1]}, {"type": "general", "F": "w"}])
+def test_families_of_unequal_moments_refuse_equal_ones_whatever_the_motion(potential):
+    found = faults_of(changed(body={"A": 1, "B": 1, "C": 1}, motion=STATE, potential=potential))
+    assert found == [("/body", "equal_moments")]
 
 
 def test_a_constant_that_depends_on_an_unread_parameter_is_not_judged():
@@ -315,6 +381,14 @@ def test_nothing_but_faults_comes_of_nonsense(section, nonsense):
         },
         {"potential": expression("2^(1000)^(1000)*g1")},
         {"potential": expression("g1^1000*" * 400 + "g2")},
+        {
+            "body": {"A": f"1.{'7' * 250}3", "C": f"0.9{'1' * 250}7"},
+            "potential": {"type": "homogeneous"} | dict.fromkeys("ABC", [f"1{'3' * 250}/{'7' * 251}"] * 20),
+        },
+        {
+            "body": {"A": 20, "C": 19},
+            "potential": {"type": "homogeneous", "C": [1] * 20, "log": [0] * 19 + [1]},
+        },
     ],
 )
 def test_reading_takes_no_long_time(sections):

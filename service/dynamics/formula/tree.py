@@ -18,6 +18,11 @@ class Number:
 
     value: Fraction
 
+    def __post_init__(self) -> None:
+        # While a tape is compiled, an int is a register: one that slips in would be taken for it.
+        if not isinstance(self.value, Fraction):
+            raise TypeError(f"a Number holds a Fraction, not {self.value!r}")
+
 
 @dataclass(frozen=True, slots=True)
 class Symbol:

@@ -4,28 +4,16 @@ from collections.abc import Mapping
 from fractions import Fraction
 
 from service.dynamics.body import RigidBody
-from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.binding import PI, bind
+from service.dynamics.formula.binding import bind
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import LocatedTree, parse_located
-from service.dynamics.formula.tokens import is_name
 from service.dynamics.formula.traversal import post_order
-from service.dynamics.formula.tree import FUNCTIONS, VARIABLES, Symbol
+from service.dynamics.formula.tree import Symbol
+from service.dynamics.potentials.names import require_parameter_names
 from service.dynamics.potentials.potential import Potential
 
 FAMILY = "expression"
 EXPRESSION_POINTER = "/potential/expression"
-PARAMETERS_POINTER = "/potential/parameters"
-MOMENTS = ("A", "B", "C")
-
-RESERVED_NAMES = frozenset((*VARIABLES, *MOMENTS, PI, *FUNCTIONS))
-"""Names that mean something already and cannot be parameters."""
-
-
-class ParameterNameError(DynamicsError):
-    """A parameter whose name is taken, or is not a name of the grammar."""
-
-    code = "parameter_name"
 
 
 def expression_potential(text: str, parameters: Mapping[str, Fraction], body: RigidBody) -> Potential:
@@ -49,21 +37,6 @@ def expression_potential(text: str, parameters: Mapping[str, Fraction], body: Ri
         return Potential.from_tree(tree, FAMILY)
     except FormulaError as error:
         raise error.at(pointer=EXPRESSION_POINTER) from error
-
-
-def require_parameter_names(parameters: Mapping[str, Fraction]) -> None:
-    """Raise ParameterNameError, pointing at the parameter, if a name cannot be used."""
-    for name in parameters:
-        # A pointer spells "~" and "/" as "~0" and "~1" (RFC 6901).
-        pointer = f"{PARAMETERS_POINTER}/{name.replace('~', '~0').replace('/', '~1')}"
-        if name in RESERVED_NAMES:
-            raise ParameterNameError(
-                f"{name!r} cannot be a parameter: it has a meaning already", pointer=pointer
-            )
-        if not is_name(name):
-            raise ParameterNameError(
-                f"{name[:40]!r} is not a name: a letter or '_', then letters, digits and '_'", pointer=pointer
-            )
 
 
 def _moments(located: LocatedTree, body: RigidBody) -> dict[str, Fraction]:

@@ -1,74 +1,113 @@
-"""A potential of the field as a function of the Poisson variables, in any algebra."""
+"""A potential of the field as a function of the Poisson variables: doubles and balls, derivatives too."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Self
 
 import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.algebras.jets import FirstOrderJets
+from service.dynamics.formula.algebras.jets import FirstOrderJets, SecondOrderJets
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.algebras.scalar import ScalarAlgebra
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import Tree
+from service.dynamics.potentials.notice import Notice
 
 FloatArray = NDArray[np.float64]
+BallRow = tuple[arb, arb, arb]
+BallJet = tuple[arb, BallRow, tuple[BallRow, BallRow, BallRow]]
+"""Value, gradient and hessian."""
 
 
-@dataclass(frozen=True, slots=True)
-class Potential:
-    """V(g1, g2, g3).
+class NoClosedFormError(DynamicsError):
+    """A formula was asked of a potential that is given by an integral."""
 
-    ``tree`` has g1, g2, g3, pi and numbers only. Two potentials are equal if
-    their tapes are: what is computed is the same. Where V is undefined, values
-    in doubles and balls are NaN.
-    """
+    code = "no_closed_form"
 
-    tree: Tree = field(compare=False, repr=False)
-    tape: Tape
-    family: str
 
-    @classmethod
-    def from_tree(cls, tree: Tree, family: str) -> Self:
-        """Return the potential of a bound tree; raises as :func:`compile_tape`."""
-        return cls(tree, compile_tape(tree), family)
+class Potential(ABC):
+    """V(g1, g2, g3). Where V is undefined, values in doubles and balls are NaN."""
 
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def family(self) -> str:
+        """Return the name of the family it was stated in."""
+
+    @property
+    @abstractmethod
+    def notices(self) -> tuple[Notice, ...]:
+        """Return what the client should know about the way the potential was made."""
+
+    @property
+    @abstractmethod
+    def tree(self) -> Tree:
+        """Return V as a tree of g1, g2, g3, pi and numbers; raises NoClosedFormError."""
+
+    @property
+    @abstractmethod
+    def tape(self) -> Tape:
+        """Return V as a tape over g1, g2, g3; raises NoClosedFormError."""
+
+    @abstractmethod
     def formula(self) -> str:
-        """Return V as a formula of the grammar."""
-        return format_tree(self.tree)
+        """Return V as a formula of the grammar, or as one with an integral if it has no closed form."""
 
+    @abstractmethod
     def value(self, gamma: FloatArray) -> FloatArray:
         """Return V at ``gamma`` of shape (..., 3), shape (...)."""
-        gamma = np.asarray(gamma, dtype=np.float64)
-        if gamma.ndim == 1:
-            return np.asarray(self.tape.evaluate(ScalarAlgebra(), gamma.tolist()))
-        value = self.tape.evaluate(RealAlgebra(), _parts(gamma))
-        return np.broadcast_to(value, gamma.shape[:-1]).copy()
 
+    @abstractmethod
     def gradient(self, gamma: FloatArray) -> FloatArray:
         """Return (V_1, V_2, V_3) at ``gamma`` of shape (..., 3), same shape."""
-        gamma = np.asarray(gamma, dtype=np.float64)
-        if gamma.ndim == 1:
-            return np.array(self.gradient_at(*gamma.tolist()))
-        jets = _real_jets(3)
-        jet = self.tape.evaluate(jets, jets.variables(_parts(gamma)))
-        columns = [np.broadcast_to(part, gamma.shape[:-1]) for part in jets.gradient(jet)]
-        return np.stack(columns, axis=-1)
 
+    @abstractmethod
     def gradient_at(self, g1: float, g2: float, g3: float) -> tuple[float, float, float]:
         """Return (V_1, V_2, V_3) at one point, in plain floats: for integrators."""
-        jets = _scalar_jets()
-        V_1, V_2, V_3 = jets.gradient(self.tape.evaluate(jets, jets.variables((g1, g2, g3))))
-        return V_1, V_2, V_3
+
+    @abstractmethod
+    def hessian(self, gamma: FloatArray) -> FloatArray:
+        """Return the second derivatives V_ij at ``gamma`` of shape (..., 3), shape (..., 3, 3)."""
+
+    @abstractmethod
+    def value_and_D(self, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return V and D = g1 V_3 - g3 V_1 at the points given by three arrays of one shape, same shape."""
+
+    @abstractmethod
+    def value_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
+        """Return an enclosure of V, at the current ``flint.ctx.prec``."""
+
+    @abstractmethod
+    def value_and_D_ball(self, g1: arb, g2: arb, g3: arb) -> tuple[arb, arb]:
+        """Return enclosures of V and D."""
+
+    @abstractmethod
+    def jet_ball(self, g1: arb, g2: arb, g3: arb) -> BallJet:
+        """Return enclosures of V, of (V_1, V_2, V_3) and of the second derivatives V_ij."""
+
+    @staticmethod
+    def from_tree(tree: Tree, family: str, notices: tuple[Notice, ...] = ()) -> "FormulaPotential":
+        """Return the potential of a bound tree; raises as :func:`compile_tape`."""
+        return FormulaPotential(tree, compile_tape(tree), family, notices)
 
     def D(self, gamma: FloatArray) -> FloatArray:
         """Return D = g1 V_3 - g3 V_1 at ``gamma`` of shape (..., 3), shape (...)."""
         return self.D_real(*_parts(np.asarray(gamma, dtype=np.float64)))
+
+    def D_real(self, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> FloatArray:
+        """Return D at the points given by three arrays of one shape, same shape."""
+        return self.value_and_D(g1, g2, g3)[1]
+
+    def D_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
+        """Return an enclosure of D."""
+        return self.value_and_D_ball(g1, g2, g3)[1]
 
     def H(self, body: RigidBody, gamma: FloatArray) -> FloatArray:
         """Return H = V + Q D / (2 (A - C) g1 g3), Q = A g1² + C g3², shape (...).
@@ -85,32 +124,75 @@ class Potential:
         gamma = np.asarray(gamma, dtype=np.float64)
         g1, g2, g3 = _parts(gamma)
         A, C = float(body.A), float(body.C)
-        value, D = self._value_and_D(g1, g2, g3)
+        value, D = self.value_and_D(g1, g2, g3)
         with np.errstate(all="ignore"):
             H = value + (A * g1**2 + C * g3**2) * D / (2.0 * (A - C) * g1 * np.where(g3 == 0.0, np.nan, g3))
         return np.where(np.isfinite(H), H, np.nan)
-
-    def D_real(self, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> FloatArray:
-        """Return D at the points given by three arrays of one shape, same shape."""
-        return self._value_and_D(g1, g2, g3)[1]
-
-    def value_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
-        """Return an enclosure of V, at the current ``flint.ctx.prec``."""
-        return self.tape.evaluate(BallAlgebra(), (g1, g2, g3))
-
-    def D_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
-        """Return an enclosure of D = g1 V_3 - g3 V_1."""
-        return self._value_and_D_ball(g1, g2, g3)[1]
 
     def H_ball(self, body: RigidBody, g1: arb, g2: arb, g3: arb) -> arb:
         """Return an enclosure of H; raises as :meth:`H`."""
         body.require_planar()
         ball = BallAlgebra()
-        value, D = self._value_and_D_ball(g1, g2, g3)
+        value, D = self.value_and_D_ball(g1, g2, g3)
         Q = ball.constant(body.A) * g1 * g1 + ball.constant(body.C) * g3 * g3
         return value + Q * D / (ball.constant(2 * (body.A - body.C)) * g1 * g3)
 
-    def _value_and_D(self, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> tuple[FloatArray, FloatArray]:
+
+@dataclass(frozen=True, slots=True)
+class FormulaPotential(Potential):
+    """V given by a formula.
+
+    ``tree`` has g1, g2, g3, pi and numbers only. Two potentials are equal if
+    their tapes are: what is computed is the same.
+    """
+
+    # Each field says that it has no default: it would get the property of the base class.
+    tree: Tree = field(compare=False, repr=False)
+    tape: Tape = field()
+    family: str = field()
+    notices: tuple[Notice, ...] = field(default=(), compare=False)
+
+    def formula(self) -> str:
+        """Return V as a formula of the grammar."""
+        return format_tree(self.tree)
+
+    def value(self, gamma: FloatArray) -> FloatArray:
+        """See Potential.value."""
+        gamma = np.asarray(gamma, dtype=np.float64)
+        if gamma.ndim == 1:
+            return np.asarray(self.tape.evaluate(ScalarAlgebra(), gamma.tolist()))
+        value = self.tape.evaluate(RealAlgebra(), _parts(gamma))
+        return np.broadcast_to(value, gamma.shape[:-1]).copy()
+
+    def gradient(self, gamma: FloatArray) -> FloatArray:
+        """See Potential.gradient."""
+        gamma = np.asarray(gamma, dtype=np.float64)
+        if gamma.ndim == 1:
+            return np.array(self.gradient_at(*gamma.tolist()))
+        jets = _real_jets(3)
+        jet = self.tape.evaluate(jets, jets.variables(_parts(gamma)))
+        columns = [np.broadcast_to(part, gamma.shape[:-1]) for part in jets.gradient(jet)]
+        return np.stack(columns, axis=-1)
+
+    def gradient_at(self, g1: float, g2: float, g3: float) -> tuple[float, float, float]:
+        """See Potential.gradient_at."""
+        jets = _scalar_jets()
+        V_1, V_2, V_3 = jets.gradient(self.tape.evaluate(jets, jets.variables((g1, g2, g3))))
+        return V_1, V_2, V_3
+
+    def hessian(self, gamma: FloatArray) -> FloatArray:
+        """See Potential.hessian."""
+        gamma = np.asarray(gamma, dtype=np.float64)
+        jets = _real_second_jets()
+        jet = self.tape.evaluate(jets, jets.variables(_parts(gamma)))
+        shape = gamma.shape[:-1]
+        rows = [
+            np.stack([np.broadcast_to(part, shape) for part in row], axis=-1) for row in jets.hessian(jet)
+        ]
+        return np.stack(rows, axis=-2)
+
+    def value_and_D(self, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See Potential.value_and_D."""
         jets = _real_jets(1)
         # D is the derivative along (-g3, 0, g1): the turn about the second axis.
         inputs = (jets.seed(g1, (-g3,)), jets.seed(g2, (None,)), jets.seed(g3, (g1,)))
@@ -119,12 +201,25 @@ class Potential:
         value, D = jet.value, jets.gradient(jet)[0]
         return np.broadcast_to(value, shape).copy(), np.broadcast_to(D, shape).copy()
 
-    def _value_and_D_ball(self, g1: arb, g2: arb, g3: arb) -> tuple[arb, arb]:
+    def value_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
+        """See Potential.value_ball."""
+        return self.tape.evaluate(BallAlgebra(), (g1, g2, g3))
+
+    def value_and_D_ball(self, g1: arb, g2: arb, g3: arb) -> tuple[arb, arb]:
+        """See Potential.value_and_D_ball."""
         jets = _ball_jets()
         inputs = (jets.seed(g1, (-g3,)), jets.seed(g2, (None,)), jets.seed(g3, (g1,)))
         jet = self.tape.evaluate(jets, inputs)
         D = jet.first[0]
         return jet.value, arb(0) if D is None else D
+
+    def jet_ball(self, g1: arb, g2: arb, g3: arb) -> BallJet:
+        """See Potential.jet_ball."""
+        jets = _ball_second_jets()
+        jet = self.tape.evaluate(jets, jets.variables((g1, g2, g3)))
+        V_1, V_2, V_3 = jets.gradient(jet)
+        (V_11, V_12, V_13), (_, V_22, V_23), (_, _, V_33) = jets.hessian(jet)
+        return jet.value, (V_1, V_2, V_3), ((V_11, V_12, V_13), (V_12, V_22, V_23), (V_13, V_23, V_33))
 
 
 def _parts(gamma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -137,6 +232,11 @@ def _real_jets(directions: int) -> FirstOrderJets[FloatArray]:
 
 
 @cache
+def _real_second_jets() -> SecondOrderJets[FloatArray]:
+    return SecondOrderJets(RealAlgebra(), 3)
+
+
+@cache
 def _scalar_jets() -> FirstOrderJets[float]:
     return FirstOrderJets(ScalarAlgebra(), 3)
 
@@ -144,3 +244,8 @@ def _scalar_jets() -> FirstOrderJets[float]:
 @cache
 def _ball_jets() -> FirstOrderJets[arb]:
     return FirstOrderJets(BallAlgebra(), 1)
+
+
+@cache
+def _ball_second_jets() -> SecondOrderJets[arb]:
+    return SecondOrderJets(BallAlgebra(), 3)

@@ -12,20 +12,12 @@ from math import comb
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.coefficients import MAX_TERMS, TooManyTermsError
 from service.dynamics.potentials.monomials import Exponents, monomial_sum
 from service.dynamics.potentials.potential import Potential
 
 FAMILY = "rational"
-MAX_TERMS = 20
-"""Length of each list. The degree grows as 2n-1, and with it the cancellation near the poles."""
-
 Laurent = dict[Exponents, Fraction]
-
-
-class TooManyTermsError(DynamicsError):
-    """A list of coefficients longer than MAX_TERMS."""
-
-    code = "too_many_terms"
 
 
 class RationalBodyError(DynamicsError):
@@ -57,10 +49,7 @@ def rational_potential(a: Sequence[Fraction], b: Sequence[Fraction], c: Sequence
     total: Laurent = {}
     for name, coefficients, term in (("a", a, _a_term), ("b", b, _b_term), ("c", c, _c_term)):
         if len(coefficients) > MAX_TERMS:
-            raise TooManyTermsError(
-                f"{len(coefficients)} coefficients; at most {MAX_TERMS} are accepted",
-                pointer=f"/potential/{name}",
-            )
+            raise TooManyTermsError(name, len(coefficients))
         for n, coefficient in enumerate(coefficients, start=1):
             if coefficient:
                 for exponents, factor in term(n).items():

@@ -41,6 +41,10 @@ class NuNeedsDoubleMomentError(DynamicsError):
     code = "nu_needs_double_moment"
 
 
+BOX = 2.0**-40
+"""Half the side of the boxes about the poles on which V is looked at."""
+
+
 @dataclass(frozen=True, slots=True)
 class Point:
     """Where the loop is at one v, in balls; primed (mirrored) axes if the loop is mirrored."""
@@ -78,10 +82,15 @@ class Loop:
         """A/C > 1 in primed axes."""
         return self.A / self.C
 
-    @property
     def is_smooth_at_poles(self) -> bool:
-        """Say whether |g3|^α is a polynomial in g3: α an even integer."""
-        return self.alpha.denominator == 1 and self.alpha.numerator % 2 == 0
+        """Say whether the motion through the poles is the only one the equations allow.
+
+        It needs |g3|^α to be a polynomial in g3 (α an even integer), and V to
+        have bounded second derivatives about the poles.
+        """
+        if self.alpha.denominator != 1 or self.alpha.numerator % 2:
+            return False
+        return all(_has_bounded_curvature(self.potential, pole) for pole in (1, -1))
 
     def refined(self) -> "Loop":
         """Return the loop with Z and G computed anew at the current precision."""
@@ -162,6 +171,20 @@ def start_g3_sign(loop: Loop, motion: PlanarMotion) -> int:
     if loop.mirrored:
         return motion.sign_of_g1
     return motion.g3_sign
+
+
+def _has_bounded_curvature(potential: Potential, pole: int) -> bool:
+    """Say whether V is seen to be twice differentiable on a small box about g2 = ``pole``.
+
+    A derivative that jumps, as that of |g1|, is bounded but does not settle as the box shrinks.
+    """
+    near = arb(0, BOX)
+    _, first, second = potential.jet_ball(near, pole + near, near)
+    entries = [entry for row in second for entry in row]
+    if not all(entry.is_finite() for entry in entries):
+        return False
+    slope = 1 + max(float(abs(entry).upper()) for entry in entries)
+    return all(float(slot.rad()) < 16.0 * BOX * slope for slot in first)
 
 
 def ball(value: Fraction) -> arb:

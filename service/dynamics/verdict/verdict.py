@@ -1,16 +1,21 @@
 """Is L(V) = 0? Proved, refuted by a point, or undecided with the evidence."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from math import ldexp
 from typing import ClassVar, Literal
 
+from flint import arb, ctx
+
 from service.dynamics.body import RigidBody
+from service.dynamics.compatibility import residual_of
 from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.general_solution import GeneralPotential, Quadrant
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.verdict.counterexample import Counterexample, Survey, survey
-from service.dynamics.verdict.energy_formula import energy_formula
+from service.dynamics.verdict.counterexample import Counterexample, Survey, decimal_ball, survey
+from service.dynamics.verdict.energy_formula import energy_formula, signed_energy_formulas
+from service.dynamics.verdict.general_energy import energy_defect, energy_formulas
 from service.dynamics.verdict.points import Point, fine_sphere_points, sphere_points
 from service.dynamics.verdict.proof import prove
 
@@ -20,6 +25,9 @@ LADDER_POINTS = 8
 """Points tried at each precision between the lowest and the highest: one in every octant."""
 FIRST_POINTS = 2
 """Points tried before a proof: nearly every potential that is not admissible falls at the first."""
+
+ENERGY_POINTS = 16
+"""Points, two in every octant, where the energy of a potential given by an integral is checked."""
 
 
 class UndefinedPotentialError(DynamicsError):
@@ -50,11 +58,15 @@ class Verdict:
     ``lambda`` (in ``nu`` for A = 2C), if it has a formula. ``admissible`` with
     proof ``numeric``: enclosed in tiny balls about zero everywhere tried, which
     is evidence and no proof. ``inadmissible``: a counterexample, rigorous.
+
+    ``energy_formulas``: h on each quadrant (signs of g1 and g3), for a
+    potential whose energy depends on the quadrant; otherwise None.
     """
 
     verdict: Literal["admissible", "inadmissible", "undecided"]
     proof: Literal["symbolic", "counterexample", "numeric"]
     energy_formula: str | None = None
+    energy_formulas: Mapping[Quadrant, str] | None = None
     counterexample: Counterexample | None = None
     evidence: NumericEvidence | None = None
 
@@ -74,6 +86,8 @@ def decide(body: RigidBody, potential: Potential) -> Verdict:
     """
     body.require_planar()
     points: Sequence[Point] = tuple(sphere_points())
+    if isinstance(potential, GeneralPotential):
+        return _decide_general(body, potential, points)
     first = survey(body, potential.tape, islice(points, FIRST_POINTS), bits=PRECISIONS[0])
     if first.counterexample is not None:
         return _refuted(first.counterexample)
@@ -81,7 +95,9 @@ def decide(body: RigidBody, potential: Potential) -> Verdict:
     if proof is not None:
         if not first.defined:
             _require_defined(body, potential, points)
-        return Verdict("admissible", "symbolic", energy_formula=energy_formula(body, potential, proof))
+        formula = energy_formula(body, potential, proof)
+        formulas = None if formula is not None else signed_energy_formulas(body, potential, proof)
+        return Verdict("admissible", "symbolic", energy_formula=formula, energy_formulas=formulas)
     return _decide_numerically(body, potential, points)
 
 
@@ -100,6 +116,43 @@ def _decide_numerically(body: RigidBody, potential: Potential, points: Sequence[
     # In doubles both sides are 0 at the highest precision: as strict as they can be.
     is_tiny = bool(found.defined) and found.relative <= ldexp(1.0, -last // 2)
     return Verdict("admissible" if is_tiny else "undecided", "numeric", evidence=_evidence(found))
+
+
+def _decide_general(body: RigidBody, potential: GeneralPotential, points: Sequence[Point]) -> Verdict:
+    """Confirm H = −F(w), which is proved for all F and G in :mod:`.general_energy`, by the values of V."""
+    defects = (energy_defect(body, potential, point) for point in chain(points, fine_sphere_points()))
+    defined = list(islice((defect for defect in defects if defect.is_finite()), ENERGY_POINTS))
+    if not defined:
+        raise UndefinedPotentialError(
+            "the potential has no finite value at any of the points tried all over the unit sphere",
+            pointer="/potential",
+        )
+    if all(defect.contains(0) for defect in defined):
+        formulas = energy_formulas(body, potential)
+        if formulas is None:
+            return Verdict("admissible", "symbolic")
+        if len(set(formulas.values())) > 1:
+            return Verdict("admissible", "symbolic", energy_formulas=formulas)
+        return Verdict("admissible", "symbolic", energy_formula=formulas["pp"])
+    return _refute_general(body, potential, points)
+
+
+def _refute_general(body: RigidBody, potential: GeneralPotential, points: Sequence[Point]) -> Verdict:
+    """Look for a point with L(V) ≠ 0: the potential was made for another body."""
+    largest, count = arb(0), 0
+    with ctx.workprec(PRECISIONS[0]):
+        for point in points:
+            ball = residual_of(body, potential, point)
+            if not ball.is_defined:
+                continue
+            count += 1
+            residual = decimal_ball(ball.residual)
+            if residual.excludes_zero:
+                return _refuted(Counterexample(point, residual))
+            largest = ball.residual if ball.residual.abs_upper() > largest.abs_upper() else largest
+        found = decimal_ball(largest)
+    evidence = NumericEvidence(count, PRECISIONS[0], f"{found.mid} ± {found.rad}")
+    return Verdict("undecided", "numeric", evidence=evidence)
 
 
 def _require_defined(body: RigidBody, potential: Potential, points: Sequence[Point]) -> Sequence[Point]:

@@ -7,10 +7,9 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import MissingMomentError
 from service.dynamics.formula.errors import FormulaError, FormulaLimitError, UnknownNameError
 from service.dynamics.potentials.expression import (
-    RESERVED_NAMES,
-    ParameterNameError,
     expression_potential,
 )
+from service.dynamics.potentials.names import RESERVED_NAMES, ParameterNameError
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))
 WITH_B = RigidBody(Fraction(2), Fraction(3, 2), Fraction(1))

@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import EqualMomentsError
 from service.dynamics.potentials.expression import expression_potential
+from service.dynamics.potentials.general import general_potential
 from service.dynamics.potentials.gravity import gravity_potential
+from service.dynamics.potentials.notice import Notice
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.rational import rational_potential
 from tests.support.formulas import POTENTIALS
@@ -20,11 +22,14 @@ BODY = RigidBody(Fraction(2), None, Fraction(1))
 EXPRESSIONS = [expression_potential(text, {}, BODY) for text in POTENTIALS]
 GRAVITY = gravity_potential(Fraction(-1), Fraction(1, 3), Fraction(0))
 RATIONAL = rational_potential([Fraction(1, n) for n in range(1, 5)], [Fraction(1, 50)], [Fraction(-1, 3)] * 3)
-ALL = [*EXPRESSIONS, GRAVITY, RATIONAL]
+GENERAL = general_potential(BODY, "exp(-w)", "g2^3 - sin(g2)", {})
+FORMULAS = [*EXPRESSIONS, GRAVITY, RATIONAL]
+ALL = [*FORMULAS, GENERAL]
 
 GAMMA = np.random.default_rng(7).uniform(0.1, 1.0, (4, 5, 3))
 
 potentials = pytest.mark.parametrize("potential", ALL, ids=lambda potential: potential.formula()[:30])
+formulas = pytest.mark.parametrize("potential", FORMULAS, ids=lambda potential: potential.formula()[:30])
 
 
 @potentials
@@ -33,6 +38,7 @@ def test_shapes_follow_the_points(potential: Potential) -> None:
         shape = gamma.shape[:-1]
         assert potential.value(gamma).shape == shape
         assert potential.gradient(gamma).shape == gamma.shape
+        assert potential.hessian(gamma).shape == (*gamma.shape, 3)
         assert potential.D(gamma).shape == shape
         assert potential.H(BODY, gamma).shape == shape
     assert potential.D_real(GAMMA[..., 0], GAMMA[..., 1], GAMMA[..., 2]).shape == (4, 5)
@@ -78,6 +84,47 @@ def test_balls_hold_the_exact_values(potential: Potential) -> None:
         ]:
             assert fine.rad() < arb("1e-40") * (1 + abs(fine))
             assert float(double) == pytest.approx(float(fine), rel=1e-11, abs=1e-9)
+
+
+@potentials
+def test_the_jet_holds_value_gradient_and_hessian(potential: Potential) -> None:
+    for gamma in GAMMA[0]:
+        with ctx.workprec(200):
+            value, first, second = potential.jet_ball(*(arb(float(x)) for x in gamma))
+            assert value.overlaps(potential.value_ball(*(arb(float(x)) for x in gamma)))
+        # As above; a second derivative of the rational ones has larger terms still.
+        assert potential.gradient(gamma) == pytest.approx([float(x) for x in first], rel=1e-11, abs=1e-8)
+        expected = np.array([[float(x) for x in row] for row in second])
+        assert potential.hessian(gamma) == pytest.approx(expected, rel=1e-10, abs=1e-6)
+
+
+@potentials
+def test_the_jet_is_the_derivative_of_the_values(potential: Potential) -> None:
+    with ctx.workprec(400):
+        centre = [arb(float(x)) for x in GAMMA[1, 1]]
+        _, first, second = potential.jet_ball(*centre)
+        step = arb(2) ** -60
+        for axis in range(3):
+            around = []
+            for sign in (1, -1):
+                moved = list(centre)
+                moved[axis] += sign * step
+                around.append(potential.jet_ball(*moved))
+            ahead, behind = around
+            # Central differences: step²/6 times a third derivative, far below 10^10.
+            bound = arb("1e-25")
+            assert abs((ahead[0] - behind[0]) / (2 * step) - first[axis]) < bound
+            for other in range(3):
+                slope = (ahead[1][other] - behind[1][other]) / (2 * step)
+                assert abs(slope - second[axis][other]) < bound
+
+
+def test_notices_are_kept_and_do_not_make_a_difference() -> None:
+    notice = Notice("surprise", "a remark", "/potential")
+    with_notice = Potential.from_tree(GRAVITY.tree, GRAVITY.family, (notice,))
+    assert with_notice.notices == (notice,)
+    assert with_notice == GRAVITY
+    assert GRAVITY.notices == ()
 
 
 def test_H_is_the_definition() -> None:
@@ -131,6 +178,6 @@ def test_gravity_prints_as_a_formula() -> None:
     assert gravity_potential(Fraction(-2), Fraction(0), Fraction(0)).formula() == "-2*g1"
 
 
-@potentials
+@formulas
 def test_the_formula_is_the_potential(potential: Potential) -> None:
     assert expression_potential(potential.formula(), {}, BODY).tape == potential.tape

@@ -13,12 +13,11 @@ from service.dynamics.formula.algebras.symbolic import real_symbols, sympy_expre
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import VARIABLES
+from service.dynamics.potentials.coefficients import MAX_TERMS, TooManyTermsError
 from service.dynamics.potentials.monomials import monomial_sum
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.rational import (
-    MAX_TERMS,
     RationalBodyError,
-    TooManyTermsError,
     U_term,
     W_term,
     rational_potential,

@@ -201,7 +201,7 @@ def test_potentials_that_agree_on_the_sphere_get_the_same_verdict(V_text, W_text
     extra=st.sampled_from(["0", "g1^2*g2", "g3^3", "g1^2"]),
 )
 def test_the_mirror_image_gets_the_same_verdict(coefficients, extra):
-    # Theory 1.3: exchanging A with C and g1 with g3 keeps admissibility.
+    # Exchanging A with C and g1 with g3 keeps admissibility.
     a, b, c, d = (f"({x})" for x in coefficients)
     V = f"{a}*g1 + {b}/g3^2 + {c}*(g1^2 - g2^2) + {d}*g2*(2*g1^2 + g3^2) + {extra}"
     swapped = V.replace("g1", "gx").replace("g3", "g1").replace("gx", "g3")

@@ -4,6 +4,8 @@ Needs nothing that is not everywhere. Its continuous extension is a polynomial o
 degree 7 on each step, so eight values carry all of it.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
@@ -11,7 +13,7 @@ from scipy.integrate import DOP853
 from service.dynamics.body import RigidBody
 from service.dynamics.dense_output import chebyshev_coefficients, chebyshev_points
 from service.dynamics.formula.algebras.real import nearest_double
-from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.potential import FormulaPotential, Potential
 from workers.solvers.integration.errors import IntegrationError
 from workers.solvers.integration.interface import (
     Moments,
@@ -42,7 +44,12 @@ class Dop853Integrator:
         """Prepare the right-hand sides; raises MissingMomentError."""
         self._body, self._potential = body, potential
         self._moments = Moments.of(body, rounding)
-        self._gradient = gradient_line(potential, rounding)
+        # A potential given by an integral has no line: its own gradient, to some ulp, serves both runs.
+        self._gradient: Callable[[float, float, float], tuple[float, float, float]] = (
+            gradient_line(potential, rounding)
+            if isinstance(potential, FormulaPotential)
+            else potential.gradient_at
+        )
 
     def neighbour(self) -> "Dop853Integrator":
         """See Integrator.neighbour."""

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.real import nearest_double
-from service.dynamics.potentials.potential import Potential
+from service.dynamics.formula.tape import Tape
+from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from workers.solvers.integration.errors import UnsupportedFormulaError
 from workers.solvers.integration.interface import (
     Moments,
@@ -196,7 +197,7 @@ def _equations(
 ) -> list[tuple[Expression, Expression]]:
     """Return the Euler-Poisson equations, (variable, its derivative) for the six variables."""
     p, q, r, g1, g2, g3 = heyoka.make_vars("p", "q", "r", "g1", "g2", "g3")
-    V = potential.tape.evaluate(HeyokaAlgebra(rounding), (g1, g2, g3))
+    V = _tape(potential).evaluate(HeyokaAlgebra(rounding), (g1, g2, g3))
     V1, V2, V3 = heyoka.diff_tensors([V], [g1, g2, g3]).gradient
     A, B, C = moments.A, moments.B, moments.C
     return [
@@ -207,6 +208,17 @@ def _equations(
         (g2, p * g3 - r * g1),
         (g3, q * g1 - p * g2),
     ]
+
+
+def _tape(potential: Potential) -> Tape:
+    try:
+        return potential.tape
+    except NoClosedFormError as error:
+        raise UnsupportedFormulaError(
+            "the Taylor integrator needs a formula, and this potential is given by an integral; "
+            "the Runge-Kutta integrator takes it",
+            pointer=error.pointer,
+        ) from error
 
 
 def _constant(value: float) -> Expression:

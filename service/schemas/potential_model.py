@@ -1,0 +1,81 @@
+"""What the potentials of the wire have in common."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+from typing import Annotated
+
+from pydantic import Field
+
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.errors import UndefinedConstantError
+from service.dynamics.potentials.potential import Potential
+from service.schemas.choices import WireModel
+from service.schemas.faults import Fault
+from service.schemas.numbers import Exact
+
+MAX_PARAMETERS = 100
+
+Parameters = Annotated[dict[str, Exact], Field(max_length=MAX_PARAMETERS)]
+
+STAND_IN = RigidBody(Fraction(17), Fraction(19), Fraction(23))
+"""Moments without simple relations: lets a formula be checked although the body at hand is faulty."""
+
+
+class PotentialModel(WireModel, ABC):
+    """A potential as a client states it.
+
+    Reading a document checks its form; whether its numbers and formulas make a
+    potential of the body is told by ``to_domain``, and by ``errors`` if not.
+    """
+
+    @abstractmethod
+    def to_domain(self, body: RigidBody) -> Potential:
+        """Return the potential; raises what its family raises."""
+
+    @abstractmethod
+    def canonical(self) -> dict[str, object]:
+        """Return the document in the one form of all documents that state the same."""
+
+    def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
+        """Yield everything that keeps this from being a potential of ``body``."""
+        try:
+            self.to_domain(body)
+        except DynamicsError as error:
+            yield error
+
+    def text_errors(self) -> Iterator[DynamicsError]:
+        """Yield the errors that are there whatever the body and the numbers are."""
+        yield from ()
+
+    @classmethod
+    def faults_of_unread(cls, document: Mapping[object, object], body: RigidBody | None) -> Iterator[Fault]:
+        """Yield further faults of a document whose form is faulty, where they can be told.
+
+        The body is None if it could not be read either.
+        """
+        yield from ()
+
+
+class FormulaModel(PotentialModel):
+    """A potential with formulas in named parameters."""
+
+    parameters: Parameters = Field(default_factory=dict)
+
+    def text_errors(self) -> Iterator[DynamicsError]:
+        """Yield the errors of the names and the texts."""
+        for error in self.errors(STAND_IN):
+            # What has no value may have one with other numbers.
+            if not isinstance(error, UndefinedConstantError):
+                yield error
+
+    def canonical_parameters(self) -> dict[str, str]:
+        """Return the parameters in order, as exact text."""
+        return {name: str(self.parameters[name]) for name in sorted(self.parameters)}
+
+
+def stand_in_parameters(given: object) -> dict[str, Fraction] | None:
+    """Return numbers in the place of parameters that could not be read; None if they are too many."""
+    names = [str(name) for name in given] if isinstance(given, dict) else []
+    return dict.fromkeys(names, Fraction(29)) if len(names) <= MAX_PARAMETERS else None
