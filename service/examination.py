@@ -10,6 +10,14 @@ from collections.abc import Callable
 
 from flint import ctx
 
+from service.answers import (
+    Document,
+    Points,
+    decomposition_document,
+    nearest_document,
+    verdict_document,
+    window_document,
+)
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.reduction.start import starting_point
@@ -22,11 +30,11 @@ from service.dynamics.reduction.windows import (
     require_inside_domain,
 )
 from service.dynamics.sampling import PeriodNeededError
-from service.dynamics.verdict.verdict import Verdict, decide
+from service.dynamics.verdict.verdict import decide
 from service.schemas.faults import InvalidProblemError
 from service.schemas.problem import read_problem, read_question
 
-Answer = dict[str, object]
+Answer = Document
 
 _POTENTIAL = "/potential"
 
@@ -56,7 +64,7 @@ def _answer(document_json: str, judge: Callable[[object], Answer]) -> str:
         faults = [{"pointer": f.pointer, "code": f.code, "message": f.message} for f in error.faults]
         answer = _error("invalid_problem", str(error), faults=faults)
     except SeveralWindowsError as error:
-        windows = [_window(window) for window in error.windows]
+        windows = [window_document(window) for window in error.windows]
         answer = _error(error.code, error.message, error.pointer, windows=windows)
     except DynamicsError as error:
         answer = _error(error.code, error.message, error.pointer)
@@ -66,11 +74,16 @@ def _answer(document_json: str, judge: Callable[[object], Answer]) -> str:
 def _judge_question(document: object) -> Answer:
     question = read_question(document)
     verdict = decide(question.body, question.potential)
-    motions: list[Answer] | None = None
-    if isinstance(question.motion, PlanarMotion) and verdict.verdict != "inadmissible":
+    answer = verdict_document(verdict, question.potential)
+    if verdict.verdict == "inadmissible":
+        return {"verdict": {**answer, "nearest": nearest_document(question.body, question.potential)}}
+    if verdict.verdict == "admissible":
+        points = Points(question.w, question.g2)
+        answer["decomposition"] = decomposition_document(question.body, question.potential, points)
+    if isinstance(question.motion, PlanarMotion):
         found = find_windows(question.body, question.potential, question.motion)
-        motions = [_window(window) for window in found]
-    return {"verdict": _verdict(verdict, motions)}
+        answer["motions"] = [window_document(window) for window in found]
+    return {"verdict": answer}
 
 
 def _judge_problem(document: object) -> Answer:
@@ -78,7 +91,7 @@ def _judge_problem(document: object) -> Answer:
     if isinstance(problem.motion, StateMotion):
         return {"verdict": None}
     verdict = decide(problem.body, problem.potential)
-    answer = _verdict(verdict, None)
+    answer = verdict_document(verdict, problem.potential)
     if verdict.verdict == "inadmissible":
         detail = (
             "the potential does not satisfy the compatibility equation, hence there is no family of motions "
@@ -89,7 +102,7 @@ def _judge_problem(document: object) -> Answer:
         detail = "neither a proof nor a counterexample was found within the precision that was tried"
         return _error("undecided_potential", detail, _POTENTIAL, evidence=answer["evidence"])
     window = _require_motion(problem, problem.motion)
-    return {"verdict": {**answer, "motions": [_window(window)]}}
+    return {"verdict": {**answer, "motions": [window_document(window)]}}
 
 
 def _require_motion(problem: Problem, motion: PlanarMotion) -> Window:
@@ -107,40 +120,6 @@ def _require_motion(problem: Problem, motion: PlanarMotion) -> Window:
             pointer="/time/periods",
         )
     return window
-
-
-def _verdict(verdict: Verdict, motions: list[Answer] | None) -> Answer:
-    counterexample, evidence, energy = verdict.counterexample, verdict.evidence, verdict.energy_formula
-    return {
-        "verdict": verdict.verdict,
-        "proof": verdict.proof,
-        "energy": None if energy is None else {"h": energy},
-        "counterexample": None
-        if counterexample is None
-        else {
-            "g": [str(g) for g in counterexample.g],
-            "residual": {"mid": counterexample.residual.mid, "rad": counterexample.residual.rad},
-        },
-        "evidence": None
-        if evidence is None
-        else {
-            "points": evidence.points,
-            "bits": evidence.bits,
-            "largest_enclosure": evidence.largest_enclosure,
-        },
-        "decomposition": None,
-        "motions": motions,
-    }
-
-
-def _window(window: Window) -> Answer:
-    return {
-        "window": window.index,
-        "kind": window.kind,
-        "ends": list(window.ends),
-        "g1": list(window.g1),
-        "g2": list(window.g2),
-    }
 
 
 def _error(code: str, detail: str, pointer: str = "", **extras: object) -> Answer:

@@ -9,7 +9,7 @@ from service.dynamics.potentials.potential import Potential
 
 Sign = Literal[-1, 1]
 Method = Literal["auto", "quadrature", "integration", "both"]
-Output = Literal["gamma", "omega", "invariants"]
+Output = Literal["gamma", "omega", "invariants", "orientation", "stability"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,11 +12,12 @@ from service.dynamics.problem import PlanarMotion, Problem, StateMotion
 from service.schemas.faults import Fault, InvalidProblemError
 from service.schemas.motions import PlanarMotionIn, StateMotionIn
 from service.schemas.parts import read_parts
-from service.schemas.potentials import ExpressionIn, GravityIn, RationalIn
+from service.schemas.potential_model import PotentialModel
 from service.schemas.rules import combination_faults, read_setting
 from service.schemas.sections import (
     OUTPUTS,
     BodyIn,
+    PointsIn,
     ProblemIn,
     TierIn,
     TimeListIn,
@@ -45,6 +46,10 @@ class Question:
     body: RigidBody
     potential: Potential
     motion: PlanarMotion | StateMotion | None
+    w: tuple[float, ...] = ()
+    """Where F is wanted by its values."""
+    g2: tuple[float, ...] = ()
+    """Where G is."""
 
 
 def read_problem(document: object) -> Problem:
@@ -84,7 +89,7 @@ def check_problem(document: object) -> CheckedProblem:
             Potential(),
             {
                 "body": BodyIn() as body_in,
-                "potential": (ExpressionIn() | GravityIn() | RationalIn()) as potential_in,
+                "potential": PotentialModel() as potential_in,
                 "motion": (PlanarMotionIn() | StateMotionIn()) as motion_in,
                 "time": (TimeSpanIn() | TimePeriodsIn() | TimeListIn()) as time_in,
                 "accuracy": (ToleranceIn() | TierIn()) as accuracy_in,
@@ -130,7 +135,11 @@ def read_question(document: object) -> Question:
     motion_in = parts.get("motion")
     if isinstance(body, RigidBody) and isinstance(potential, Potential) and not faults:
         motion = motion_in.to_domain() if isinstance(motion_in, PlanarMotionIn | StateMotionIn) else None
-        return Question(body, potential, motion)
+        points = parts.get("points")
+        if not isinstance(points, PointsIn):
+            return Question(body, potential, motion)
+        w, g2 = (tuple(map(float, values)) for values in (points.w, points.g2))
+        return Question(body, potential, motion, w, g2)
     raise InvalidProblemError(_each_once(faults))
 
 

@@ -3,13 +3,13 @@
 from fractions import Fraction
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from service.dynamics.body import RigidBody
 from service.dynamics.problem import TimeList, TimePeriods, Times, TimeSpan
 from service.schemas.choices import TAG_MARK, WireModel, tag_by_field
 from service.schemas.motions import MotionIn
-from service.schemas.numbers import MAX_SAMPLES, Instant, Moment, Periods, Positive, Samples, refuse
+from service.schemas.numbers import MAX_SAMPLES, Exact, Instant, Moment, Periods, Positive, Samples, refuse
 from service.schemas.potentials import PotentialIn
 
 STANDARD_TOLERANCE = 1e-10
@@ -18,10 +18,10 @@ STANDARD_TOLERANCE = 1e-10
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = Fraction(1, 10**15), Fraction(1, 100)
 
 Method = Literal["auto", "quadrature", "integration", "both"]
-OutputName = Literal["gamma", "omega", "invariants"]
-OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega", "invariants")
+OutputName = Literal["gamma", "omega", "invariants", "orientation", "stability"]
+OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega", "invariants", "orientation", "stability")
+MAX_POINTS = 1000
 DEFAULT_OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega")
-_LATER_OUTPUTS = ("orientation", "stability")
 _LATER_TIERS = ("draft", "high", "certified")
 
 
@@ -183,18 +183,6 @@ AccuracyIn = Annotated[
 ]
 
 
-def _require_output(value: object) -> object:
-    if value in _LATER_OUTPUTS:
-        raise refuse(
-            "not_available",
-            f"{value} is not offered by this version; accepted are {', '.join(OUTPUTS)}",
-        )
-    return value
-
-
-Output = Annotated[OutputName, BeforeValidator(_require_output)]
-
-
 class ProblemIn(WireModel):
     """A problem: what ``POST /v1/jobs`` takes."""
 
@@ -204,8 +192,23 @@ class ProblemIn(WireModel):
     time: TimeIn
     accuracy: AccuracyIn = TierIn(tier="standard")
     method: Method = "auto"
-    outputs: Annotated[list[Output], Field(min_length=1, max_length=20)] = Field(
+    outputs: Annotated[list[OutputName], Field(min_length=1, max_length=20)] = Field(
         default_factory=lambda: list(DEFAULT_OUTPUTS)
+    )
+
+
+def _inside(g2: Fraction) -> Fraction:
+    if abs(g2) >= 1:
+        raise refuse("out_of_range", f"g2 = {g2}; accepted is -1 < g2 < 1")
+    return g2
+
+
+class PointsIn(WireModel):
+    """Where the functions of the decomposition V = V1[F(w)] + Q G(g2) are wanted by their values."""
+
+    w: Annotated[list[Positive], Field(max_length=MAX_POINTS)] = Field(default_factory=list)
+    g2: Annotated[list[Annotated[Exact, AfterValidator(_inside)]], Field(max_length=MAX_POINTS)] = Field(
+        default_factory=list, description="-1 < g2 < 1"
     )
 
 
@@ -215,3 +218,4 @@ class ValidationIn(WireModel):
     body: BodyIn
     potential: PotentialIn
     motion: MotionIn | None = None
+    points: PointsIn | None = None

@@ -1,7 +1,8 @@
 """A verdict, or the refusal of one, for people."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -49,11 +50,19 @@ def _lines(verdict: VerdictOut) -> Iterator[str]:
     yield f"verdict     {verdict.verdict}"
     yield f"proof       {_PROOFS[verdict.proof]}"
     if verdict.energy is not None:
-        yield f"energy      h = {verdict.energy.h}"
+        yield from _by_quadrant("energy      h", verdict.energy.h)
+    if verdict.decomposition is not None:
+        yield from _by_quadrant("V1[F], F(w)", verdict.decomposition.F)
+        yield from _by_quadrant("Q G,  G(g2)", verdict.decomposition.G)
     if verdict.counterexample is not None:
         residual = verdict.counterexample.residual
         yield f"at          (g1, g2, g3) = ({', '.join(verdict.counterexample.g)})"
         yield f"residual    {residual.mid} ± {residual.rad}"
+    if verdict.nearest is not None:
+        distance = float(Fraction(verdict.nearest.relative_squared_distance))
+        yield f"nearest     {verdict.nearest.expression} (relative squared distance {distance:.6g})"
+    for warning in verdict.warnings:
+        yield f"warning     {warning.message} ({warning.code})"
     if verdict.evidence is not None:
         evidence = verdict.evidence
         yield (
@@ -65,6 +74,20 @@ def _lines(verdict: VerdictOut) -> Iterator[str]:
             yield "motions     none with this lambda and these signs of g1 and g3"
         for window in verdict.motions:
             yield f"window {window.window:<4} {_window(window)}"
+
+
+def _by_quadrant(what: str, given: object) -> Iterator[str]:
+    """Yield a function, or one for each quadrant."""
+    if isinstance(given, Mapping):
+        for quadrant, function in given.items():
+            signs = quadrant.replace("p", "+").replace("m", "-")
+            yield f"{what} = {_function(function)} (signs of g1, g3: {signs})"
+    else:
+        yield f"{what} = {_function(given)}"
+
+
+def _function(given: object) -> str:
+    return given if isinstance(given, str) else "no formula; its values are in the JSON"
 
 
 def _window(window: MotionWindowOut) -> str:
