@@ -3,27 +3,28 @@
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from fractions import Fraction
-from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.dense_output import DenseOutput
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS, CrossCheck, Motion
-from service.dynamics.numerics import NUMERICS
+from service.dynamics.orientation import orientation_columns
 from service.dynamics.problem import Problem, StateMotion
 from service.dynamics.sampling import sample_times
 from service.examination import examine_problem
 from service.jobs.outcome import SolveOutcome
 from service.schemas.problem import read_problem
 from service.storage.codec import encode_arrays, encode_dense
+from workers.findings import find_out
 from workers.solvers.cross_check import compare
 from workers.solvers.integration.solve import integrate_state
-from workers.solvers.invariants import measure_drifts
 from workers.solvers.quadrature.description import FIRST_PASSAGE
 from workers.solvers.quadrature.solve import planar_start, solve_planar
+from workers.summary import summarise
 
 FloatArray = NDArray[np.float64]
 
@@ -35,12 +36,15 @@ def solve_document(document_json: str) -> SolveOutcome:
     try:
         problem = read_problem(document)
         motion = solve(problem)
-        summary = summarise(document, problem, motion)
+        findings = find_out(problem, motion)
+        summary = summarise(document, motion, findings)
     except DynamicsError as fault:
         error: dict[str, object] = {"code": fault.code, "detail": fault.message, "pointer": fault.pointer}
         return SolveOutcome(summary=None, dense=b"", samples=b"", error=error)
+    # The orientation is more columns on the same pieces.
+    dense = motion.dense if findings.orientation is None else findings.orientation.dense
     summary["cost"] = {"compute_seconds": time.perf_counter() - began}
-    return SolveOutcome(summary, encode_dense(motion.dense), encode_arrays(_columns(problem, motion)), None)
+    return SolveOutcome(summary, encode_dense(dense), encode_arrays(_columns(problem, motion, dense)), None)
 
 
 def solve_checked(document_json: str) -> SolveOutcome:
@@ -89,51 +93,8 @@ def _cross_check(problem: Problem, motion: Motion) -> CrossCheck:
     )
 
 
-def summarise(document: dict[str, object], problem: Problem, motion: Motion) -> dict[str, object]:
-    """Return the solution resource without its ids and cost."""
-    period, window = motion.dense.period, motion.window
-    return {
-        "problem": document,
-        "method": motion.method,
-        "tier": "standard",
-        "period": None
-        if period is None
-        else {
-            "value": period.hi,
-            "error": abs(period.lo) + period.error,
-        },
-        "aperiodic": motion.aperiodic,
-        "asymptotes": None
-        if motion.past is None or motion.future is None
-        else {"past": asdict(motion.past), "future": asdict(motion.future)},
-        "energy": asdict(motion.energy),
-        "window": None
-        if window is None
-        else {
-            "index": window.index,
-            "ends": window.ends,
-            "g1": window.g1,
-            "g2": window.g2,
-        },
-        "invariants": _invariants(problem, motion),
-        "error": motion.error,
-        "cross_check": None if motion.cross_check is None else asdict(motion.cross_check),
-        "stability": None,
-        "conventions": motion.conventions,
-        "evidence": dict(motion.evidence),
-        "provenance": {"version": version("polhode"), "numerics": NUMERICS},
-    }
-
-
-def _invariants(problem: Problem, motion: Motion) -> dict[str, object] | None:
-    if "invariants" not in problem.outputs:
-        return None
-    drifts = measure_drifts(problem.body, problem.potential, motion)
-    return {name: {"drift": drift} for name, drift in asdict(drifts).items()}
-
-
-def _columns(problem: Problem, motion: Motion) -> dict[str, FloatArray]:
+def _columns(problem: Problem, motion: Motion, dense: DenseOutput) -> dict[str, FloatArray]:
     """Return t and the columns that were asked for."""
     wanted = [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in problem.outputs]
     series = {name: motion.samples[:, COLUMNS.index(name)] for name in wanted}
-    return {"t": motion.times, **series}
+    return {"t": motion.times, **series, **orientation_columns(dense, motion.times)}

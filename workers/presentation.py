@@ -45,7 +45,13 @@ def _numbers(summary: Summary) -> Iterator[str]:
         yield f"window      {lower} to {upper}, g1 from {first:.12g} to {last:.12g}"
     yield f"error       ≤ {summary['error']:.1e} in every variable at the sampled times"
     for name, integral in (summary["invariants"] or {}).items():
-        yield f"{name + ' drift':<16}{integral['drift']:.1e}"
+        value = f" of {integral['value']!r} ({integral['kind']})" if "value" in integral else ""
+        yield f"{name + ' drift':<18}{integral['drift']:.1e}{value}"
+    stability = summary["stability"]
+    if stability is not None:
+        yield f"stability   {stability['verdict']}, trace {stability['trace']!r} ± {stability['error']:.1e}"
+    for name, angle in (summary["precession"] or {}).items():
+        yield f"precession  {name} {angle['value']!r} ± {angle['error']:.1e} a period"
     check = summary["cross_check"]
     if check is not None:
         verdict = "agrees" if check["agrees"] else "DISAGREES"
@@ -53,6 +59,8 @@ def _numbers(summary: Summary) -> Iterator[str]:
         yield f"cross-check {verdict} with {check['method']} {extent}"
     for convention in summary["conventions"]:
         yield f"convention  {convention}"
+    for warning in summary["warnings"]:
+        yield f"warning     {warning['message']} ({warning['code']})"
 
 
 def _asymptote(end: Mapping[str, Any]) -> str:

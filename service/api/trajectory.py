@@ -1,5 +1,7 @@
 """GET /v1/solutions/{id}/trajectory: stored samples, or samples at any other times."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -11,6 +13,13 @@ from service.api.errors import invalid_request
 from service.api.formats import Trajectory, choose_format, media_types
 from service.api.resources import Inside, Resources
 from service.api.responses import refusals
+from service.dynamics.motion import COLUMNS
+from service.dynamics.orientation import (
+    QUATERNION,
+    orientation_errors,
+    trajectory_columns,
+    trajectory_errors,
+)
 from service.schemas.faults import Fault
 from service.schemas.solution import TrajectoryOut
 from service.storage.codec import decode_arrays, decode_dense
@@ -59,25 +68,39 @@ def get_trajectory(
     write = choose_format(accept)
     asked = query.start, query.stop, query.samples
     if asked == (None, None, None):
-        trajectory = _stored(inside, solution_id)
+        samples = _stored(inside, solution_id)
     else:
-        trajectory = _evaluated(inside, solution_id, _times(query))
-    return write(_selected(trajectory, query.columns))
+        samples = _evaluated(inside, solution_id, _times(query))
+    return write(_selected(samples, query.columns))
 
 
-def _stored(inside: Resources, solution_id: str) -> Trajectory:
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """Columns with the bounds of their absolute errors."""
+
+    columns: Mapping[str, FloatArray]
+    error: float
+    """Of all six variables."""
+    orientation: Mapping[str, float]
+    """Of the columns of the orientation, each by itself."""
+
+
+def _stored(inside: Resources, solution_id: str) -> _Samples:
     summary = inside.solutions.get(solution_id).summary
     columns = decode_arrays(inside.solutions.samples(solution_id))
     error = summary["error"]
     assert isinstance(error, int | float)
-    return Trajectory(columns, float(error))
+    own: Mapping[str, float] = {}
+    if QUATERNION[0] in columns:
+        own = orientation_errors(decode_dense(inside.solutions.dense(solution_id)), columns["t"])
+    return _Samples(columns, float(error), own)
 
 
-def _evaluated(inside: Resources, solution_id: str, times: FloatArray) -> Trajectory:
+def _evaluated(inside: Resources, solution_id: str, times: FloatArray) -> _Samples:
     dense = decode_dense(inside.solutions.dense(solution_id))
-    values = dense(times)
-    columns = {"t": times, **{name: values[:, k] for k, name in enumerate(dense.columns)}}
-    return Trajectory(columns, dense.error_at(times))
+    columns = {"t": times, **trajectory_columns(dense, times)}
+    errors = trajectory_errors(dense, times)
+    return _Samples(columns, max(errors[name] for name in COLUMNS), errors)
 
 
 def _times(query: TrajectoryQuery) -> FloatArray:
@@ -95,13 +118,14 @@ def _times(query: TrajectoryQuery) -> FloatArray:
     return np.linspace(start, query.stop, query.samples)
 
 
-def _selected(trajectory: Trajectory, names: str | None) -> Trajectory:
-    if names is None:
-        return trajectory
-    wanted = [name.strip() for name in names.split(",")]
-    unknown = [name for name in wanted if name not in trajectory.columns]
+def _selected(samples: _Samples, names: str | None) -> Trajectory:
+    """Return the columns asked for, with the largest of their errors."""
+    wanted = list(samples.columns) if names is None else [name.strip() for name in names.split(",")]
+    unknown = [name for name in wanted if name not in samples.columns]
     if unknown:
-        listed = ", ".join(trajectory.columns)
+        listed = ", ".join(samples.columns)
         message = f"there is no column {unknown[0][:40]!r} here; accepted are {listed}"
         raise invalid_request([Fault("?columns", "unknown_column", message)])
-    return Trajectory({name: trajectory.columns[name] for name in wanted}, trajectory.error)
+    errors = {**samples.orientation, **dict.fromkeys(COLUMNS, samples.error), "t": 0.0}
+    error = max(errors.get(name, samples.error) for name in wanted)
+    return Trajectory({name: samples.columns[name] for name in wanted}, error)

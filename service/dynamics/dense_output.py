@@ -3,10 +3,12 @@
 Each piece maps [breaks[k], breaks[k+1]] onto [-1, 1] and holds, for every
 column, the coefficients of a Chebyshev series of the first kind. A periodic
 motion stores one period; its length is the sum hi + lo of two doubles, so that
-reducing a time by n periods costs no digits for any n up to 2^53.
+reducing a time by n periods costs no digits for any n up to 2^53. A column such
+as an angle may grow by a fixed advance per period, kept in the same way.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +37,15 @@ class Period:
 
 
 @dataclass(frozen=True, slots=True)
+class Advance:
+    """What a column gains per period: hi + lo (|lo| ≤ ulp(hi)/2), and the bound of its absolute error."""
+
+    hi: float = 0.0
+    lo: float = 0.0
+    error: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class DenseOutput:
     """Columns as functions of time.
 
@@ -50,7 +61,11 @@ class DenseOutput:
         None if the motion is not periodic (or not known to be): then only
         times within ``breaks`` can be asked.
     error
-        Bound of the absolute error of every column within ``breaks``.
+        Bound of the absolute error within ``breaks`` of every column not in ``errors``.
+    errors
+        The same for columns with a bound of their own, by name.
+    advances
+        Of the columns that grow from period to period, by name; the others are periodic.
     """
 
     columns: tuple[str, ...]
@@ -58,6 +73,8 @@ class DenseOutput:
     coefficients: FloatArray
     period: Period | None
     error: float
+    errors: Mapping[str, float] = field(default_factory=dict)
+    advances: Mapping[str, Advance] = field(default_factory=dict)
 
     def __call__(self, times: FloatArray) -> FloatArray:
         """Return the columns at ``times``, shape (len(times), columns).
@@ -70,31 +87,53 @@ class DenseOutput:
         times = np.asarray(times, dtype=np.float64)
         if self.period is None:
             self._require_within(times)
-            local = times
-        else:
-            local = reduce_time(times, self.period)
-        piece = np.clip(np.searchsorted(self.breaks, local, side="right") - 1, 0, len(self.breaks) - 2)
-        left, right = self.breaks[piece], self.breaks[piece + 1]
-        x = np.clip(((local - left) - (right - local)) / (right - left), -1.0, 1.0)
-        return _clenshaw(self.coefficients, piece, x)
+            return self._within(times)
+        local, turns = split_time(times, self.period)
+        values = self._within(local)
+        for name, advance in self.advances.items():
+            k = self.columns.index(name)
+            # The large part last: the small ones keep their digits.
+            values[:, k] = (values[:, k] + turns * advance.lo) + turns * advance.hi
+        return values
 
     def error_at(self, times: FloatArray) -> float:
-        """Return the bound of the absolute error of any column at any of ``times``.
+        """Return the bound of the absolute error of any column at any of ``times``; see :meth:`errors_at`."""
+        return max(self.errors_at(times).values())
+
+    def errors_at(self, times: FloatArray) -> dict[str, float]:
+        """Return the bound of the absolute error of each column at any of ``times``, by name.
 
         For a periodic motion the error of the phase comes on top: that of the
         period, once for every period that has passed, and the rounding of a
         time by a few ulp. What it does is measured by moving the times by it.
+        The error of an advance counts once for every period as well.
         """
+        times = np.asarray(times, dtype=np.float64)
         samples = self(times)
-        rounding = EPSILON * float(np.abs(samples).max(initial=0.0))
+        bounds = np.array([self.errors.get(name, self.error) for name in self.columns])
+        bounds += EPSILON * np.abs(samples).max(axis=0, initial=0.0)
+        if self.period is not None and len(times):
+            phase = self.phase_error(times)
+            # Reduced first: a small shift would drown in the rounding of a late time.
+            local, turns = split_time(times, self.period)
+            here = self._within(local)
+            bounds += np.max([np.abs(self(local + by) - here).max(axis=0) for by in (-phase, phase)], axis=0)
+            gains = [self.advances.get(name, Advance()).error for name in self.columns]
+            bounds += np.abs(turns).max() * np.array(gains)
+        return dict(zip(self.columns, bounds.tolist(), strict=True))
+
+    def phase_error(self, times: FloatArray) -> float:
+        """Return the bound of the error of the phase, as a time, at any of ``times``; 0 without a period."""
         if self.period is None or not len(times):
-            return self.error + rounding
+            return 0.0
         turns = float(np.abs(times).max()) / self.period.hi
-        phase = self.period.error * turns + 4.0 * EPSILON * self.period.hi
-        # Reduced first: a small shift would drown in the rounding of a late time.
-        local = reduce_time(times, self.period)
-        moved = max(float(np.abs(self(local + by) - samples).max()) for by in (-phase, phase))
-        return self.error + rounding + moved
+        return self.period.error * turns + 4.0 * EPSILON * self.period.hi
+
+    def _within(self, local: FloatArray) -> FloatArray:
+        piece = np.clip(np.searchsorted(self.breaks, local, side="right") - 1, 0, len(self.breaks) - 2)
+        left, right = self.breaks[piece], self.breaks[piece + 1]
+        x = np.clip(((local - left) - (right - local)) / (right - left), -1.0, 1.0)
+        return _clenshaw(self.coefficients, piece, x)
 
     def _require_within(self, times: FloatArray) -> None:
         first, last = float(self.breaks[0]), float(self.breaks[-1])
@@ -108,19 +147,24 @@ class DenseOutput:
 
 def reduce_time(times: FloatArray, period: Period) -> FloatArray:
     """Return t − n (hi + lo) in [0, hi], with the product n hi formed exactly."""
+    return split_time(times, period)[0]
+
+
+def split_time(times: FloatArray, period: Period) -> tuple[FloatArray, FloatArray]:
+    """Return t − n (hi + lo) in [0, hi] as :func:`reduce_time` does, and n, whole numbers as doubles."""
     turns = np.floor(times / period.hi)
     local = _remainder(times, turns, period)
     shift = np.where(local < 0.0, -1.0, np.where(local >= period.hi, 1.0, 0.0))
     local = np.where(shift == 0.0, local, _remainder(times, turns + shift, period))
-    return np.clip(local, 0.0, period.hi)
+    return np.clip(local, 0.0, period.hi), turns + shift
 
 
 def _remainder(times: FloatArray, turns: FloatArray, period: Period) -> FloatArray:
-    product, rest = _two_product(turns, period.hi)
+    product, rest = two_product(turns, period.hi)
     return ((times - product) - rest) - turns * period.lo
 
 
-def _two_product(a: FloatArray, b: float) -> tuple[FloatArray, FloatArray]:
+def two_product(a: FloatArray, b: float) -> tuple[FloatArray, FloatArray]:
     """Return a·b as an unevaluated sum of two doubles (Dekker 1971)."""
     product = a * b
     a_high = _SPLIT * a - (_SPLIT * a - a)

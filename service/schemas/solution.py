@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.schemas.verdict import ResponseModel
+from service.schemas.verdict import NoticeOut, ResponseModel
 
 
 class EstimateOut(ResponseModel):
@@ -46,6 +46,40 @@ class DriftOut(ResponseModel):
     drift: float
 
 
+class FurtherIntegralOut(ResponseModel):
+    """Kovalevskaya's or Goriachev's integral, which bodies with A = B = 2C may have."""
+
+    value: float
+    drift: float
+    kind: Literal["general", "zero_areas"] = Field(
+        description="Constant along every motion, or along those with zero areas integral."
+    )
+
+
+class PrecessionOut(ResponseModel):
+    """By how much the azimuths of two body axes about the space axis grow in one period."""
+
+    psi1: EstimateOut
+    psi3: EstimateOut
+
+
+class StabilityOut(ResponseModel):
+    """Whether small disturbances leave the plane of the motion."""
+
+    trace: float = Field(description="μ + 1/μ over the period of the six variables.")
+    error: float = Field(description="Of the trace.")
+    multipliers: tuple[tuple[float, float], tuple[float, float]] = Field(
+        description="μ and 1/μ as [real, imaginary]."
+    )
+    multipliers_error: float
+    verdict: Literal["stable", "unstable", "marginal"]
+    exponent: float = Field(description="Growth per unit time, log|μ| / T.")
+    exponent_error: float
+    trusted_time: float | None = Field(
+        description="How long integration in doubles keeps to the tolerance; null if for a million periods."
+    )
+
+
 class CrossCheckOut(ResponseModel):
     """What a second, independent method says."""
 
@@ -83,10 +117,16 @@ class SolutionOut(ResponseModel):
     asymptotes: AsymptotesOut | None = Field(default=None, description="Of an aperiodic motion.")
     energy: EstimateOut
     window: WindowOut | None
-    invariants: dict[str, DriftOut] | None = Field(description="If the outputs ask for them.")
+    invariants: dict[str, FurtherIntegralOut | DriftOut] | None = Field(
+        description="If the outputs ask for them."
+    )
     error: float = Field(description="Largest absolute error of any variable over the asked times.")
     cross_check: CrossCheckOut | None
-    stability: None = Field(description="Not computed by this version.")
+    stability: StabilityOut | None = Field(description="If the outputs ask for it, and it has a meaning.")
+    precession: PrecessionOut | None = Field(
+        default=None, description="Per period, if the outputs ask for the orientation of a periodic motion."
+    )
+    warnings: list[NoticeOut] = Field(default_factory=list)
     conventions: list[str] = Field(description="Choices made where the equations leave one.")
     evidence: dict[str, float | int | str] = Field(description="What the solver measured about itself.")
     cost: CostOut
@@ -107,27 +147,10 @@ class TrajectoryOut(ResponseModel):
     """Samples of a solution."""
 
     columns: dict[str, list[float]] = Field(
-        description="Equally long columns by name: t, p, q, r, g1, g2, g3."
+        description="Equally long columns by name: t, p, q, r, g1, g2, g3; with the orientation also"
+        " q0, q1, q2, q3 (body to space), psi1, psi3."
     )
     error: float = Field(description="Bound of the absolute error of every number.")
-
-
-class FamilyOut(ResponseModel):
-    """A family of potentials."""
-
-    type: str = Field(description="The potential's `type`.")
-    title: str
-    potential: str = Field(description="V, as a formula.")
-    conditions: list[str]
-    parameters: dict[str, str]
-    source: str
-    example: dict[str, object] = Field(description="A problem that can be sent to /v1/jobs.")
-
-
-class FamiliesOut(ResponseModel):
-    """The catalogue."""
-
-    items: list[FamilyOut]
 
 
 class HealthOut(ResponseModel):

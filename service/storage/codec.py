@@ -17,7 +17,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from service.dynamics.dense_output import DenseOutput, Period
+from service.dynamics.dense_output import Advance, DenseOutput, Period
 
 FloatArray = NDArray[np.float64]
 
@@ -47,11 +47,16 @@ def decode_arrays(packet: bytes) -> dict[str, FloatArray]:
 
 
 def encode_dense(dense: DenseOutput) -> bytes:
-    """Return a dense output as one packet."""
+    """Return a dense output as one packet; what it leaves at the default takes no bytes."""
     arrays = {"breaks": dense.breaks, "coefficients": dense.coefficients, "error": np.array(dense.error)}
     if dense.period is not None:
         arrays["period"] = np.array([dense.period.hi, dense.period.lo, dense.period.error])
-    return _pack(arrays, {"columns": list(dense.columns)})
+    if dense.errors:
+        arrays["errors"] = np.array(list(dense.errors.values()))
+    if dense.advances:
+        arrays["advances"] = np.array([[a.hi, a.lo, a.error] for a in dense.advances.values()])
+    names = {"columns": dense.columns, "errors": list(dense.errors), "advances": list(dense.advances)}
+    return _pack(arrays, {key: value for key, value in names.items() if value})
 
 
 def decode_dense(packet: bytes) -> DenseOutput:
@@ -63,17 +68,29 @@ def decode_dense(packet: bytes) -> DenseOutput:
         The packet is not a dense output, or is damaged.
     """
     arrays, header = _unpack(packet)
-    columns = header.get("columns")
-    if not isinstance(columns, list) or not {"breaks", "coefficients", "error"} <= arrays.keys():
+    columns = _names(header, "columns")
+    if not columns or not {"breaks", "coefficients", "error"} <= arrays.keys():
         raise CodecError("the packet holds arrays, but not those of a dense output")
+    errors = arrays.get("errors", np.zeros(0)).tolist()
+    advances = arrays.get("advances", np.zeros((0, 3))).tolist()
+    with_error, with_advance = _names(header, "errors"), _names(header, "advances")
+    if len(errors) != len(with_error) or len(advances) != len(with_advance):
+        raise CodecError("the packet is damaged: its names and numbers do not match")
     period = None if "period" not in arrays else Period(*arrays["period"].tolist())
     return DenseOutput(
-        columns=tuple(map(str, columns)),
+        columns=columns,
         breaks=arrays["breaks"],
         coefficients=arrays["coefficients"],
         period=period,
         error=float(arrays["error"]),
+        errors=dict(zip(with_error, errors, strict=True)),
+        advances={name: Advance(*row) for name, row in zip(with_advance, advances, strict=True)},
     )
+
+
+def _names(header: Mapping[str, object], key: str) -> tuple[str, ...]:
+    names = header.get(key, [])
+    return tuple(map(str, names)) if isinstance(names, list) else ()
 
 
 def _pack(arrays: Mapping[str, FloatArray], extra: Mapping[str, object]) -> bytes:

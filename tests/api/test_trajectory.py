@@ -7,7 +7,16 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from tests.support.api import COLUMNS, ERROR, STATE, STORED_TIMES, SUMMARY, finish, values_at
+from service.dynamics.dense_output import (
+    Advance,
+    DenseOutput,
+    Period,
+    chebyshev_coefficients,
+    chebyshev_points,
+)
+from service.dynamics.orientation import LOCAL_QUATERNION, QUATERNION, trajectory_columns
+from service.storage.codec import encode_arrays, encode_dense
+from tests.support.api import COLUMNS, ERROR, STATE, STORED_TIMES, SUMMARY, Stored, finish, values_at
 
 FORMATS = ["application/json", "text/csv", "application/x-npz", "application/vnd.apache.arrow.stream"]
 
@@ -134,3 +143,78 @@ def test_json_is_read_back_without_constants(client, stored):
         raise AssertionError(word)
 
     json.loads(get(client, stored).text, parse_constant=refuse)
+
+
+SPIN = 0.7
+"""The body turns about the vertical by this angle in each period."""
+TURNING = Period(2.0, 0.0, 0.0)
+ORIENTED = [*COLUMNS, *QUATERNION, "psi1"]
+
+
+def turning(times):
+    """A body with its third axis vertical, hence without ψ3, that turns evenly."""
+    angle = SPIN / TURNING.hi * np.asarray(times)
+    zero = np.zeros_like(angle)
+    quaternion = np.stack([np.cos(angle / 2), zero, zero, np.sin(angle / 2)], axis=-1)
+    still = np.tile([0.0, 0.0, SPIN / TURNING.hi, 0.0, 0.0, 1.0], (len(angle), 1))
+    return np.column_stack([still, quaternion, angle])
+
+
+@pytest.fixture
+def oriented(client, jobs):
+    """A stored solution that knows the attitude, as a worker would have written it."""
+    assert client.post("/v1/jobs", json=STATE).status_code == 202
+    series = chebyshev_coefficients(turning(1.0 + chebyshev_points(20)))
+    dense = DenseOutput(
+        (*COLUMNS, *LOCAL_QUATERNION, "psi1"),
+        np.array([0.0, 2.0]),
+        series[None],
+        TURNING,
+        ERROR,
+        {**dict.fromkeys(LOCAL_QUATERNION, 4e-13), "psi1": 2e-13},
+        {"psi1": Advance(SPIN, 0.0, 0.0)},
+    )
+    claim = jobs.claim("test", lease_seconds=60.0)
+    samples = {"t": STORED_TIMES, **trajectory_columns(dense, STORED_TIMES)}
+    assert jobs.finish_success(claim, SUMMARY, dense=encode_dense(dense), samples=encode_arrays(samples))
+    job = jobs.get(claim.job_id)
+    return Stored(job, job.solution_id)
+
+
+@pytest.mark.parametrize("accept", FORMATS)
+@pytest.mark.parametrize("query", ["", "?start=-3&stop=1000.5&samples=77"])
+def test_the_attitude_comes_in_every_format_at_any_time(client, oriented, accept, query):
+    columns, error = read(get(client, oriented, query, accept))
+    assert list(columns) == ["t", *ORIENTED]
+    found = np.stack([columns[name] for name in ORIENTED], axis=1)
+    # The error claimed is the largest of any column: that of the quaternion.
+    assert np.abs(found - turning(columns["t"])).max() <= error
+    assert 4e-13 <= error < 1e-12
+
+
+@pytest.mark.parametrize("times", ["", "&stop=10&samples=11"])
+def test_the_error_is_that_of_the_columns_asked_for(client, oriented, times):
+    def error(names):
+        return read(get(client, oriented, f"?columns={names}{times}"))[1]
+
+    assert 4e-13 <= error("psi1,q0") < 5e-13
+    assert 2e-13 <= error("t,psi1") < 3e-13
+    # Of the six variables: as the summary or the dense output has it.
+    assert ERROR <= error("g3") <= SUMMARY["error"]
+
+
+@pytest.mark.parametrize("name", ["psi3", "local_q0"])
+@pytest.mark.parametrize("times", ["", "&stop=10&samples=11"])
+def test_an_azimuth_that_is_left_out_cannot_be_asked_for(client, oriented, name, times):
+    response = get(client, oriented, f"?columns=t,{name}{times}")
+    assert response.status_code == 422
+    (fault,) = response.json()["errors"]
+    assert (fault["pointer"], fault["code"]) == ("?columns", "unknown_column")
+    assert fault["message"].endswith("accepted are " + ", ".join(["t", *ORIENTED]))
+
+
+@pytest.mark.parametrize("times", ["", "&stop=10&samples=11"])
+def test_a_solution_without_attitude_says_so(client, stored, times):
+    response = get(client, stored, f"?columns=psi1,q0{times}")
+    assert response.status_code == 422
+    assert response.json()["errors"][0]["code"] == "unknown_column"

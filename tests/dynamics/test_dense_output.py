@@ -1,3 +1,4 @@
+from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
@@ -8,12 +9,14 @@ from hypothesis import strategies as st
 from numpy.polynomial import chebyshev
 
 from service.dynamics.dense_output import (
+    Advance,
     DenseOutput,
     OutsideHorizonError,
     Period,
     chebyshev_coefficients,
     chebyshev_points,
     reduce_time,
+    split_time,
 )
 
 ULP = 2.0**-52
@@ -131,3 +134,63 @@ def test_error_at_adds_rounding_and_what_the_phase_does():
     # sin moves by cos(0.1) = 0.995 of the phase: at most 1.6 % of the period's error, then 1000 times it.
     assert early < 3e-14
     assert late == pytest.approx(0.995e-9, rel=1e-3)
+
+
+def climbing(advance: Advance, error: float = 0.0) -> DenseOutput:
+    """sin t, and t itself in parts of ``advance`` per turn."""
+    turn = Period(2 * np.pi, 2.4492935982947064e-16, error)
+
+    def columns(times):
+        return np.stack([np.sin(times), advance.hi * times / (2 * np.pi)], axis=-1)
+
+    solution = dense(columns, np.linspace(0.0, turn.hi, 5).tolist(), 30, turn)
+    return replace(solution, advances={"b": advance}, errors={"b": 1e-12})
+
+
+@given(st.integers(-(2**40), 2**40), st.floats(0.01, 0.99))
+def test_a_column_that_grows_does_so_by_its_advance(turns, part):
+    solution = climbing(Advance(0.7, 3e-17, 0.0))
+    exact = Fraction(solution.period.hi) + Fraction(solution.period.lo)
+    time = float((turns + Fraction(part)) * exact)
+    expected = Fraction(time) / exact * (Fraction(0.7) + Fraction(3e-17))
+    periodic, grown = solution(np.array([time]))[0]
+    # The rounding of the sum, and of the time within the period.
+    assert abs(Fraction(float(grown)) - expected) <= Fraction(ULP) * (abs(expected) + 8)
+    # The other column does not grow.
+    assert abs(periodic - np.sin(float(Fraction(time) - turns * exact))) <= 8 * ULP
+
+
+def test_a_column_that_grows_has_no_jump_between_periods():
+    solution = climbing(Advance(0.7))
+    turn = solution.period.hi
+    for time in (-turn, 0.0, turn, 5 * turn):
+        around = solution(np.array([np.nextafter(time, -np.inf), time, np.nextafter(time, np.inf)]))[:, 1]
+        # The rounding of the value, and of the time that is next to it.
+        assert np.ptp(around) <= 8 * ULP * max(1.0, abs(time) / turn)
+
+
+@given(st.integers(-(2**52), 2**52), st.floats(0, 1))
+def test_the_turns_that_passed_are_told(turns, part):
+    period = Period(2 * np.pi, 2.4492935982947064e-16, 0.0)
+    time = float((turns + Fraction(part)) * (Fraction(period.hi) + Fraction(period.lo)))
+    local, passed = split_time(np.array([time]), period)
+    back = Fraction(float(passed[0])) * (Fraction(period.hi) + Fraction(period.lo)) + Fraction(
+        float(local[0])
+    )
+    # As in reduce_time: rounded once, and n lo.
+    assert abs(back - Fraction(time)) <= 4 * Fraction(ULP) * Fraction(period.hi)
+
+
+def test_columns_have_errors_of_their_own():
+    solution = climbing(Advance(0.7, 0.0, 1e-11))
+    first, late = (solution.errors_at(np.array([0.1 + n * 2 * np.pi])) for n in (0, 1000))
+    # What is given, and the rounding of values and times of size one.
+    assert first["a"] <= 8 * 2 * np.pi * ULP
+    assert first["b"] == pytest.approx(1e-12, rel=1e-2)
+    assert late["a"] == pytest.approx(first["a"], rel=1e-2)
+    # The advance's error once for every period.
+    assert late["b"] == pytest.approx(1e-8, rel=1e-3)
+    assert solution.error_at(np.array([0.1])) == first["b"]
+    # The error of the period does to a column what its slope makes of it.
+    slow = climbing(Advance(0.7), 1e-12).errors_at(np.array([0.1 + 1000 * 2 * np.pi]))
+    assert slow["b"] == pytest.approx(1e-9 * 0.7 / (2 * np.pi), rel=2e-2)

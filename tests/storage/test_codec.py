@@ -1,12 +1,14 @@
 """What is stored comes back bit by bit, and damage is noticed."""
 
+import base64
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from service.dynamics.dense_output import DenseOutput, Period
+from service.dynamics.dense_output import Advance, DenseOutput, Period
 from service.storage.codec import CodecError, decode_arrays, decode_dense, encode_arrays, encode_dense
 
 any_array = arrays(np.float64, array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=5))
@@ -47,6 +49,53 @@ def test_a_dense_output_comes_back(period):
     assert (decoded.columns, decoded.period, decoded.error) == (dense.columns, dense.period, dense.error)
     assert bits(decoded.breaks) == bits(dense.breaks)
     assert bits(decoded.coefficients) == bits(dense.coefficients)
+
+
+def test_columns_with_advances_and_errors_of_their_own_come_back():
+    rng = np.random.default_rng(1)
+    dense = DenseOutput(
+        ("g1", "psi1", "psi3"),
+        np.array([0.0, 1.0, 6.5]),
+        rng.normal(size=(2, 4, 3)),
+        Period(6.5, 1e-17, 1e-15),
+        3e-15,
+        {"psi1": 1e-14, "psi3": 2e-14},
+        {"psi3": Advance(-2.6, 3e-17, 1e-18), "psi1": Advance(3.6, -1e-16, 1e-18)},
+    )
+    decoded = decode_dense(encode_dense(dense))
+    assert (decoded.errors, decoded.advances) == (dense.errors, dense.advances)
+    assert bits(decoded.coefficients) == bits(dense.coefficients)
+
+
+def test_a_packet_written_before_there_were_advances_is_read():
+    written = (
+        "UExIMaIAAAB7ImFycmF5cyI6W3sibmFtZSI6ImJyZWFrcyIsInNoYXBlIjpbM119LHsibmFtZSI6ImNvZWZmaWNpZW50cyIsInNo"
+        "YXBlIjpbMiwyLDJdfSx7Im5hbWUiOiJlcnJvciIsInNoYXBlIjpbXX0seyJuYW1lIjoicGVyaW9kIiwic2hhcGUiOlszXX1dLCJj"
+        "b2x1bW5zIjpbImcxIiwiZzIiXX0otS/9JHgFAgB0AwAA8BoAP0AAEAAY8BQIHABAQEA/QEBAIAFbbocF6zwAlxYA1FYARucARp4A"
+        "9a8ADgMaZ9JAPDwCAIGozAAL0v6TlA=="
+    )
+    decoded = decode_dense(base64.b64decode(written))
+    assert decoded.columns == ("g1", "g2")
+    assert bits(decoded.breaks) == bits(np.array([0.0, 1.0, 6.5]))
+    assert bits(decoded.coefficients) == bits(np.arange(8.0).reshape(2, 2, 2))
+    assert (decoded.period, decoded.error) == (Period(6.5, 1e-17, 1e-15), 3e-15)
+    assert (decoded.errors, decoded.advances) == ({}, {})
+
+
+@pytest.mark.parametrize("lost", ["errors", "advances"])
+def test_names_without_their_numbers_are_refused(lost):
+    dense = DenseOutput(
+        ("psi1",),
+        np.array([0.0, 6.5]),
+        np.zeros((1, 1, 1)),
+        Period(6.5, 0.0, 0.0),
+        0.0,
+        {"psi1": 1e-14},
+        {"psi1": Advance(3.6)},
+    )
+    packet = encode_dense(dense)
+    with pytest.raises(CodecError):
+        decode_dense(packet.replace(f'"{lost}":["psi1"]'.encode(), f'"{lost}":[      ]'.encode()))
 
 
 @given(st.integers(0, 10_000), st.integers(1, 255))

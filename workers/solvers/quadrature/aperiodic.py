@@ -91,7 +91,8 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
         cross_check=None,
         conventions=conventions,
         evidence={
-            **evidence_of(time_map, resolved),
+            **time_map.evidence(),
+            **evidence_of(resolved),
             **({FIRST_PASSAGE: float(abs(first))} if conventions and len(passages) else {}),
         },
     )

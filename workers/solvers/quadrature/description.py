@@ -7,7 +7,6 @@ from service.dynamics.reduction.loop import Loop
 from service.dynamics.reduction.start import StartingPoint
 from workers.solvers.quadrature.dense import ResolvedMotion
 from workers.solvers.quadrature.orbit import RATE_NUDGE
-from workers.solvers.quadrature.time_map import TimeMap
 
 FIRST_PASSAGE = "first_pole_passage"
 """In the evidence where that convention was needed: the time until which there was no choice."""
@@ -19,7 +18,7 @@ def conventions_of(start: StartingPoint) -> tuple[str, ...]:
     """Return the conventions that motions on the arc of ``start`` need."""
     arc = start.arc
     passes_pole = arc.is_whole_loop or bool(arc.poles)
-    return (SYMMETRIC_POLE_PASSAGE,) if passes_pole and not arc.loop.is_smooth_at_poles else ()
+    return (SYMMETRIC_POLE_PASSAGE,) if passes_pole and not arc.loop.is_smooth_at_poles() else ()
 
 
 def energy_of(loop: Loop, v: arb) -> Estimate:
@@ -30,11 +29,9 @@ def energy_of(loop: Loop, v: arb) -> Estimate:
     return Estimate(float(h.mid()), float(h.rad()) + abs(float(h.mid() - float(h.mid()))))
 
 
-def evidence_of(time_map: TimeMap, resolved: ResolvedMotion) -> dict[str, float | int | str]:
-    """Return what the quadrature measured about itself."""
+def evidence_of(resolved: ResolvedMotion) -> dict[str, float | int | str]:
+    """Return what the dense output took."""
     return {
-        "nodes": time_map.nodes,
-        "panels": len(time_map.edges) - 1,
         "pieces": len(resolved.breaks) - 1,
         "states": resolved.evaluations,
         "departure": resolved.departure,

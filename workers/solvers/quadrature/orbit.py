@@ -76,7 +76,9 @@ class Libration:
 
     def rate(self, theta: arb) -> arb:
         """Return Z / (c √K)."""
-        at, K, _ = self._beside(theta, RATE_NUDGE)
+        # At a pole or the equator the rate need not be even, and nothing cancels.
+        turning = (theta / arb.pi()).contains_integer()
+        at, K, _ = self._beside(theta, RATE_NUDGE if turning else STATE_NUDGE)
         return self.loop.Z / (at.c * K.sqrt())
 
     def state(self, theta: arb) -> tuple[arb, ...]:
@@ -117,7 +119,7 @@ class Rotation:
 
     def rate(self, theta: arb) -> arb:
         """Return Z / (c √P)."""
-        at = self._beside(theta, RATE_NUDGE)
+        at = self._beside(theta, STATE_NUDGE)
         return self.loop.Z / (at.c * at.P.sqrt())
 
     def state(self, theta: arb) -> tuple[arb, ...]:

@@ -4,14 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
 from flint import ctx
-from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.dense_output import DenseOutput
 from service.dynamics.errors import DynamicsError
-from service.dynamics.motion import COLUMNS, Motion
+from service.dynamics.motion import Motion
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.start import StartingPoint, starting_point
@@ -22,15 +19,12 @@ from service.dynamics.reduction.windows import (
     find_windows,
     require_inside_domain,
 )
-from service.dynamics.sampling import sample_times
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.quadrature.aperiodic import solve_aperiodic
-from workers.solvers.quadrature.dense import phase_sampler, resolve_motion
-from workers.solvers.quadrature.description import FIRST_PASSAGE, conventions_of, energy_of, evidence_of
-from workers.solvers.quadrature.orbit import make_orbit, starting_state
-from workers.solvers.quadrature.time_map import PrecisionLostError, make_time_map
+from workers.solvers.quadrature.orbit import starting_state
+from workers.solvers.quadrature.periodic import solve_periodic
+from workers.solvers.quadrature.time_map import PrecisionLostError
 
-FloatArray = NDArray[np.float64]
 T = TypeVar("T")
 
 HIGHEST_PRECISION = 16 * PRECISION
@@ -45,7 +39,7 @@ class PlanarStart:
 
 
 def solve_planar(problem: Problem) -> Motion:
-    """Solve a planar problem by quadrature.
+    """Solve a planar problem: the one integral, in closed form where it has one.
 
     The claimed error is twice the largest departure of the dense output from
     the motion, as seen between its nodes, plus what an error of the time does.
@@ -114,38 +108,4 @@ def _solve(problem: Problem, found: PlanarStart) -> Motion:
     require_inside_domain(window)
     if window.kind != "periodic" and window.kind != "edge":
         return solve_aperiodic(problem, window, window.kind, start)
-    orbit = make_orbit(start)
-    time_map = make_time_map(orbit.rate, orbit.corners, is_even=orbit.is_even)
-    period = time_map.period
-    origin = float(time_map.time_at(np.array([orbit.start]))[0])
-    on_map = phase_sampler(orbit, time_map)
-
-    def sample(times: FloatArray) -> FloatArray:
-        local = times + origin
-        local = np.where(local > period.hi, local - period.hi, local)
-        return on_map(np.clip(local, 0.0, period.hi))
-
-    passages = np.sort((time_map.time_at(np.array(orbit.corners)) - origin) % period.hi)
-    atol = min(1e-14, 1e-3 * problem.tolerance)
-    resolved = resolve_motion(sample, (0.0, period.hi), passages, scale=period.hi, atol=atol)
-    dense = DenseOutput(COLUMNS, resolved.breaks, resolved.coefficients, period, resolved.error)
-    times = sample_times(problem.time, period)
-    conventions = conventions_of(start)
-    return Motion(
-        method="quadrature",
-        dense=dense,
-        times=times,
-        samples=dense(times),
-        error=dense.error_at(times),
-        energy=energy_of(start.arc.loop, orbit.somewhere()),
-        window=window,
-        aperiodic=None,
-        past=None,
-        future=None,
-        cross_check=None,
-        conventions=conventions,
-        evidence={
-            **evidence_of(time_map, resolved),
-            **({FIRST_PASSAGE: float(passages[0])} if conventions else {}),
-        },
-    )
+    return solve_periodic(problem, window, start)

@@ -96,6 +96,10 @@ class TimeMap:
                 break
         return panel, x
 
+    def evidence(self) -> dict[str, float | int | str]:
+        """Return what it took."""
+        return {"nodes": self.nodes, "panels": len(self.edges) - 1}
+
     def theta(self, panel: int, x: float) -> arb:
         """Return the phase θ = πu of a place, without rounding it to a double."""
         left, right = float(self.edges[panel]), float(self.edges[panel + 1])

@@ -74,7 +74,8 @@ def test_generalised_bobylev_steklov_periods(alpha, period):
     gap = Fraction(found.hi) + Fraction(found.lo) - Fraction(period)
     # The last number has 24 digits.
     assert abs(gap) <= Fraction(found.error) + Fraction(1, 10**23)
-    assert (motion.conventions == ("symmetric_pole_passage",)) == (alpha in ("3", "17/10"))
+    # The second derivative of V is not bounded about the poles, whatever α.
+    assert motion.conventions == ("symmetric_pole_passage",)
 
 
 @pytest.mark.parametrize(

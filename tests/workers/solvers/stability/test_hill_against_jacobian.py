@@ -1,0 +1,80 @@
+"""Hill's equation against the six variational equations: two of the six multipliers."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from service.dynamics.problem import StartAtRest
+from service.dynamics.reduction.windows import find_windows
+from tests.support.admissible import cases as admissible
+from tests.support.planar import body, formula
+from tests.workers.solvers.stability.cases import Case, bobylev_steklov, case, in_window, lambda_, nu
+from workers.solvers.stability.monodromy import StabilityUndefinedError
+
+REST = "(17*g1^2 + 10*g3^2)*(g2/3 - g2^2) + abs(g1)^(14/17)"
+CASES = {
+    "rotation through both poles": lambda: bobylev_steklov(2, 3),
+    "g1 < 0": lambda: case(2, 3, 1, "g1", nu(-2)),
+    "alpha = 4, through both poles": lambda: case(
+        4, "7/2", 1, "-g1*(4*g1^2+3*g3^2) + (4*g1^2+g3^2)/10", lambda_("9/10")
+    ),
+    "rest, equator, rest": lambda: case(2, "9/10", 1, "-g1 + 1/(20*g3^2)", nu(1)),
+    "rest, rest": lambda: case(2, "9/10", 1, "-g1 + 1/(50*g3^2) + 6/5*(g1^2-g2^2)", nu(1)),
+    "rest, pole, rest": lambda: case(2, "9/10", 1, "-g1 + 6/5*(g1^2-g2^2)", nu(1)),
+    "rest, south pole, rest": lambda: case(
+        2, "9/10", 1, "-g1 + 6/5*(g1^2-g2^2)", nu(1, start=StartAtRest(-1))
+    ),
+    "alpha = 3": lambda: case(
+        3, "5/2", 1, "(3*g1^2+g3^2)*(g2^2-1/2+g2^3/5) + abs(g1)^(4/3)/5", lambda_("4/5")
+    ),
+    "alpha = 1.7, north": lambda: case(17, 16, 10, REST, lambda_("6/5", window=0)),
+    "alpha = 1.7, south": lambda: case(17, 16, 10, REST, lambda_("6/5", window=1)),
+    "A < C, through both poles": lambda: case(1, "3/2", 2, "-g3", lambda_(1)),
+    "A < C, libration": lambda: case(
+        1, "5/2", 3, "(g1^2+3*g3^2)*(g2^2-1/2+g2^3/5) + abs(g3)^(4/3)/5", lambda_("5/4")
+    ),
+}
+
+
+def agree(found: Case) -> None:
+    hill, six = found.hill(), found.jacobian()
+    M, trace = six.matrix, hill.trace
+    assert abs(six.trace - 4.0 - trace) <= hill.error + six.error
+    # Sums of the powers of 1, 1, 1, 1, mu and 1/mu: they determine the six. 2 T_k(trace/2) = mu^k + mu^-k.
+    for k in range(1, 7):
+        pair = 2.0 * np.polynomial.chebyshev.chebval(trace / 2.0, [0.0] * k + [1.0])
+        # Fifty roundings of each factor; measured: five.
+        assert (
+            abs(np.trace(np.linalg.matrix_power(M, k)) - (4.0 + pair)) <= k * 1e-14 * np.linalg.norm(M) ** k
+        )
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_four_multipliers_are_1_and_two_are_hills(name):
+    agree(CASES[name]())
+
+
+@given(admissible(), st.fractions("1/5", 4, max_denominator=10))
+@settings(max_examples=15, deadline=None)
+def test_in_any_window_of_any_admissible_potential(problem, B):
+    rigid_body = body(problem.A, problem.C, B)
+    potential = formula(problem.text, rigid_body)
+    for window in find_windows(rigid_body, potential, problem.motion):
+        if window.kind == "periodic":
+            found = in_window(rigid_body, potential, problem.motion, window)
+            try:
+                agree(found)
+            except StabilityUndefinedError:
+                with pytest.raises(StabilityUndefinedError):
+                    found.hill()
+                with pytest.raises(StabilityUndefinedError):
+                    found.jacobian()
+                assert found.start.arc.is_whole_loop or found.start.arc.poles
+
+
+@pytest.mark.parametrize("by", [Case.hill, Case.jacobian])
+def test_no_multipliers_through_a_pole_where_the_field_is_not_smooth(by):
+    # c = −5/t² there: q ~ t² or 1/t, and nothing says how either goes on.
+    with pytest.raises(StabilityUndefinedError, match="not twice differentiable"):
+        by(case(3, "5/2", 1, "-abs(g1)^(4/3)", lambda_(1)))

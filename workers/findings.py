@@ -1,0 +1,85 @@
+"""What is found out about a computed motion beyond its six variables, as far as the outputs ask for it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from service.dynamics.euler_poisson import areas_integral
+from service.dynamics.further_integrals import FurtherIntegral, find_further_integrals, integral_drift
+from service.dynamics.motion import Motion
+from service.dynamics.potentials.notice import Notice
+from service.dynamics.problem import PlanarMotion, Problem
+from workers.solvers.invariants import Drifts, measure_drifts
+from workers.solvers.orientation.solve import Orientation, with_orientation
+from workers.solvers.quadrature.orbit import make_orbit
+from workers.solvers.quadrature.solve import PlanarStart, with_enough_bits
+from workers.solvers.quadrature.time_map import make_time_map
+from workers.solvers.stability.assessment import Stability, assess_stability
+from workers.solvers.stability.monodromy import StabilityUndefinedError
+
+ZERO_AREAS = 1e-12
+"""|I3| below this share of the angular momentum counts as zero: that is its rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class FurtherDrift:
+    """A further integral along a motion: its value at the first sample and its largest departure."""
+
+    integral: FurtherIntegral
+    value: float
+    drift: float
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """Each is None, or empty, unless it was asked for."""
+
+    drifts: Drifts | None
+    further: tuple[FurtherDrift, ...]
+    orientation: Orientation | None
+    stability: Stability | None
+    notices: tuple[Notice, ...]
+
+
+def find_out(problem: Problem, motion: Motion) -> Findings:
+    """Return what the problem's outputs ask for; raises what the solvers of its parts raise."""
+    notices = list(problem.potential.notices)
+    drifts, further, orientation, stability = None, tuple[FurtherDrift, ...](), None, None
+    if "invariants" in problem.outputs:
+        drifts = measure_drifts(problem.body, problem.potential, motion)
+        further = _further(problem, motion)
+    if "orientation" in problem.outputs:
+        orientation = with_orientation(motion)
+        notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
+    if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
+        try:
+            stability = with_enough_bits(problem, _assess)
+        except StabilityUndefinedError as undefined:
+            notices.append(Notice(undefined.code, undefined.message, "/outputs"))
+    return Findings(drifts, further, orientation, stability, tuple(notices))
+
+
+def _assess(problem: Problem, found: PlanarStart) -> Stability:
+    if found.window.kind != "periodic":
+        raise StabilityUndefinedError(
+            f"multipliers belong to periodic motions, and this one is not periodic ({found.window.kind})",
+            pointer="/outputs",
+        )
+    orbit = make_orbit(found.start)
+    period = make_time_map(orbit.rate, orbit.corners, is_even=orbit.is_even).period
+    return assess_stability(problem.body, problem.potential, found.start, period, problem.tolerance)
+
+
+def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:
+    planar = isinstance(problem.motion, PlanarMotion)
+    sign = problem.motion.sign_of_g1 if isinstance(problem.motion, PlanarMotion) else None
+    found = find_further_integrals(problem.body, problem.potential, g1_sign=sign)
+    kept = (k for k in found if k.kind == "general" or planar or _has_zero_areas(problem, motion))
+    return tuple(FurtherDrift(k, *integral_drift(k, motion.samples)) for k in kept)
+
+
+def _has_zero_areas(problem: Problem, motion: Motion) -> bool:
+    omega, gamma = motion.samples[:1, :3], motion.samples[:1, 3:]
+    moments = [float(moment) for moment in (problem.body.A, problem.body.B or 0, problem.body.C)]
+    momentum = float(np.linalg.norm(np.array(moments) * omega))
+    return abs(float(areas_integral(problem.body, omega, gamma)[0])) <= ZERO_AREAS * momentum

@@ -1,0 +1,205 @@
+r"""The six variables in elliptic functions of time.
+
+On an interval lo ≤ x ≤ hi of x = |g1| with x'² = (2/C) (x − lo)(hi − x) L1(x) L2(x),
+
+.. math:: x = lo\cos^2 v + hi\sin^2 v, \qquad \dot v = \tfrac12\sqrt{2L_1L_2/C}, \qquad
+          \tan v = \sqrt{L_1(lo)/L_1(hi)}\,\tan\chi,
+
+.. math:: \dot\chi = \tfrac12\sqrt{b^2\cos^2\chi + a^2\sin^2\chi}, \quad
+          a^2 = \tfrac2C L_1(lo)L_2(hi),\ b^2 = \tfrac2C L_1(hi)L_2(lo),
+
+so that g1 has the period 2π/M with M the arithmetic-geometric mean of a and b,
+whatever the ends of the interval are; v grows for ever. Everything below is a
+product or a sum of positive numbers times sin v and cos v: no digit is lost at
+turning points, or next to a separatrix beyond what the time itself loses.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from flint import arb
+from numpy.typing import NDArray
+
+from service.dynamics.dense_output import EPSILON, Period, reduce_time
+from service.dynamics.reduction.loop import ball
+from workers.solvers.closed_form.amplitude import Amplitude, make_amplitude
+from workers.solvers.closed_form.carlson import R_F
+from workers.solvers.closed_form.intervals import Interval, UndecidedError
+from workers.solvers.closed_form.variables import Branch, Variables
+
+FloatArray = NDArray[np.float64]
+
+PERIOD_BITS = 112
+CONSTANT_BITS = 60
+"""Relative accuracy demanded of the balls: of the period, which is two doubles, and of what becomes one."""
+SMALLEST = 2.0**-250
+"""Constants below it, or above its inverse, are left to balls: four of them may be multiplied."""
+PHASE_RADIUS = 2.0**-60
+"""Accuracy demanded of the phase of the start."""
+PHASE_ULPS = 2.5
+"""Roundings of θ, which stays below 5π/2, in 2^-52 of a turn."""
+FORMULA_ULPS = 6.0
+"""Roundings of a variable, in 2^-52 of itself, counted in the longest of their formulas."""
+TANGENT_ULPS, STEP_ULPS = 3.0, 4.0
+"""Roundings of tan v, in 2^-52 of itself: some, and more for every step of the mean."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedForm:
+    """A periodic motion, in t since the phase θ = ``quarters`` · π/2 + ``offset``."""
+
+    interval: Interval
+    branch: Branch
+    quarters: int
+    offset: float
+    period: Period
+    """Of all six variables."""
+    passages: FloatArray
+    """Times in [0, period) at which a pole is passed, growing."""
+    amplitude: Amplitude
+    scale: float
+    """tan v / tan χ."""
+    rate: float
+    """dθ/dt."""
+    variables: Variables
+
+    def sample(self, times: FloatArray) -> FloatArray:
+        """Return p, q, r, g1, g2, g3 at ``times`` of shape (n,): shape (n, 6)."""
+        local = reduce_time(np.asarray(times, dtype=np.float64), self.period)
+        theta = self.offset + self.rate * local
+        turned = _turned(np.sin(theta), np.cos(theta), self.quarters)
+        sine, cosine = self.amplitude.sine_cosine(*turned, self.scale)
+        return self._client(self.variables.state(sine, cosine, self.branch))
+
+    def error(self, phases: int = 64) -> float:
+        """Return the bound of the absolute error of :meth:`sample` within one period.
+
+        First order in the roundings, of which every one is counted: a few ulp
+        of the phase move a variable by its slope, a few ulp of tan v and of the
+        variable itself are relative. Slopes are taken at ``phases`` places.
+        """
+        v = np.linspace(0.0, 2.0 * np.pi, phases, endpoint=False)
+        sine, cosine = np.sin(v), np.cos(v)
+        state = self.variables.state(sine, cosine, self.branch)
+        slope = np.abs(self.variables.slope(state, self.branch))
+        speed = self.variables.phase_speed(sine, cosine)[:, None]
+        late = PHASE_ULPS * EPSILON * 2.0 * np.pi / self.rate
+        tangent = (TANGENT_ULPS + STEP_ULPS * len(self.amplitude.means)) * EPSILON
+        turned = tangent * np.abs(sine * cosine)[:, None] / speed
+        return float((slope * (late + turned) + FORMULA_ULPS * EPSILON * np.abs(state)).max())
+
+    def _client(self, state: FloatArray) -> FloatArray:
+        if not self.branch.is_mirrored:
+            return state
+        return np.stack(
+            [-state[:, 2], state[:, 1], -state[:, 0], state[:, 5], state[:, 4], state[:, 3]], axis=1
+        )
+
+
+def trip_time(interval: Interval) -> arb:
+    """Return the time in which g1 goes from lo to hi and back."""
+    a, b = _moduli(interval)
+    return 2 * arb.pi() / a.agm(b)
+
+
+def phase_at(interval: Interval, sine: arb, cosine: arb) -> arb:
+    """Return θ, where sin v and cos v are these: a quarter turn of θ is a quarter turn of v."""
+    a, b = _moduli(interval)
+    (low, high), _ = interval.linear_factors()
+    # tan χ = tan v · √(L1(hi)/L1(lo)).
+    s, c = abs(sine) * high.sqrt(), abs(cosine) * low.sqrt()
+    norm = s * s + c * c
+    x = (b * b * c * c).nonnegative_part()
+    quarter = a.agm(b) * s * R_F(x, x + a * a * s * s, b * b * norm)
+    theta = arb.pi() - quarter if cosine < 0 else quarter
+    return -theta if sine < 0 else theta
+
+
+def make_closed_form(interval: Interval, branch: Branch, origin: arb) -> ClosedForm:
+    """Return the motion that is at the phase ``origin`` when t = 0, at the current precision.
+
+    Raises
+    ------
+    UndecidedError
+        The precision does not suffice.
+    """
+    a, b = _moduli(interval)
+    mean = a.agm(b)
+    length = 2 * arb.pi() * interval.trips / mean
+    _require(length, PERIOD_BITS)
+    quarters = round(float(2 * origin / arb.pi()))
+    offset = origin - quarters * arb.pi() / 2
+    if not offset.rad() < PHASE_RADIUS:
+        raise UndecidedError("the phase of the start")
+    (low, high), _ = interval.linear_factors()
+    passages = np.empty(0)
+    if interval.lo_end == "pole":
+        turns = [2 * (arb.pi() * k - origin) / mean / length for k in (0, 1)]
+        passages = np.sort([float((turn - turn.floor()) * length) for turn in turns])
+    return ClosedForm(
+        interval,
+        branch,
+        quarters % 4,
+        float(offset),
+        period_of(length),
+        passages,
+        make_amplitude(float(b) / 2, float(a) / 2),
+        float((low / high).sqrt()),
+        float(mean / 2),
+        _variables(interval),
+    )
+
+
+def period_of(length: arb) -> Period:
+    """Return the ball of a period as the sum of two doubles with its error."""
+    hi = float(length)
+    lo = float(length - hi)
+    return Period(hi, lo, float(abs(length - hi - lo).abs_upper()) * (1.0 + EPSILON))
+
+
+def _moduli(interval: Interval) -> tuple[arb, arb]:
+    """Return a and b."""
+    first, second = interval.linear_factors()
+    factor = interval.curve.factor
+    return (factor * first[0] * second[1]).sqrt(), (factor * first[1] * second[0]).sqrt()
+
+
+def _variables(interval: Interval) -> Variables:
+    curve = interval.curve
+    first, second = interval.linear_factors()
+    is_equator = interval.hi_end == "equator"
+    above = arb(0) if is_equator else curve.x1 - interval.hi
+    width = interval.hi - interval.lo
+    for value in (*first, *second, above, width, interval.lo, curve.nu, ball(curve.C)):
+        _require(value, CONSTANT_BITS)
+    return Variables(
+        C=float(curve.C),
+        nu=float(curve.nu),
+        a1=float(curve.terms.a1),
+        b1=float(curve.terms.b1),
+        c1=float(curve.terms.c1),
+        lo=float(interval.lo),
+        hi=float(interval.hi),
+        width=float(width),
+        first=(float(first[0]), float(first[1])),
+        second=(float(second[0]), float(second[1])),
+        above=float(above),
+        reaches_pole=interval.lo_end == "pole",
+        reaches_equator=is_equator,
+    )
+
+
+def _turned(sine: FloatArray, cosine: FloatArray, quarters: int) -> tuple[FloatArray, FloatArray]:
+    """Return sine and cosine of an angle greater by quarters of a turn: exact zeros stay so."""
+    for _ in range(quarters):
+        sine, cosine = cosine, -sine
+    return sine, cosine
+
+
+def _require(value: arb, bits: int) -> None:
+    if value == 0:
+        return
+    if not value.is_finite() or value.rel_accuracy_bits() < bits:
+        raise UndecidedError(f"a constant is known to fewer than {bits} bits")
+    if not SMALLEST < abs(value) < 1.0 / SMALLEST:
+        raise UndecidedError("a constant whose products with others are beyond doubles")

@@ -1,0 +1,1 @@
+"""The attitude of the body in space along a computed motion."""

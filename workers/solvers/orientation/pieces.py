@@ -1,0 +1,196 @@
+r"""Pieces of a dense output on which angles and quaternion are resolved too.
+
+On a piece of half-length η the increments of the angles are antiderivatives, and
+the quaternion is that of the piece's start times Φ with
+
+.. math:: \Phi(x) = 1 + \frac{\eta}{2}\int_{-1}^{x} \Phi\,\omega\,dx ,
+
+solved by collocation at Chebyshev's points: a Volterra equation, for which
+Picard's iteration converges like a power series of the exponential. Φ does not
+depend on what comes before, so all pieces are solved at once.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from service.dynamics.dense_output import (
+    EPSILON,
+    DenseOutput,
+    FloatArray,
+    chebyshev_coefficients,
+    chebyshev_points,
+)
+from service.dynamics.errors import DynamicsError
+from service.dynamics.orientation import quaternion_product
+
+DEGREE = 20
+"""Smallest degree of the series; that of the motion's own if it is higher."""
+RESOLVED = 1e-15
+"""Largest tail of a resolved series: the rounding of values of size one."""
+LARGEST_TURN = 1.0
+"""η |ω|: beyond it Picard's iteration loses digits by cancellation, like the exponential's series."""
+SWEEPS = 24
+"""Of Picard's iteration: 1/24! is below 2^-53 by many orders."""
+SHORTEST = 8
+"""Half a piece in ulp of its times, below which it is not halved."""
+MOST_PIECES = 400_000
+CHUNK = 2048
+"""Pieces looked at together, for the sake of memory."""
+
+
+class OrientationNotResolvedError(DynamicsError):
+    """The attitude needs more pieces than allowed."""
+
+    code = "orientation_not_resolved"
+
+
+class VerticalAxisError(DynamicsError):
+    """An axis of the body comes so close to the vertical that its azimuth loses its meaning."""
+
+    code = "vertical_axis"
+
+    def __init__(self, axis: int) -> None:
+        super().__init__(
+            f"axis {axis + 1} of the body passes the vertical so closely that rounding hides its azimuth",
+            pointer="/outputs",
+        )
+        self.axis = axis
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """Pieces with everything about the attitude but where it starts."""
+
+    parent: NDArray[np.intp]
+    """Each one's piece of the given dense output."""
+    low: FloatArray
+    """Where it begins in its parent's x in [−1, 1]."""
+    high: FloatArray
+    motion: FloatArray
+    """Coefficients of the six variables, shape (pieces, degree + 1, 6)."""
+    propagators: FloatArray
+    """Coefficients of Φ, shape (pieces, degree + 1, 4)."""
+    increments: FloatArray
+    """Coefficients of the angles' increments since the piece's start, shape (pieces, degree + 1, axes)."""
+    tails: FloatArray
+    """Largest of the last coefficients of Φ and of each increment, shape (pieces, 1 + axes)."""
+    weights: FloatArray
+    """∫ Σ |∂ψ̇/∂(variables)| dt over the piece, shape (pieces, axes)."""
+    is_resolved: NDArray[np.bool_]
+
+    def chosen(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> "Pieces":
+        """Return some of the pieces."""
+        return Pieces(*(getattr(self, name)[which] for name in self.__slots__))
+
+
+def resolve_attitude(dense: DenseOutput, axes: tuple[int, ...], *, closest: float) -> Pieces:
+    """Halve the pieces of ``dense`` until the attitude and the azimuths of ``axes`` (0, 2) are resolved.
+
+    Raises
+    ------
+    VerticalAxisError
+        One of ``axes`` comes closer to the vertical than the angle ``closest``.
+    OrientationNotResolvedError
+        More than MOST_PIECES pieces would be needed, or shorter ones than times can tell.
+    """
+    solver = _Solver(dense, axes, closest)
+    done: list[Pieces] = []
+    for start in range(0, len(dense.breaks) - 1, CHUNK):
+        parent = np.arange(start, min(start + CHUNK, len(dense.breaks) - 1))
+        low, high = np.full(len(parent), -1.0), np.full(len(parent), 1.0)
+        while len(parent):
+            pieces = solver.solve(parent, low, high)
+            done.append(pieces.chosen(pieces.is_resolved))
+            rest = pieces.chosen(~pieces.is_resolved)
+            middle = 0.5 * (rest.low + rest.high)
+            parent = np.concatenate([rest.parent, rest.parent])
+            low, high = np.concatenate([rest.low, middle]), np.concatenate([middle, rest.high])
+            if len(parent) + sum(len(part.parent) for part in done) > MOST_PIECES:
+                raise OrientationNotResolvedError(f"the attitude would need more than {MOST_PIECES} pieces")
+    joined = Pieces(*(np.concatenate([getattr(part, name) for part in done]) for name in Pieces.__slots__))
+    return joined.chosen(np.lexsort((joined.low, joined.parent)))
+
+
+class _Solver:
+    """The collocation on pieces of one dense output."""
+
+    def __init__(self, dense: DenseOutput, axes: tuple[int, ...], closest: float) -> None:
+        self._dense, self._axes, self._closest = dense, axes, closest
+        degree = max(DEGREE, dense.coefficients.shape[1] - 1)
+        self._points = chebyshev_points(degree)
+        self._gap = np.pi / degree
+        self._interpolation = chebyshev_coefficients(np.eye(degree + 1))
+        antiderivatives = chebyshev.chebint(self._interpolation, lbnd=-1, axis=0)
+        self._integration = chebyshev.chebvander(self._points, degree + 1) @ antiderivatives
+
+    def solve(self, parent: NDArray[np.intp], low: FloatArray, high: FloatArray) -> Pieces:
+        left, right = self._dense.breaks[parent], self._dense.breaks[parent + 1]
+        half = 0.25 * (right - left) * (high - low)
+        motion, values = self._motion(parent, low, high)
+        omega, gamma = values[:, :, :3], values[:, :, 3:]
+        turn = half * np.sqrt(np.square(omega).sum(axis=2).max(axis=1))
+        propagators = self._interpolation @ self._propagators(omega, half)
+        increments, weights, tilts = self._angles(omega, gamma, half)
+        series = self._interpolation @ increments
+        tails = np.concatenate(
+            [np.abs(propagators[:, -2:]).max(axis=(1, 2))[:, None], np.abs(series[:, -2:]).max(axis=1)],
+            axis=1,
+        )
+        sizes = np.maximum(1.0, np.abs(increments).max(axis=1))
+        is_short = half <= SHORTEST * np.spacing(np.maximum(np.abs(left), np.abs(right)))
+        # Close to the vertical the rounding of the variables themselves is seen enlarged.
+        allowed = RESOLVED * sizes + EPSILON * weights
+        is_fine = (tails[:, 0] <= RESOLVED) & (tails[:, 1:] <= allowed).all(axis=1)
+        # Between two nodes an axis comes closer to the vertical by half their distance at most.
+        is_seen = turn * self._gap <= tilts
+        if np.any(is_short & (turn > LARGEST_TURN)):
+            raise OrientationNotResolvedError("the body turns faster than times in doubles can tell")
+        is_resolved = (is_fine & is_seen & (turn <= LARGEST_TURN)) | is_short
+        return Pieces(parent, low, high, motion, propagators, series, tails, weights, is_resolved)
+
+    def _motion(
+        self, parent: NDArray[np.intp], low: FloatArray, high: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the coefficients and the values at the points of the six variables."""
+        given = self._dense.coefficients[parent]
+        middle, share = 0.5 * (low + high), 0.5 * (high - low)
+        x = middle[:, None] + share[:, None] * self._points
+        values = chebyshev.chebvander(x, given.shape[1] - 1) @ given
+        padded = np.pad(given, ((0, 0), (0, len(self._points) - given.shape[1]), (0, 0)))
+        # A whole piece keeps its numbers to the last bit.
+        is_whole = (share == 1.0)[:, None, None]
+        return np.where(is_whole, padded, self._interpolation @ values), values
+
+    def _propagators(self, omega: FloatArray, half: FloatArray) -> FloatArray:
+        """Return Φ at the points; meaningless where the piece turns too far."""
+        rate = 0.5 * half[:, None, None] * np.pad(omega, ((0, 0), (0, 0), (1, 0)))
+        rate = rate * np.where(np.abs(rate).max(axis=(1, 2), keepdims=True) <= LARGEST_TURN, 1.0, 0.0)
+        identity = np.array([1.0, 0.0, 0.0, 0.0])
+        phi = np.broadcast_to(identity, rate.shape)
+        for _ in range(SWEEPS):
+            phi = identity + self._integration @ quaternion_product(phi, rate)
+        return phi
+
+    def _angles(
+        self, omega: FloatArray, gamma: FloatArray, half: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the azimuths' increments at the points, their weights, and how close the axes come."""
+        tilts = np.full(len(omega), np.inf)
+        increments = np.empty((*omega.shape[:2], len(self._axes)))
+        weights = np.empty((len(omega), len(self._axes)))
+        for k, axis in enumerate(self._axes):
+            others = [other for other in range(3) if other != axis]
+            w, g = omega[:, :, others], gamma[:, :, others]
+            square = np.square(g).sum(axis=2)
+            if square.min() < self._closest**2:
+                raise VerticalAxisError(axis)
+            tilts = np.minimum(tilts, np.sqrt(square.min(axis=1)))
+            rate = (w * g).sum(axis=2) / square
+            size = np.abs(g).sum(axis=2)
+            slope = (size + np.abs(w).sum(axis=2) + 2.0 * np.abs(rate) * size) / square
+            increments[:, :, k] = half[:, None] * (rate @ self._integration.T)
+            weights[:, k] = half * (slope @ self._integration[0])
+        return increments, weights, tilts

@@ -1,0 +1,1 @@
+"""Linear stability of periodic planar motions against leaving their plane."""

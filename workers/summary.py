@@ -1,0 +1,64 @@
+"""The solution resource: what a client reads about a motion, without ids and arrays."""
+
+from dataclasses import asdict
+from importlib.metadata import version
+
+import numpy as np
+
+from service.dynamics.motion import Motion
+from service.dynamics.numerics import NUMERICS
+from workers.findings import Findings
+from workers.solvers.orientation.advance import Precession
+from workers.solvers.stability.assessment import Stability
+
+Document = dict[str, object]
+
+
+def summarise(document: Document, motion: Motion, findings: Findings) -> Document:
+    """Return the solution resource of the problem ``document`` without its ids and cost."""
+    period, window, orientation = motion.dense.period, motion.window, findings.orientation
+    precession = None if orientation is None else orientation.precession
+    return {
+        "problem": document,
+        "method": motion.method,
+        "tier": "standard",
+        "period": None
+        if period is None
+        else {"value": period.hi, "error": float(np.nextafter(abs(period.lo) + period.error, np.inf))},
+        "aperiodic": motion.aperiodic,
+        "asymptotes": None
+        if motion.past is None or motion.future is None
+        else {"past": asdict(motion.past), "future": asdict(motion.future)},
+        "energy": asdict(motion.energy),
+        "window": None
+        if window is None
+        else {"index": window.index, "ends": window.ends, "g1": window.g1, "g2": window.g2},
+        "invariants": _invariants(findings),
+        "error": motion.error,
+        "cross_check": None if motion.cross_check is None else asdict(motion.cross_check),
+        "stability": None if findings.stability is None else _stability(findings.stability),
+        "precession": None if precession is None else _precession(precession),
+        "conventions": motion.conventions,
+        "warnings": [asdict(notice) for notice in findings.notices],
+        "evidence": dict(motion.evidence),
+        "provenance": {"version": version("polhode"), "numerics": NUMERICS},
+    }
+
+
+def _invariants(findings: Findings) -> Document | None:
+    if findings.drifts is None:
+        return None
+    drifts: Document = {name: {"drift": drift} for name, drift in asdict(findings.drifts).items()}
+    for found in findings.further:
+        kind = found.integral.kind
+        drifts[found.integral.name] = {"value": found.value, "drift": found.drift, "kind": kind}
+    return drifts
+
+
+def _precession(precession: Precession) -> Document:
+    return {"psi1": asdict(precession.psi1), "psi3": asdict(precession.psi3)}
+
+
+def _stability(stability: Stability) -> Document:
+    pairs = [[multiplier.real, multiplier.imag] for multiplier in stability.multipliers]
+    return {**asdict(stability), "multipliers": pairs}
