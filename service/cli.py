@@ -135,6 +135,19 @@ def solve(
     _become_worker(["solve", *options, "--", str(file)], os.environ)
 
 
+@app.command()
+def calibrate(
+    quick: Annotated[bool, typer.Option("--quick", help="fewer problems, each measured once")] = False,
+    as_json: AsJson = False,
+    database_url: DatabaseUrl = None,
+) -> None:
+    """Measure what every tier of accuracy reaches and costs on this machine, and store the table."""
+    settings = _settings(database_url=database_url)
+    _migrate(settings)
+    options = [name for name, given in (("--quick", quick), ("--json", as_json)) if given]
+    _become_worker(["calibrate", *options], worker_environment(settings))
+
+
 def _serve(settings: Settings, listener: socket.socket, log_level: str) -> None:
     import uvicorn  # noqa: PLC0415
 

@@ -15,6 +15,9 @@ import pytest
 from typer.testing import CliRunner
 
 from service.cli import app
+from service.schemas.accuracy import AccuracyTableModel
+from service.storage.accuracy_store import AccuracyStore
+from service.storage.database import Database
 
 POLHODE = Path(sys.executable).with_name("polhode")
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -124,6 +127,7 @@ def test_a_missing_file_is_refused(polhode):
         ["serve", "--workers", "-1"],
         ["serve", "--log-level", "loud"],
         ["worker", "--slots", "0"],
+        ["calibrate", "--slow"],
     ],
 )
 def test_wrong_usage_ends_with_2(arguments, tmp_path, monkeypatch):
@@ -176,6 +180,28 @@ def reason_of_solve(polhode, file):
     result = polhode("solve", file({**document, "potential": {"type": "gravity", "a": -1, "c": 1}}))
     assert (result.returncode, result.stdout) == (1, "")
     return result.stderr
+
+
+def test_calibrate_measures_and_stores_what_the_service_then_serves(polhode, environment):
+    before = os.times()
+    result = polhode("calibrate", "--quick", "--json")
+    after = os.times()
+    assert (result.returncode, result.stderr) == (0, "")
+    # Quick is below 10 s, of its own: other programs may have the processors too.
+    spent = after.children_user + after.children_system - before.children_user - before.children_system
+    assert spent < 10.0
+    table = json.loads(result.stdout)
+    assert table["source"] == "measured"
+    assert table["rows"]
+    store = Database(environment["POLHODE_DATABASE_URL"])
+    assert AccuracyTableModel.of(AccuracyStore(store).current()).model_dump() == table
+    store.close()
+
+
+def test_calibrate_needs_its_database(polhode):
+    result = polhode("calibrate", "--quick", "--database-url", "sqlite:////missing/folder/x.db")
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr.startswith("cannot migrate the database: ")
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from service.settings import Settings
 from service.storage.migration import migrate
+from workers.calibration.command import run as calibrate
 from workers.computation import solve_document
 from workers.engines.local import run_worker
 from workers.solving import solve
@@ -21,6 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(required=True)
     _add_run(commands)
     _add_solve(commands)
+    _add_calibrate(commands)
     options = parser.parse_args(arguments)
     code: int = options.command(options)
     return code
@@ -40,6 +42,13 @@ def _add_solve(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.add_argument("--json", action="store_true", help="print the solution as JSON")
     parser.add_argument("--csv", type=Path, metavar="OUT", help="write the samples as CSV")
     parser.set_defaults(command=solve)
+
+
+def _add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    parser = commands.add_parser("calibrate", help="measure what every tier reaches and costs here")
+    parser.add_argument("--json", action="store_true", help="print the table as JSON")
+    parser.add_argument("--quick", action="store_true", help="fewer problems, each measured once")
+    parser.set_defaults(command=calibrate)
 
 
 def run(options: argparse.Namespace) -> int:

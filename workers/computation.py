@@ -13,12 +13,15 @@ from service.dynamics.dense_output import DenseOutput
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS, CrossCheck, Motion
 from service.dynamics.orientation import orientation_columns
-from service.dynamics.problem import Problem, StateMotion
+from service.dynamics.problem import Accuracy, Problem, StateMotion
 from service.dynamics.sampling import sample_times
 from service.examination import examine_problem
 from service.jobs.outcome import SolveOutcome
+from service.schemas.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem import read_problem
+from service.storage.accuracy_store import shipped_table
 from service.storage.codec import encode_arrays, encode_dense
+from workers.certification import DENSE_TOLERANCE, certified_samples
 from workers.findings import find_out
 from workers.solvers.cross_check import compare
 from workers.solvers.integration.solve import integrate_state
@@ -35,16 +38,20 @@ def solve_document(document_json: str) -> SolveOutcome:
     document = json.loads(document_json)
     try:
         problem = read_problem(document)
-        motion = solve(problem)
+        motion, certified, enclosures = solve(problem), None, dict[str, FloatArray]()
+        if problem.accuracy.tier == "certified":
+            motion, certified, enclosures = certified_samples(problem, motion)
         findings = find_out(problem, motion)
-        summary = summarise(document, motion, findings)
+        summary = summarise(document, problem, motion, findings, certified)
     except DynamicsError as fault:
         error: dict[str, object] = {"code": fault.code, "detail": fault.message, "pointer": fault.pointer}
         return SolveOutcome(summary=None, dense=b"", samples=b"", error=error)
     # The orientation is more columns on the same pieces.
     dense = motion.dense if findings.orientation is None else findings.orientation.dense
     summary["cost"] = {"compute_seconds": time.perf_counter() - began}
-    return SolveOutcome(summary, encode_dense(dense), encode_arrays(_columns(problem, motion, dense)), None)
+    columns = _columns(problem, motion, dense)
+    columns |= {name: part for name, part in enclosures.items() if name.partition(".")[0] in columns}
+    return SolveOutcome(summary, encode_dense(dense), encode_arrays(columns), None)
 
 
 def solve_checked(document_json: str) -> SolveOutcome:
@@ -52,6 +59,12 @@ def solve_checked(document_json: str) -> SolveOutcome:
     report = json.loads(examine_problem(document_json))
     if "error" in report:
         return SolveOutcome(summary=None, dense=b"", samples=b"", error=report["error"])
+    document = json.loads(document_json)
+    problem = read_problem(document)
+    if problem.accuracy.budget_seconds is not None:
+        # Without a database there is only the table that comes with the program.
+        choice = choose_tier(problem, window_of(report["verdict"]), shipped_table())
+        document_json = json.dumps(with_tier(document, choice))
     return solve_document(document_json)
 
 
@@ -63,6 +76,9 @@ def solve(problem: Problem) -> Motion:
     DynamicsError
         One class per cause; the solvers' functions name theirs.
     """
+    if problem.accuracy.tier == "certified":
+        # The enclosures come on top; this is the function of time between them.
+        problem = replace(problem, accuracy=Accuracy(DENSE_TOLERANCE))
     if isinstance(problem.motion, StateMotion):
         return _integrate(problem, problem.motion.omega, problem.motion.gamma)
     if problem.method == "integration":

@@ -8,6 +8,8 @@ from typing import Any  # JSON values of a summary: their shapes are those of th
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.enclosure import is_part
+
 FloatArray = NDArray[np.float64]
 Summary = Mapping[str, Any]
 
@@ -16,7 +18,8 @@ ROWS_SHOWN = 6
 
 def describe(summary: Summary, columns: Mapping[str, FloatArray]) -> str:
     """Return a few lines that say what was found, and how sure it is."""
-    return "\n".join([*_numbers(summary), "", *_table(columns)])
+    shown = {name: values for name, values in columns.items() if not is_part(name)}
+    return "\n".join([*_numbers(summary), "", *_table(shown)])
 
 
 def to_csv(columns: Mapping[str, FloatArray]) -> str:
@@ -32,13 +35,13 @@ def _numbers(summary: Summary) -> Iterator[str]:
     yield f"method      {summary['method']}"
     period = summary["period"]
     if period is not None:
-        yield f"period      {period['value']!r} ± {period['error']:.1e}"
+        yield f"period      {_number(period)}"
     if summary["aperiodic"] is not None:
         yield f"aperiodic   {summary['aperiodic']}"
         for when, end in summary["asymptotes"].items():
             yield f"{when:<12}{_asymptote(end)}"
     energy = summary["energy"]
-    yield f"energy      {energy['value']!r} ± {energy['error']:.1e}"
+    yield f"energy      {_number(energy)}"
     window = summary["window"]
     if window is not None:
         (lower, upper), (first, last) = window["ends"], window["g1"]
@@ -61,6 +64,12 @@ def _numbers(summary: Summary) -> Iterator[str]:
         yield f"convention  {convention}"
     for warning in summary["warnings"]:
         yield f"warning     {warning['message']} ({warning['code']})"
+
+
+def _number(estimate: Mapping[str, Any]) -> str:
+    if "radius" in estimate:
+        return f"{estimate['value']} ± {estimate['radius']} (proven)"
+    return f"{estimate['value']!r} ± {estimate['error']:.1e}"
 
 
 def _asymptote(end: Mapping[str, Any]) -> str:

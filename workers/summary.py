@@ -4,32 +4,36 @@ from dataclasses import asdict
 from importlib.metadata import version
 
 import numpy as np
+from flint import arb
 
+from service.dynamics.enclosure import as_decimals
 from service.dynamics.motion import Motion
 from service.dynamics.numerics import NUMERICS
+from service.dynamics.problem import Problem
 from workers.findings import Findings
+from workers.solvers.certified.certify import Certified
 from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability
 
 Document = dict[str, object]
 
 
-def summarise(document: Document, motion: Motion, findings: Findings) -> Document:
+def summarise(
+    document: Document, problem: Problem, motion: Motion, findings: Findings, certified: Certified | None
+) -> Document:
     """Return the solution resource of the problem ``document`` without its ids and cost."""
-    period, window, orientation = motion.dense.period, motion.window, findings.orientation
+    window, orientation = motion.window, findings.orientation
     precession = None if orientation is None else orientation.precession
     return {
         "problem": document,
         "method": motion.method,
-        "tier": "standard",
-        "period": None
-        if period is None
-        else {"value": period.hi, "error": float(np.nextafter(abs(period.lo) + period.error, np.inf))},
+        "tier": problem.accuracy.tier,
+        "period": _period(motion) if certified is None else _enclosure(certified.period),
         "aperiodic": motion.aperiodic,
         "asymptotes": None
         if motion.past is None or motion.future is None
         else {"past": asdict(motion.past), "future": asdict(motion.future)},
-        "energy": asdict(motion.energy),
+        "energy": asdict(motion.energy) if certified is None else _enclosure(certified.energy),
         "window": None
         if window is None
         else {"index": window.index, "ends": window.ends, "g1": window.g1, "g2": window.g2},
@@ -43,6 +47,18 @@ def summarise(document: Document, motion: Motion, findings: Findings) -> Documen
         "evidence": dict(motion.evidence),
         "provenance": {"version": version("polhode"), "numerics": NUMERICS},
     }
+
+
+def _period(motion: Motion) -> Document | None:
+    period = motion.dense.period
+    if period is None:
+        return None
+    return {"value": period.hi, "error": float(np.nextafter(abs(period.lo) + period.error, np.inf))}
+
+
+def _enclosure(ball: arb) -> Document:
+    value, radius = as_decimals(ball)
+    return {"value": value, "radius": radius}
 
 
 def _invariants(findings: Findings) -> Document | None:

@@ -22,6 +22,7 @@ TITLES: Mapping[str, str] = {
     "job_finished": "The job has finished",
     "leaves_domain": "The motion leaves the potential's domain",
     "method_not_allowed": "Method not allowed",
+    "no_enclosures": "There are no enclosures",
     "no_motion": "There is no such motion",
     "no_such_window": "There is no such window",
     "not_acceptable": "No such format",

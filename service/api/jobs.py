@@ -1,5 +1,6 @@
 """/v1/jobs: submit, follow, cancel."""
 
+from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Annotated
 
@@ -16,8 +17,10 @@ from service.dynamics.problem import PlanarMotion
 from service.examination import examine_problem
 from service.jobs.job import Job
 from service.jobs.states import JobState
+from service.schemas.budgets import choose_tier, window_of, with_tier
 from service.schemas.job import JobOut, JobPageOut
 from service.schemas.problem import check_problem, problem_digest
+from service.storage.accuracy_store import AccuracyStore
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -76,12 +79,22 @@ def submit(
         str | None, Header(description="`wait=S`: wait up to S ≤ 60 seconds for the job to finish")
     ] = None,
 ) -> Response:
-    """Check a problem and queue it; an equal problem that was solved before brings its solution."""
+    """Check a problem and queue it; an equal problem that was solved before brings its solution.
+
+    A budget is turned into the tier that the accuracy table of the installation
+    expects to fit it; the job's problem shows which.
+    """
     document = read_json(content)
     checked = check_problem(document)
-    if isinstance(checked.problem.motion, PlanarMotion):
-        examine(inside, examine_problem, document)
     assert isinstance(document, dict)
+    verdict: Mapping[str, object] | None = None
+    if isinstance(checked.problem.motion, PlanarMotion):
+        verdict = examine(inside, examine_problem, document)
+    if checked.problem.accuracy.budget_seconds is not None:
+        table = AccuracyStore(inside.database).current()
+        choice = choose_tier(checked.problem, window_of(verdict), table)
+        document = with_tier(document, choice)
+        checked = check_problem(document)
     job = inside.jobs.submit(document, problem_digest(checked.canonical))
     if not job.is_finished:
         inside.doorbell.ring()

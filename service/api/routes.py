@@ -2,13 +2,23 @@
 
 from fastapi import FastAPI
 
-from service.api import families, handlers, health, jobs, solutions, trajectory, validations
+from service.api import (
+    accuracy,
+    enclosures,
+    families,
+    handlers,
+    health,
+    jobs,
+    solutions,
+    trajectory,
+    validations,
+)
 from service.api.documentation import describe
 
 
 def install(app: FastAPI) -> None:
     """Give ``app`` the endpoints; what they work with is ``app.state.resources``."""
-    for resource in (validations, jobs, solutions, trajectory, families, health):
+    for resource in (validations, jobs, solutions, trajectory, enclosures, families, accuracy, health):
         app.include_router(resource.router)
     handlers.install(app)
 

@@ -13,6 +13,7 @@ from service.api.errors import invalid_request
 from service.api.formats import Trajectory, choose_format, media_types
 from service.api.resources import Inside, Resources
 from service.api.responses import refusals
+from service.dynamics.enclosure import is_part
 from service.dynamics.motion import COLUMNS
 from service.dynamics.orientation import (
     QUATERNION,
@@ -87,7 +88,8 @@ class _Samples:
 
 def _stored(inside: Resources, solution_id: str) -> _Samples:
     summary = inside.solutions.get(solution_id).summary
-    columns = decode_arrays(inside.solutions.samples(solution_id))
+    stored = decode_arrays(inside.solutions.samples(solution_id))
+    columns = {name: values for name, values in stored.items() if not is_part(name)}
     error = summary["error"]
     assert isinstance(error, int | float)
     own: Mapping[str, float] = {}

@@ -8,6 +8,8 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
 
 Sign = Literal[-1, 1]
+Tier = Literal["draft", "standard", "high", "certified"]
+"""Grades of accuracy, see :mod:`service.dynamics.accuracy`."""
 Method = Literal["auto", "quadrature", "integration", "both"]
 Output = Literal["gamma", "omega", "invariants", "orientation", "stability"]
 
@@ -104,6 +106,19 @@ Times = TimeSpan | TimePeriods | TimeList
 
 
 @dataclass(frozen=True, slots=True)
+class Accuracy:
+    """How accurate the six variables are wanted."""
+
+    tolerance: float
+    """Largest absolute error allowed over the asked times."""
+    tier: Tier = "standard"
+    bits: int = 64
+    """Of the tier ``certified``: radii are at most 2^(8 − bits)."""
+    budget_seconds: float | None = None
+    """A budget that has not been turned into a tier yet."""
+
+
+@dataclass(frozen=True, slots=True)
 class Problem:
     """Everything a solver needs to know, exact."""
 
@@ -111,7 +126,11 @@ class Problem:
     potential: Potential
     motion: PlanarMotion | StateMotion
     time: Times
-    tolerance: float
-    """Largest absolute error allowed in any of the six variables over the asked times."""
+    accuracy: Accuracy
     method: Method
     outputs: tuple[Output, ...]
+
+    @property
+    def tolerance(self) -> float:
+        """The largest absolute error allowed in any of the six variables over the asked times."""
+        return self.accuracy.tolerance

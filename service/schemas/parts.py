@@ -17,12 +17,11 @@ from service.schemas.faults import Fault, pointer_to
 from service.schemas.motions import EquatorStartIn, PlanarMotionIn, PointStartIn, RestStartIn, StateMotionIn
 from service.schemas.potentials import MODELS
 from service.schemas.sections import (
-    TierIn,
     TimeListIn,
     TimePeriodsIn,
     TimeSpanIn,
-    ToleranceIn,
 )
+from service.schemas.tiers import BudgetIn, TierIn, ToleranceIn
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -38,6 +37,7 @@ _MEMBERS: dict[str, type[BaseModel]] = {
     "times": TimeListIn,
     "tolerance": ToleranceIn,
     "tier": TierIn,
+    "budget_seconds": BudgetIn,
 }
 """Members of unions by their tags, without the mark."""
 

@@ -19,13 +19,12 @@ from service.schemas.sections import (
     BodyIn,
     PointsIn,
     ProblemIn,
-    TierIn,
     TimeListIn,
     TimePeriodsIn,
     TimeSpanIn,
-    ToleranceIn,
     ValidationIn,
 )
+from service.schemas.tiers import BudgetIn, TierIn, ToleranceIn
 
 MAX_FAULTS = 200
 """Listed at once: a list of 100 000 wrong numbers is told from its beginning."""
@@ -92,7 +91,7 @@ def check_problem(document: object) -> CheckedProblem:
                 "potential": PotentialModel() as potential_in,
                 "motion": (PlanarMotionIn() | StateMotionIn()) as motion_in,
                 "time": (TimeSpanIn() | TimePeriodsIn() | TimeListIn()) as time_in,
-                "accuracy": (ToleranceIn() | TierIn()) as accuracy_in,
+                "accuracy": (ToleranceIn() | TierIn() | BudgetIn()) as accuracy_in,
                 "method": ("auto" | "quadrature" | "integration" | "both") as method,
                 "outputs": list(wanted),
             },

@@ -13,6 +13,7 @@ from service.schemas.motions import CURVE_FIELDS, curve_faults
 from service.schemas.potential_model import PotentialModel
 from service.schemas.potentials import MODELS
 from service.schemas.sections import BodyIn, TimePeriodsIn
+from service.schemas.tiers import TierIn
 
 
 def read_setting(
@@ -82,6 +83,7 @@ def combination_faults(document: object, parts: Mapping[str, object]) -> Iterato
         for field, code, message in curve_faults(given):
             yield Fault(f"/motion/{field}", code, message)
     in_periods = isinstance(parts.get("time"), TimePeriodsIn)
+    yield from _planar_only(kind, parts)
     if kind == "state" and method in ("quadrature", "both"):
         message = f"{method} is for planar motions; accepted for a state are auto and integration"
         yield Fault("/method", "method_needs_planar_motion", message)
@@ -94,6 +96,18 @@ def combination_faults(document: object, parts: Mapping[str, object]) -> Iterato
             "and the methods auto, quadrature and both"
         )
         yield Fault("/time/periods", "period_needed", message)
+
+
+def _planar_only(kind: str | None, parts: Mapping[str, object]) -> Iterator[Fault]:
+    """Yield what belongs to planar motions that are solved by quadrature."""
+    accuracy, outputs = parts.get("accuracy"), parts.get("outputs")
+    is_integrated = kind == "state" or parts.get("method") == "integration"
+    if is_integrated and isinstance(accuracy, TierIn) and accuracy.tier == "certified":
+        message = "certified digits come from the quadrature of planar motions; accepted is the tier high"
+        yield Fault("/accuracy/tier", "tier_needs_quadrature", message)
+    if kind == "state" and isinstance(outputs, list) and "stability" in outputs:
+        message = "multipliers across the plane belong to planar motions; leave stability out for a state"
+        yield Fault(f"/outputs/{outputs.index('stability')}", "output_needs_planar_motion", message)
 
 
 def _motion_kind(document: object) -> str | None:

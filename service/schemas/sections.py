@@ -11,18 +11,13 @@ from service.schemas.choices import TAG_MARK, WireModel, tag_by_field
 from service.schemas.motions import MotionIn
 from service.schemas.numbers import MAX_SAMPLES, Exact, Instant, Moment, Periods, Positive, Samples, refuse
 from service.schemas.potentials import PotentialIn
-
-STANDARD_TOLERANCE = 1e-10
-"""What the tier ``standard`` means: largest absolute error in any of the six variables."""
-
-SMALLEST_TOLERANCE, LARGEST_TOLERANCE = Fraction(1, 10**15), Fraction(1, 100)
+from service.schemas.tiers import AccuracyIn, TierIn
 
 Method = Literal["auto", "quadrature", "integration", "both"]
 OutputName = Literal["gamma", "omega", "invariants", "orientation", "stability"]
 OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega", "invariants", "orientation", "stability")
 MAX_POINTS = 1000
 DEFAULT_OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega")
-_LATER_TIERS = ("draft", "high", "certified")
 
 
 class BodyIn(WireModel):
@@ -118,68 +113,6 @@ TimeIn = Annotated[
     | Annotated[TimeSpanIn, Tag(f"{TAG_MARK}stop")],
     Discriminator(tag_by_field(("periods", "times"), "stop")),
     BeforeValidator(_require_time),
-]
-
-
-class ToleranceIn(WireModel):
-    """Largest absolute error allowed in any of the six variables over the asked times."""
-
-    tolerance: Positive = Field(json_schema_extra={"minimum": 1e-15, "maximum": 1e-2})
-
-    @model_validator(mode="after")
-    def _attainable(self) -> Self:
-        if not SMALLEST_TOLERANCE <= self.tolerance <= LARGEST_TOLERANCE:
-            raise refuse(
-                "out_of_range",
-                f"a tolerance of {float(self.tolerance):.6g}; 1e-15 to 1e-2 are accepted",
-                below="tolerance",
-            )
-        return self
-
-    def to_domain(self) -> float:
-        """Return the tolerance."""
-        return float(self.tolerance)
-
-    def canonical(self) -> dict[str, object]:
-        """Return the document."""
-        return {"tolerance": str(self.tolerance)}
-
-
-class TierIn(WireModel):
-    """A named accuracy; ``standard`` stands for a tolerance of 1e-10."""
-
-    tier: Literal["standard"]
-
-    def to_domain(self) -> float:
-        """Return the tolerance."""
-        return STANDARD_TOLERANCE
-
-    def canonical(self) -> dict[str, object]:
-        """Return the document."""
-        return {"tier": self.tier}
-
-
-def _require_accuracy(value: object) -> object:
-    if isinstance(value, ToleranceIn | TierIn):
-        return value
-    accepted = 'accepted are {"tolerance": e} and {"tier": "standard"}'
-    if not isinstance(value, dict) or not ({"tolerance", "tier"} & value.keys()):
-        raise refuse("invalid_type", accepted)
-    if {"tolerance", "tier"} <= value.keys():
-        raise refuse("conflicting_fields", f"tolerance and tier exclude each other; {accepted}")
-    if value.get("tier") in _LATER_TIERS:
-        raise refuse(
-            "not_available",
-            f"the tier {value['tier']} is not offered by this version; accepted is standard",
-            below="tier",
-        )
-    return value
-
-
-AccuracyIn = Annotated[
-    Annotated[ToleranceIn, Tag(f"{TAG_MARK}tolerance")] | Annotated[TierIn, Tag(f"{TAG_MARK}tier")],
-    Discriminator(tag_by_field(("tolerance",), "tier")),
-    BeforeValidator(_require_accuracy),
 ]
 
 

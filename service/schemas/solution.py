@@ -15,6 +15,13 @@ class EstimateOut(ResponseModel):
     error: float
 
 
+class EnclosureOut(ResponseModel):
+    """A proven enclosure: the true number is within value ± radius."""
+
+    value: str
+    radius: str
+
+
 class WindowOut(ResponseModel):
     """Where on the curve the motion takes place."""
 
@@ -110,12 +117,14 @@ class SolutionOut(ResponseModel):
     problem: dict[str, object]
     method: Literal["quadrature", "integration"]
     tier: str
-    period: EstimateOut | None = Field(description="Of all six variables; null if not periodic or not known.")
+    period: EstimateOut | EnclosureOut | None = Field(
+        description="Of all six variables; null if not periodic or not known."
+    )
     aperiodic: Literal["separatrix", "equilibrium", "collision", "pole"] | None = Field(
         description="Why a planar motion has no period."
     )
     asymptotes: AsymptotesOut | None = Field(default=None, description="Of an aperiodic motion.")
-    energy: EstimateOut
+    energy: EstimateOut | EnclosureOut
     window: WindowOut | None
     invariants: dict[str, FurtherIntegralOut | DriftOut] | None = Field(
         description="If the outputs ask for them."
@@ -151,6 +160,13 @@ class TrajectoryOut(ResponseModel):
         " q0, q1, q2, q3 (body to space), psi1, psi3."
     )
     error: float = Field(description="Bound of the absolute error of every number.")
+
+
+class EnclosuresOut(ResponseModel):
+    """Proven samples."""
+
+    t: list[float] = Field(description="The times, exact as they are.")
+    columns: dict[str, list[EnclosureOut]] = Field(description="p, q, r, g1, g2, g3.")
 
 
 class HealthOut(ResponseModel):

@@ -132,3 +132,13 @@ class SamplesRow(Base):
         Uuid(as_uuid=False), ForeignKey("solutions.id", ondelete="CASCADE"), primary_key=True
     )
     data: Mapped[bytes]
+
+
+class CalibrationRow(Base):
+    """A measured table of accuracy and speed; the latest one counts, the older ones are kept."""
+
+    __tablename__ = "calibrations"
+
+    id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
+    created_at: Mapped[float] = mapped_column(index=True)
+    document: Mapped[Document]

@@ -138,3 +138,9 @@ def test_a_failed_job_says_why(client, jobs):
 
 def test_a_planar_problem_with_a_motion_is_accepted(client):
     assert submit(client, PLANAR).status_code == 202
+
+
+@pytest.mark.parametrize(("seconds", "tier"), [(3600, "certified"), ("1e-9", "draft")])
+def test_a_budget_becomes_the_tier_that_the_accuracy_table_expects_to_fit(client, seconds, tier):
+    response = client.post("/v1/jobs", json={**PLANAR, "accuracy": {"budget_seconds": seconds}})
+    assert (response.status_code, response.json()["problem"]["accuracy"]) == (202, {"tier": tier})

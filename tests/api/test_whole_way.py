@@ -1,24 +1,9 @@
 """From a request to the trajectory of a solution that was really computed."""
 
-import json
-
 import numpy as np
 import pytest
 
-from tests.support.api import PLANAR, STATE
-from workers.computation import solve_document
-
-
-def solve(client, jobs, problem):
-    assert client.post("/v1/jobs", json=problem).status_code == 202
-    claim = jobs.claim("test", lease_seconds=60.0)
-    outcome = solve_document(json.dumps(claim.problem))
-    assert outcome.error is None
-    assert jobs.finish_success(claim, outcome.summary, dense=outcome.dense, samples=outcome.samples)
-    solution_id = client.get(f"/v1/jobs/{claim.job_id}").json()["solution"]
-    response = client.get(f"/v1/solutions/{solution_id}")
-    assert response.status_code == 200, response.json()
-    return response.json()
+from tests.support.api import PLANAR, STATE, solve_job
 
 
 def trajectory(client, solution, query=""):
@@ -30,11 +15,15 @@ def trajectory(client, solution, query=""):
 
 @pytest.mark.parametrize(
     "problem",
-    [{**PLANAR, "method": "both", "outputs": ["gamma", "omega", "invariants"]}, STATE],
-    ids=["quadrature", "integration"],
+    [
+        {**PLANAR, "method": "both", "outputs": ["gamma", "omega", "invariants"]},
+        {**PLANAR, "outputs": ["gamma", "omega", "orientation"]},
+        STATE,
+    ],
+    ids=["quadrature", "orientation", "integration"],
 )
 def test_samples_asked_for_later_are_those_that_were_stored(client, jobs, problem):
-    solution = solve(client, jobs, problem)
+    solution = solve_job(client, jobs, problem)
     stored, _ = trajectory(client, solution)
     stop, samples = problem["time"]["stop"], problem["time"]["samples"]
     later, error = trajectory(client, solution, f"?stop={stop}&samples={samples}")
@@ -47,6 +36,6 @@ def test_samples_asked_for_later_are_those_that_were_stored(client, jobs, proble
 
 
 def test_an_integrated_solution_ends_where_it_was_asked_to(client, jobs):
-    solution = solve(client, jobs, STATE)
+    solution = solve_job(client, jobs, STATE)
     response = client.get(f"/v1/solutions/{solution['id']}/trajectory?stop=21&samples=2")
     assert (response.status_code, response.json()["type"]) == (422, "urn:polhode:problem:outside_horizon")

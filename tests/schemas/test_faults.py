@@ -200,7 +200,11 @@ ASKED = [
     ({"time": 10}, [("/time", "invalid_type")]),
     ({"accuracy": {"tolerance": 1e-16}}, [("/accuracy/tolerance", "out_of_range")]),
     ({"accuracy": {"tolerance": 0.011}}, [("/accuracy/tolerance", "out_of_range")]),
-    ({"accuracy": {"tier": "certified"}}, [("/accuracy/tier", "not_available")]),
+    ({"accuracy": {"tier": "high", "bits": 64}}, [("/accuracy/bits", "conflicting_fields")]),
+    ({"accuracy": {"tier": "certified", "bits": 53}}, [("/accuracy/bits", "invalid_value")]),
+    ({"accuracy": {"budget_seconds": 0}}, [("/accuracy/budget_seconds", "out_of_range")]),
+    ({"accuracy": {"budget_seconds": 3601}}, [("/accuracy/budget_seconds", "out_of_range")]),
+    ({"accuracy": {"budget_seconds": 1, "tier": "high"}}, [("/accuracy", "conflicting_fields")]),
     ({"accuracy": {"tier": "best"}}, [("/accuracy/tier", "invalid_value")]),
     ({"accuracy": {"tier": "standard", "tolerance": 1e-9}}, [("/accuracy", "conflicting_fields")]),
     ({"accuracy": 1e-9}, [("/accuracy", "invalid_type")]),
@@ -241,6 +245,25 @@ def test_what_does_not_go_together(sections, expected):
     assert faults_of(changed(**sections)) == expected
 
 
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ({"outputs": ["gamma", "stability"]}, ("/outputs/1", "output_needs_planar_motion")),
+        ({"accuracy": {"tier": "certified"}}, ("/accuracy/tier", "tier_needs_quadrature")),
+    ],
+)
+def test_what_belongs_to_planar_motions_is_refused_for_a_state(asked, expected):
+    found = faults_of(changed(body={"A": 2, "B": 2, "C": 1}, motion=STATE, **asked))
+    assert expected in found
+
+
+def test_certified_digits_are_not_integrated():
+    found = faults_of(
+        changed(body={"A": 2, "B": 2, "C": 1}, method="integration", accuracy={"tier": "certified"})
+    )
+    assert ("/accuracy/tier", "tier_needs_quadrature") in found
+
+
 def test_a_symmetric_body_may_move_from_any_state():
     assert read_problem(
         changed(body={"A": 1, "B": 1, "C": 1}, motion=STATE, potential={"type": "gravity", "a": 1})
@@ -254,7 +277,7 @@ def test_no_fault_hides_another():
         "potential": expression("q*g1", g2=1),
         "motion": {"type": "planar", "nu": 1, "lambda": 0, "spin": 2},
         "time": {"periods": 1, "samples": 0},
-        "accuracy": {"tier": "high"},
+        "accuracy": {"tier": "highest"},
         "method": "integration",
         "outputs": ["stability", "instability"],
         "extra": None,
@@ -268,7 +291,7 @@ def test_no_fault_hides_another():
         ("/motion/nu", "conflicting_fields"),
         ("/motion/nu", "nu_needs_double_moment"),
         ("/time/samples", "out_of_range"),
-        ("/accuracy/tier", "not_available"),
+        ("/accuracy/tier", "invalid_value"),
         ("/outputs/1", "invalid_value"),
         ("/extra", "unknown_field"),
     }

@@ -4,14 +4,20 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
+from alembic import command
 from alembic.autogenerate import compare_metadata
+from alembic.config import Config
 from alembic.migration import MigrationContext
 from sqlalchemy import CheckConstraint, inspect
 
-from service.storage.database import make_engine
+from service.storage.accuracy_store import AccuracyStore
+from service.storage.database import Database, make_engine
+from service.storage.job_store import SqlJobStore
 from service.storage.migration import migrate, migrations_folder
+from service.storage.solution_store import SolutionQuery, SolutionStore
 from service.storage.tables import Base
-from tests.support.databases import url_of
+from tests.support import accuracy
+from tests.support.databases import PROBLEM, SUMMARY, url_of
 
 
 def test_the_models_are_the_migrated_schema(database):
@@ -32,6 +38,31 @@ def test_migrating_again_changes_nothing(url, database, jobs):
     job = jobs.submit({"x": 1}, "digest")
     migrate(url)
     assert jobs.get(job.id) == job
+
+
+def upgrade_to(url, revision):
+    config = Config()
+    config.set_main_option("script_location", str(migrations_folder()))
+    config.attributes["engine"] = engine = make_engine(url)
+    command.upgrade(config, revision)
+    engine.dispose()
+
+
+def test_a_database_of_the_first_version_keeps_its_data(tmp_path):
+    url = url_of(tmp_path / "old.db")
+    upgrade_to(url, "0001")
+    database = Database(url)
+    jobs, solutions = SqlJobStore(database), SolutionStore(database)
+    jobs.submit(PROBLEM, "digest")
+    jobs.finish_success(jobs.claim("worker", lease_seconds=60), SUMMARY, dense=b"d", samples=b"s")
+    before = jobs.list_jobs(), solutions.find(SolutionQuery())
+    assert "calibrations" not in inspect(database.engine).get_table_names()
+    migrate(url)
+    assert (jobs.list_jobs(), solutions.find(SolutionQuery())) == before
+    assert solutions.dense(before[1].solutions[0].id) == b"d"
+    AccuracyStore(database).add(accuracy.table())
+    assert AccuracyStore(database).latest() == accuracy.table()
+    database.close()
 
 
 def test_several_processes_may_migrate_at_once(tmp_path):

@@ -1,5 +1,6 @@
 """The application on a temporary database, and a solution whose values are a known function."""
 
+import json
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from service.jobs.job import Job
 from service.settings import Settings
 from service.storage.codec import encode_arrays, encode_dense
 from service.storage.job_store import SqlJobStore
+from workers.computation import solve_document
 
 with warnings.catch_warnings():
     # Starlette would rather have httpx2; it works with httpx as well.
@@ -114,3 +116,16 @@ def client(app: FastAPI) -> Iterator[TestClient]:
 def stored(client: TestClient, jobs: SqlJobStore) -> Stored:
     assert client.post("/v1/jobs", json=STATE).status_code == 202
     return finish(jobs)
+
+
+def solve_job(client, jobs, problem):
+    """Submit, solve and store as a worker does, and return the solution."""
+    assert client.post("/v1/jobs", json=problem).status_code == 202
+    claim = jobs.claim("test", lease_seconds=60.0)
+    outcome = solve_document(json.dumps(claim.problem))
+    assert outcome.error is None
+    assert jobs.finish_success(claim, outcome.summary, dense=outcome.dense, samples=outcome.samples)
+    solution_id = client.get(f"/v1/jobs/{claim.job_id}").json()["solution"]
+    response = client.get(f"/v1/solutions/{solution_id}")
+    assert response.status_code == 200, response.json()
+    return response.json()

@@ -6,7 +6,7 @@ from fractions import Fraction
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.expression import expression_potential
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.problem import PlanarMotion, Problem, TimeList, Times
+from service.dynamics.problem import Accuracy, PlanarMotion, Problem, TimeList, Times
 
 Exact = int | str | Fraction
 
@@ -32,4 +32,6 @@ def planar(
         potential = formula(potential, rigid_body)
     if isinstance(times, tuple):
         times = TimeList(tuple(Fraction(t) for t in times))
-    return Problem(rigid_body, potential, motion, times, tolerance, "quadrature", ("gamma", "omega"))
+    return Problem(
+        rigid_body, potential, motion, times, Accuracy(tolerance), "quadrature", ("gamma", "omega")
+    )

@@ -1,14 +1,20 @@
-"""Periodic planar motions: in closed form where there is one, by the quadrature of the orbit else."""
+"""Periodic planar motions, by the way that suits the tier.
+
+``draft`` and ``high`` are solved in compiled doubles where those have the
+motion; next, and for ``standard``, come closed forms, and last the quadrature of
+the orbit in balls, which has them all.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.dense_output import DenseOutput, Period
 from service.dynamics.motion import COLUMNS, Motion
-from service.dynamics.problem import Problem
+from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
 from service.dynamics.sampling import sample_times
@@ -18,10 +24,17 @@ from workers.solvers.quadrature.description import FIRST_PASSAGE, conventions_of
 from workers.solvers.quadrature.orbit import Orbit, make_orbit
 from workers.solvers.quadrature.time_map import make_time_map
 
+if TYPE_CHECKING:
+    from workers.solvers.spectral.motion import SpectralMotion
+
 FloatArray = NDArray[np.float64]
 
 WELL_CONDITIONED = 1e-12
 """Largest error of a closed form in doubles that is preferred to the quadrature in balls."""
+
+
+SAME = 1e-6
+"""Departure of g1 at its ends within which two solvers speak of one window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +46,18 @@ class _Sampled:
     passages: FloatArray
     """Times in [0, period) at which a pole is passed, growing."""
     error: float
-    """Of a sample, beside the departure of the dense output from it."""
+    """Of a sample within one period, beside the departure of the dense output from it."""
     evidence: Mapping[str, float | int | str]
+    late: "SpectralMotion | None" = None
+    """Samples itself at any time, with less error than by way of the dense output."""
 
 
 def solve_periodic(problem: Problem, window: Window, start: StartingPoint) -> Motion:
     """Return the motion from ``start`` in a periodic window; ``quadrature`` leaves closed forms aside."""
     orbit = make_orbit(start)
-    motion = None if problem.method == "quadrature" else _in_closed_form(problem, window, start)
+    motion = None
+    if problem.method != "quadrature":
+        motion = _in_doubles(problem, window) or _in_closed_form(problem, window, start)
     motion = motion or _by_quadrature(orbit)
     period = motion.period
     atol = min(1e-14, 1e-3 * problem.tolerance)
@@ -48,13 +65,14 @@ def solve_periodic(problem: Problem, window: Window, start: StartingPoint) -> Mo
     error = resolved.error + motion.error
     dense = DenseOutput(COLUMNS, resolved.breaks, resolved.coefficients, period, error)
     times = sample_times(problem.time, period)
+    late = motion.late
     conventions = conventions_of(start)
     return Motion(
         method="quadrature",
         dense=dense,
         times=times,
-        samples=dense(times),
-        error=dense.error_at(times),
+        samples=dense(times) if late is None else late.sample(times),
+        error=dense.error_at(times) if late is None else late.error_at(times),
         energy=energy_of(start.arc.loop, orbit.somewhere()),
         window=window,
         aperiodic=None,
@@ -68,6 +86,25 @@ def solve_periodic(problem: Problem, window: Window, start: StartingPoint) -> Mo
             **({FIRST_PASSAGE: float(motion.passages[0])} if conventions else {}),
         },
     )
+
+
+def _in_doubles(problem: Problem, window: Window) -> _Sampled | None:
+    """Return the motion of the compiled solver, if the tier wants it and it is the one in the window."""
+    tier = problem.accuracy.tier
+    if tier not in ("draft", "high") or not isinstance(problem.motion, PlanarMotion):
+        return None
+    # The compiler is loaded, and the first time run, only by those who need it.
+    from workers.solvers.spectral.solve import solve_spectral  # noqa: PLC0415
+
+    found = solve_spectral(problem.body, problem.potential, problem.motion, tier=tier)
+    if found is None or found.ends != window.ends or not np.allclose(found.g1, window.g1, rtol=0, atol=SAME):
+        return None
+    period = found.period
+    error = found.error_at(np.array([period.hi]))
+    if not found.error_at(sample_times(problem.time, period)) <= problem.tolerance:
+        return None
+    evidence: dict[str, float | int | str] = {"compiled": len(found.panels), "rounding": error}
+    return _Sampled(found.sample, period, np.zeros(0), error, evidence, found)
 
 
 def _in_closed_form(problem: Problem, window: Window, start: StartingPoint) -> _Sampled | None:

@@ -1,0 +1,165 @@
+"""What the tiers of accuracy promise, what they cost on a machine, and the tiers chosen from that."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, get_args
+
+from service.dynamics.errors import InvalidNumberError
+from service.dynamics.problem import (
+    Tier as Tier,  # its home is the problem; those who ask for tiers find it here
+)
+from service.dynamics.reduction.window import Window
+
+TIERS: tuple[Tier, ...] = get_args(Tier)
+"""From the cheapest to the best."""
+
+CERTIFIED_BITS = (64, 128, 333)
+"""Precisions of proven digits; the first is the default. Radii are at most 2^(8 − bits)."""
+
+TIER_TOLERANCES: Mapping[Tier, float] = MappingProxyType(
+    {"draft": 1e-6, "standard": 1e-10, "high": 1e-13, "certified": 2.0 ** (8 - CERTIFIED_BITS[0])}
+)
+"""Largest error of any of the six variables, absolute, and relative where they are above 1."""
+
+MotionKind = Literal[
+    "pole to equator", "rest to equator", "pole to rest", "rest to rest", "aperiodic", "any state"
+]
+"""Of a periodic planar motion its ends, where |g1| is smallest and where it is largest."""
+MOTION_KINDS: tuple[MotionKind, ...] = get_args(MotionKind)
+
+Family = Literal["three-term", "rational", "general alpha", "integral"]
+"""a1 g1 + b1/g3² + c1 (g1² − g2²) with A = 2C; rational with A = 2C; a formula with any A/C; an integral."""
+
+Source = Literal["shipped", "measured"]
+Reference = Literal["certified", "integration"]
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """Where the seconds were measured."""
+
+    cpus: int
+    model: str | None
+    system: str
+
+
+@dataclass(frozen=True, slots=True)
+class AccuracyRow:
+    """What a tier reached, and took, on one problem."""
+
+    tier: Tier
+    kind: MotionKind
+    family: Family
+    claimed_error: float
+    """What the solution says its error is at most."""
+    error: float
+    """Largest departure from the reference in any of the six variables."""
+    reference: Reference
+    reference_error: float
+    """Bound of the reference's own error."""
+    seconds: float
+    """For 1000 samples of the six variables, median, when the structure of the problem is known."""
+    seconds_per_1000: float
+    """For each 1000 samples more."""
+
+    def seconds_for(self, samples: int) -> float:
+        """Return the expected seconds for ``samples`` samples."""
+        return max(0.0, self.seconds + (samples / 1000 - 1.0) * self.seconds_per_1000)
+
+
+@dataclass(frozen=True, slots=True)
+class Unavailable:
+    """A tier that did not solve one of the problems, and why."""
+
+    tier: Tier
+    kind: MotionKind
+    family: Family
+    code: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class AccuracyTable:
+    """What every tier reaches and costs on one installation; has at least one row."""
+
+    source: Source
+    date: str
+    """RFC 3339, UTC."""
+    version: str
+    numerics: int
+    machine: Machine
+    repetitions: int
+    """How many times each of the seconds was measured; the median counts."""
+    rows: tuple[AccuracyRow, ...]
+    unavailable: tuple[Unavailable, ...]
+
+    def __post_init__(self) -> None:
+        if not self.rows:
+            raise ValueError("a table needs at least one row")
+
+
+@dataclass(frozen=True, slots=True)
+class TierChoice:
+    """A tier for a budget."""
+
+    tier: Tier
+    seconds: float
+    """What it is expected to take."""
+    fits: bool
+    """Within the budget. If not, nothing fits, and this is the cheapest there is."""
+
+
+def cheapest_tier(tolerance: float) -> Tier:
+    """Return the cheapest tier that keeps ``tolerance``; below all of them the certified one.
+
+    Raises
+    ------
+    InvalidNumberError
+        The tolerance is not positive.
+    """
+    if not tolerance > 0.0:
+        raise InvalidNumberError(
+            f"a tolerance of {tolerance:.6g}; it must be positive", pointer="/accuracy/tolerance"
+        )
+    return next((tier for tier in TIERS if TIER_TOLERANCES[tier] <= tolerance), TIERS[-1])
+
+
+def best_tier(
+    table: AccuracyTable,
+    budget_seconds: float,
+    samples: int,
+    kind: MotionKind,
+    family: Family | None = None,
+) -> TierChoice:
+    """Return the most accurate tier that is expected to end within the budget, else the cheapest.
+
+    A tier takes as long as the slowest of its rows that are alike: of this kind
+    and family, if there are none of this kind, if there are none any. Without a
+    ``family`` all of them are.
+    """
+    rows = _alike(table, kind, family)
+    seconds = {
+        tier: max(row.seconds_for(samples) for row in rows if row.tier == tier)
+        for tier in TIERS
+        if any(row.tier == tier for row in rows)
+    }
+    fitting = [tier for tier in seconds if seconds[tier] <= budget_seconds]
+    if fitting:
+        return TierChoice(fitting[-1], seconds[fitting[-1]], fits=True)
+    cheapest = min(seconds, key=seconds.__getitem__)
+    return TierChoice(cheapest, seconds[cheapest], fits=False)
+
+
+def motion_kind(window: Window | None) -> MotionKind:
+    """Return the kind of a motion by its window, None being that of a motion from any state."""
+    if window is None:
+        return "any state"
+    ends = " to ".join(window.ends)
+    return next((kind for kind in MOTION_KINDS if window.kind == "periodic" and kind == ends), "aperiodic")
+
+
+def _alike(table: AccuracyTable, kind: MotionKind, family: Family | None) -> tuple[AccuracyRow, ...]:
+    of_kind = tuple(row for row in table.rows if row.kind == kind)
+    of_family = tuple(row for row in of_kind if family in (None, row.family))
+    return of_family or of_kind or table.rows

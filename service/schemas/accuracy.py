@@ -1,0 +1,100 @@
+"""The table of accuracy and speed, as it is stored and as clients see it."""
+
+from dataclasses import asdict
+from typing import Self
+
+from pydantic import Field
+
+from service.dynamics.accuracy import (
+    TIER_TOLERANCES,
+    AccuracyRow,
+    AccuracyTable,
+    Family,
+    Machine,
+    MotionKind,
+    Reference,
+    Source,
+    Unavailable,
+)
+from service.dynamics.problem import Tier
+from service.schemas.verdict import ResponseModel
+
+
+class MachineOut(ResponseModel):
+    """Where the seconds were measured."""
+
+    cpus: int
+    model: str | None = Field(description="Name of the processor, if known.")
+    system: str
+
+
+class AccuracyRowOut(ResponseModel):
+    """What a tier reached, and took, on one problem."""
+
+    tier: Tier
+    kind: MotionKind = Field(description="Of a periodic planar motion its ends.")
+    family: Family
+    claimed_error: float = Field(description="What the solution says its error is at most.")
+    error: float = Field(description="Largest departure from the reference in any of the six variables.")
+    reference: Reference
+    reference_error: float = Field(description="Bound of the reference's own error.")
+    seconds: float = Field(description="For 1000 samples, median, when the problem's structure is known.")
+    seconds_per_1000: float = Field(description="For each 1000 samples more.")
+
+
+class UnavailableOut(ResponseModel):
+    """A tier that did not solve one of the problems."""
+
+    tier: Tier
+    kind: MotionKind
+    family: Family
+    code: str
+    detail: str
+
+
+class AccuracyTableModel(ResponseModel):
+    """The table as it is stored."""
+
+    source: Source = Field(
+        description="`shipped`: another machine's; `measured`: by `polhode calibrate` here."
+    )
+    date: str = Field(json_schema_extra={"format": "date-time"})
+    version: str
+    numerics: int
+    machine: MachineOut
+    repetitions: int = Field(description="Measurements of each of the seconds.")
+    rows: list[AccuracyRowOut]
+    unavailable: list[UnavailableOut]
+
+    @classmethod
+    def of(cls, table: AccuracyTable) -> Self:
+        """Return the model of a table."""
+        return cls.model_validate(asdict(table))
+
+    def to_domain(self) -> AccuracyTable:
+        """Return the table."""
+        fields = self.model_dump()
+        return AccuracyTable(
+            source=self.source,
+            date=self.date,
+            version=self.version,
+            numerics=self.numerics,
+            machine=Machine(**fields["machine"]),
+            repetitions=self.repetitions,
+            rows=tuple(AccuracyRow(**row) for row in fields["rows"]),
+            unavailable=tuple(Unavailable(**row) for row in fields["unavailable"]),
+        )
+
+
+class AccuracyOut(AccuracyTableModel):
+    """What the tiers promise, and what they reach and cost on this installation."""
+
+    tolerances: dict[Tier, float] = Field(
+        description="Largest error of any of the six variables that a tier allows;"
+        " of `certified` that of its smallest precision."
+    )
+
+    @classmethod
+    def of(cls, table: AccuracyTable) -> Self:
+        """Return the model of a table."""
+        return cls.model_validate({**asdict(table), "tolerances": dict(TIER_TOLERANCES)})

@@ -1,0 +1,42 @@
+"""From a time budget to the tier that fits it."""
+
+from collections.abc import Mapping
+
+from service.dynamics.accuracy import MOTION_KINDS, AccuracyTable, MotionKind, TierChoice, best_tier
+from service.dynamics.problem import Problem, StateMotion, TimeList
+
+Document = Mapping[str, object]
+
+
+def window_of(verdict: Document | None) -> Document | None:
+    """Return the window of the one motion that a verdict on a problem lists, None without a verdict."""
+    motions = None if verdict is None else verdict["motions"]
+    return motions[0] if isinstance(motions, list) else None
+
+
+def choose_tier(problem: Problem, window: Document | None, table: AccuracyTable) -> TierChoice:
+    """Return the tier for the budget of ``problem``, which has one.
+
+    ``window`` is the one of its motion as a verdict lists it; None for a motion
+    from any state. A tier that did not solve motions of the kind is not taken.
+    """
+    budget = problem.accuracy.budget_seconds
+    if budget is None:
+        raise ValueError("the problem has no budget")
+    samples = len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples
+    is_integrated = isinstance(problem.motion, StateMotion) or problem.method == "integration"
+    return best_tier(table, budget, samples, "any state" if is_integrated else _kind(window))
+
+
+def with_tier(document: Document, choice: TierChoice) -> dict[str, object]:
+    """Return a problem document with the tier in place of its budget."""
+    return {**document, "accuracy": {"tier": choice.tier}}
+
+
+def _kind(window: Document | None) -> MotionKind:
+    if window is None:
+        return "any state"
+    ends = window["ends"]
+    assert isinstance(ends, list)
+    name = " to ".join(map(str, ends))
+    return next((kind for kind in MOTION_KINDS if window["kind"] == "periodic" and kind == name), "aperiodic")

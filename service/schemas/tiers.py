@@ -1,0 +1,110 @@
+"""How accurate a solution is wanted: a tolerance, a tier, or the best that a time budget allows."""
+
+from fractions import Fraction
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from service.dynamics.accuracy import CERTIFIED_BITS, TIER_TOLERANCES, TIERS, cheapest_tier
+from service.dynamics.problem import Accuracy, Tier
+from service.schemas.choices import TAG_MARK, WireModel, tag_by_field
+from service.schemas.numbers import Positive, refuse
+
+SMALLEST_TOLERANCE, LARGEST_TOLERANCE = Fraction(1, 10**15), Fraction(1, 100)
+LONGEST_BUDGET = Fraction(3600)
+
+_ACCEPTED = (
+    'accepted are {"tolerance": e}, {"tier": t} with t one of '
+    f'{", ".join(TIERS)}, and {{"budget_seconds": s}}'
+)
+
+
+class ToleranceIn(WireModel):
+    """Largest absolute error allowed in any of the six variables over the asked times."""
+
+    tolerance: Positive = Field(json_schema_extra={"minimum": 1e-15, "maximum": 1e-2})
+
+    @model_validator(mode="after")
+    def _attainable(self) -> Self:
+        if not SMALLEST_TOLERANCE <= self.tolerance <= LARGEST_TOLERANCE:
+            raise refuse(
+                "out_of_range",
+                f"a tolerance of {float(self.tolerance):.6g}; 1e-15 to 1e-2 are accepted",
+                below="tolerance",
+            )
+        return self
+
+    def to_domain(self) -> Accuracy:
+        """Return the cheapest tier that keeps the tolerance; one without proofs, if any does."""
+        tolerance = float(self.tolerance)
+        tier = cheapest_tier(tolerance)
+        return Accuracy(tolerance, "high" if tier == "certified" else tier)
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {"tolerance": str(self.tolerance)}
+
+
+class TierIn(WireModel):
+    """A named accuracy: draft 1e-6, standard 1e-10, high 1e-13, certified with proven radii."""
+
+    tier: Tier
+    bits: Literal[64, 128, 333] | None = Field(default=None, description="of the tier certified; 64")
+
+    @model_validator(mode="after")
+    def _bits_are_certified(self) -> Self:
+        if self.bits is not None and self.tier != "certified":
+            raise refuse("conflicting_fields", "bits belong to the tier certified", below="bits")
+        return self
+
+    def to_domain(self) -> Accuracy:
+        """Return what the tier promises."""
+        return Accuracy(TIER_TOLERANCES[self.tier], self.tier, self.bits or CERTIFIED_BITS[0])
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document, with the bits where they mean something."""
+        if self.tier != "certified":
+            return {"tier": self.tier}
+        return {"tier": self.tier, "bits": self.bits or CERTIFIED_BITS[0]}
+
+
+class BudgetIn(WireModel):
+    """The best tier that is expected to take no longer, by the accuracy table of the installation."""
+
+    budget_seconds: Positive
+
+    @model_validator(mode="after")
+    def _sensible(self) -> Self:
+        if self.budget_seconds > LONGEST_BUDGET:
+            raise refuse("out_of_range", "at most 3600 seconds are accepted", below="budget_seconds")
+        return self
+
+    def to_domain(self) -> Accuracy:
+        """Return the accuracy before the budget has been turned into a tier."""
+        return Accuracy(TIER_TOLERANCES["standard"], "standard", budget_seconds=float(self.budget_seconds))
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {"budget_seconds": str(self.budget_seconds)}
+
+
+def _require_accuracy(value: object) -> object:
+    if isinstance(value, ToleranceIn | TierIn | BudgetIn):
+        return value
+    given = [
+        name for name in ("tolerance", "tier", "budget_seconds") if isinstance(value, dict) and name in value
+    ]
+    if not given:
+        raise refuse("invalid_type", _ACCEPTED)
+    if len(given) > 1:
+        raise refuse("conflicting_fields", f"{' and '.join(given)} exclude each other; {_ACCEPTED}")
+    return value
+
+
+AccuracyIn = Annotated[
+    Annotated[ToleranceIn, Tag(f"{TAG_MARK}tolerance")]
+    | Annotated[BudgetIn, Tag(f"{TAG_MARK}budget_seconds")]
+    | Annotated[TierIn, Tag(f"{TAG_MARK}tier")],
+    Discriminator(tag_by_field(("tolerance", "budget_seconds"), "tier")),
+    BeforeValidator(_require_accuracy),
+]

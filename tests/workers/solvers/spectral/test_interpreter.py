@@ -1,0 +1,35 @@
+import numpy as np
+import pytest
+from flint import arb, ctx
+
+from tests.support.planar import body, formula
+from workers.solvers.spectral.interpreter import derivative, derivative_with_bound
+from workers.solvers.spectral.program import make_program
+
+BODY = body(3, 1)
+FORMULAS = [
+    "-g1",
+    "(3*g1^2+g3^2)*(g2^2-1/2+g2^3/5)",
+    "abs(g1)^(4/3)/7 - 2*abs(g3)^(-4)",
+    "exp(-g1*g3) + log(abs(g3)) - sin(g1)*cos(g2) + tan(g3/2)",
+    "sqrt(1+g1^2)*abs(g3) - g1/(2+g2)",
+    "(2+g1)^(g3+g2) + pi*g1^40",
+    "16*g1*(8*g1^4+16*g1^2*g3^2+9*g3^4) + 16*g3^6/g1 - g3^8/g1^3",
+]
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_the_derivative_is_that_of_balls_within_its_bound(text):
+    potential = formula(text, BODY)
+    program, constants = make_program(potential.tape)
+    work = np.empty((4, len(program.code) + 3))
+    rng = np.random.default_rng(1)
+    for g in rng.normal(size=(50, 3)):
+        point = g / np.linalg.norm(g)
+        D, ulps = derivative_with_bound(program.code, program.result, constants, *point, work)
+        with ctx.workprec(200):
+            exact = potential.D_ball(*(arb(x) for x in point.tolist()))
+            off = abs(float(arb(D) - exact))
+        # First order in the roundings of every operation, none left out.
+        assert off <= ulps * 2.0**-53
+        assert derivative(program.code, program.result, constants, *point, work) == D

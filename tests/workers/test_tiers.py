@@ -1,0 +1,81 @@
+"""What each tier promises, kept; and the tier that a tolerance or a budget stands for."""
+
+import json
+
+import numpy as np
+import pytest
+
+from service.dynamics.accuracy import TIER_TOLERANCES
+from service.schemas.problem import read_problem
+from service.storage.codec import decode_arrays
+from tests.support.golden import GOLDEN
+from workers.computation import solve_checked, solve_document
+
+
+def document(golden, accuracy, **fields):
+    return {
+        "body": golden.body,
+        "potential": golden.potential,
+        "motion": golden.motion,
+        "time": {"times": list(golden.states)},
+        "accuracy": accuracy,
+        **fields,
+    }
+
+
+def gap(outcome, golden):
+    columns = decode_arrays(outcome.samples)
+    rows = np.array([[float(x) for x in row] for row in golden.states.values()])
+    return float(np.abs(np.stack([columns[n] for n in ("p", "r", "g1", "g2", "g3")], axis=1) - rows).max())
+
+
+@pytest.mark.parametrize("tier", ["draft", "standard", "high", "certified"])
+@pytest.mark.parametrize("golden", GOLDEN, ids=lambda golden: golden.name)
+def test_every_tier_keeps_its_promise_on_the_golden_numbers(golden, tier):
+    outcome = solve_document(json.dumps(document(golden, {"tier": tier})))
+    assert outcome.summary is not None, outcome.error
+    assert outcome.summary["tier"] == tier
+    claimed = outcome.summary["error"]
+    # The golden digits, rounded to doubles as the samples are, add an ulp of a number of size 1.
+    assert gap(outcome, golden) <= claimed + 2.3e-16
+    assert claimed <= max(TIER_TOLERANCES[tier], 3e-16)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "tier"), [("1e-3", "draft"), ("1e-6", "draft"), ("1e-9", "standard"), ("1e-12", "high")]
+)
+def test_a_tolerance_stands_for_the_cheapest_tier_that_keeps_it(tolerance, tier):
+    golden = GOLDEN[0]
+    outcome = solve_document(json.dumps(document(golden, {"tolerance": tolerance})))
+    assert (outcome.summary["tier"], outcome.error) == (tier, None)
+    assert outcome.summary["error"] <= float(tolerance)
+
+
+def test_what_no_tier_can_promise_at_that_time_is_refused_with_the_figure():
+    golden = GOLDEN[4]  # A = 3C: no closed form, and the error of the period adds up
+    late = document(golden, {"tier": "high"}) | {"time": {"times": ["1e9"]}}
+    outcome = solve_document(json.dumps(late))
+    assert outcome.error["code"] == "accuracy_not_met"
+
+
+@pytest.mark.parametrize(("seconds", "expected"), [("3600", "certified"), ("1e-9", "draft")])
+def test_a_budget_becomes_a_tier(seconds, expected):
+    golden = GOLDEN[0]
+    outcome = solve_checked(json.dumps(document(golden, {"budget_seconds": seconds})))
+    assert outcome.error is None
+    # An hour is enough for proofs; for a nanosecond there is nothing cheaper than a draft.
+    assert outcome.summary["tier"] == expected
+    assert outcome.summary["problem"]["accuracy"] == {"tier": expected}
+
+
+def test_the_way_of_a_tier_is_told_in_the_evidence():
+    golden = GOLDEN[0]
+    draft, standard = (
+        solve_document(json.dumps(document(golden, {"tier": tier}))).summary["evidence"]
+        for tier in ("draft", "standard")
+    )
+    assert "compiled" in draft
+    assert "closed_form" in standard
+    forced = document(golden, {"tier": "standard"}, method="quadrature")
+    assert "nodes" in solve_document(json.dumps(forced)).summary["evidence"]
+    assert read_problem(forced).method == "quadrature"

@@ -1,0 +1,80 @@
+"""``python -m workers calibrate``: measure this installation and store the table."""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from sqlalchemy.exc import SQLAlchemyError
+
+from service.dynamics.accuracy import AccuracyTable
+from service.schemas.accuracy import AccuracyTableModel
+from service.settings import Settings
+from service.storage.accuracy_store import AccuracyStore
+from service.storage.database import Database
+from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
+from workers.calibration.reference import NoReferenceError
+
+
+def run(options: argparse.Namespace) -> int:
+    """Measure, store and print the table; 0 if that was done, 1 if not."""
+    effort = QUICK if options.quick else FULL
+    database = Database(Settings().database_url)
+    try:
+        with _progress(effort) as step:
+            table = calibrate(effort, step=step)
+        AccuracyStore(database).add(table)
+    except (ClaimExceededError, NoReferenceError) as fault:
+        sys.stderr.write(f"nothing is stored: {fault}\n")
+        return 1
+    except SQLAlchemyError as fault:
+        reason = str(getattr(fault, "orig", None) or fault).splitlines()[0]
+        sys.stderr.write(f"the table cannot be stored: {reason}\n")
+        return 1
+    finally:
+        database.close()
+    text = json.dumps(AccuracyTableModel.of(table).model_dump()) if options.json else describe(table)
+    sys.stdout.write(text + "\n")
+    return 0
+
+
+def describe(table: AccuracyTable) -> str:
+    """Return the table for people: a line for each problem and tier."""
+    heads = ("tier", "motion", "family", "error", "claimed", "ms for 1000", "ms per further 1000")
+    lines = [f"{table.machine.model or table.machine.system}, {table.machine.cpus} processors", ""]
+    lines.append(_line(*heads))
+    lines += [
+        _line(
+            row.tier,
+            row.kind,
+            row.family,
+            f"{row.error:.1e}",
+            f"{row.claimed_error:.1e}",
+            f"{1e3 * row.seconds:.2f}",
+            f"{1e3 * row.seconds_per_1000:.2f}",
+        )
+        for row in table.rows
+    ]
+    lines += [_line(lack.tier, lack.kind, lack.family, lack.code) for lack in table.unavailable]
+    return "\n".join(lines)
+
+
+def _line(tier: str, kind: str, family: str, *rest: str) -> str:
+    return f"{tier:<10}{kind:<17}{family:<14}{'  '.join(f'{text:>11}' for text in rest)}".rstrip()
+
+
+@contextmanager
+def _progress(effort: Effort) -> Iterator[Callable[[str], None]]:
+    """Yield what is called at the beginning of each step; draws a bar where stderr is a terminal."""
+    console = Console(stderr=True)
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=steps(effort), completed=-1)
+
+        def step(description: str) -> None:
+            bar.update(task, description=description, advance=1)
+
+        yield step

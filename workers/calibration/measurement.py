@@ -1,0 +1,155 @@
+"""Seconds and errors of every tier on every problem."""
+
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from statistics import median
+
+from service.dynamics.accuracy import TIERS, AccuracyRow, AccuracyTable, Machine, Source, Unavailable
+from service.dynamics.enclosure import RADIUS
+from service.dynamics.numerics import NUMERICS
+from service.dynamics.problem import Tier
+from service.jobs.outcome import SolveOutcome
+from service.schemas.faults import InvalidProblemError
+from service.storage.codec import decode_arrays
+from workers.calibration.problems import CASES, SAMPLES, Case
+from workers.calibration.reference import ReferenceStates, reference_states, samples_of
+from workers.computation import solve_document
+
+SLOW_SECONDS = 0.3
+"""What takes longer is measured once, and with 1000 samples more only."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How much is measured."""
+
+    cases: tuple[Case, ...]
+    repetitions: int
+    many_samples: int
+    """What 1000 samples more take is the slope up to here."""
+
+
+FULL = Effort(CASES, 5, 10_990)
+QUICK = Effort(tuple(case for case in CASES if case.is_quick), 1, 2000)
+
+
+class ClaimExceededError(Exception):
+    """A solution is further from its reference than both of them claim."""
+
+
+def calibrate(
+    effort: Effort, *, source: Source = "measured", step: Callable[[str], None] = lambda _: None
+) -> AccuracyTable:
+    """Measure every tier on every problem; ``step`` is called before each of :func:`steps`.
+
+    Raises
+    ------
+    ClaimExceededError
+        An error is larger than it is said to be.
+    NoReferenceError
+        A motion has nothing to be held against.
+    ValueError
+        No tier solved any of the problems.
+    """
+    rows: list[AccuracyRow] = []
+    unavailable: list[Unavailable] = []
+    for case in effort.cases:
+        step(f"{case.kind}, {case.family}: reference")
+        reference = reference_states(case)
+        for tier in TIERS:
+            step(f"{case.kind}, {case.family}: {tier}")
+            found = _measure(case, tier, reference, effort)
+            if isinstance(found, AccuracyRow):
+                rows.append(found)
+            else:
+                unavailable.append(found)
+    return AccuracyTable(
+        source=source,
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        version=version("polhode"),
+        numerics=NUMERICS,
+        machine=this_machine(),
+        repetitions=effort.repetitions,
+        rows=tuple(rows),
+        unavailable=tuple(unavailable),
+    )
+
+
+def steps(effort: Effort) -> int:
+    """Return how many steps a calibration has."""
+    return len(effort.cases) * (1 + len(TIERS))
+
+
+def _measure(case: Case, tier: Tier, reference: ReferenceStates, effort: Effort) -> AccuracyRow | Unavailable:
+    document = case.document(tier, SAMPLES)
+    try:
+        # The first time of a structure compiles it, or fills caches.
+        outcome = solve_document(document)
+    except InvalidProblemError as refusal:
+        fault = refusal.faults[0]
+        return Unavailable(tier, case.kind, case.family, fault.code, fault.message)
+    if outcome.summary is None:
+        error = outcome.error or {}
+        return Unavailable(tier, case.kind, case.family, str(error.get("code")), str(error.get("detail")))
+    claimed, reached = _errors(case, tier, outcome, reference)
+    seconds = _seconds(document)
+    is_slow = seconds > SLOW_SECONDS
+    many = 2 * SAMPLES if is_slow else effort.many_samples
+    if not is_slow:
+        seconds = _median_seconds(document, effort.repetitions)
+    more = _median_seconds(case.document(tier, many), 1 if is_slow else effort.repetitions)
+    return AccuracyRow(
+        tier=tier,
+        kind=case.kind,
+        family=case.family,
+        claimed_error=claimed,
+        error=reached,
+        reference=reference.source,
+        reference_error=reference.error,
+        seconds=seconds,
+        seconds_per_1000=max(0.0, (more - seconds) / (many - SAMPLES) * 1000),
+    )
+
+
+def _errors(case: Case, tier: Tier, outcome: SolveOutcome, reference: ReferenceStates) -> tuple[float, float]:
+    """Return the claimed error and the one that was reached; with radii, of all the proven digits."""
+    assert outcome.summary is not None
+    columns = decode_arrays(outcome.samples)
+    radii = [values.max() for name, values in columns.items() if name.endswith(f".{RADIUS}")]
+    claimed = float(max(radii)) if radii else float(str(outcome.summary["error"]))
+    reached = reference.departure(samples_of(columns))
+    if not reached <= claimed + reference.error:
+        raise ClaimExceededError(
+            f"{tier}, {case.kind}, {case.family}: the error is {reached:.2e} where {claimed:.2e} is claimed"
+        )
+    return claimed, reached
+
+
+def _median_seconds(document: str, repetitions: int) -> float:
+    return median(_seconds(document) for _ in range(repetitions))
+
+
+def _seconds(document: str) -> float:
+    began = time.perf_counter()
+    solve_document(document)
+    return time.perf_counter() - began
+
+
+def this_machine() -> Machine:
+    """Return what is known of this machine."""
+    return Machine(os.cpu_count() or 1, _processor(), f"{platform.system()} {platform.machine()}")
+
+
+def _processor() -> str | None:
+    try:
+        lines: Sequence[str] = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = ()
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, None) or platform.processor() or None

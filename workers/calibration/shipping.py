@@ -1,0 +1,20 @@
+"""Writes the table that is shipped: ``python -m workers.calibration.shipping [FILE]``."""
+
+import json
+import sys
+from pathlib import Path
+
+from service.schemas.accuracy import AccuracyTableModel
+from service.storage.accuracy_store import SHIPPED
+from workers.calibration.measurement import FULL, calibrate
+
+
+def shipped_text() -> str:
+    """Measure this machine and return the document as it is committed."""
+    table = calibrate(FULL, source="shipped")
+    return json.dumps(AccuracyTableModel.of(table).model_dump(), indent=1) + "\n"
+
+
+if __name__ == "__main__":
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else SHIPPED
+    target.write_text(shipped_text(), encoding="utf-8")

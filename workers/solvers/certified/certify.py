@@ -1,0 +1,142 @@
+"""A periodic planar motion with a proof of every digit."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from typing import Literal, Protocol
+
+from flint import arb, ctx
+
+from service.dynamics.body import RigidBody
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import PlanarMotion, StateMotion
+from service.dynamics.reduction.loop import ball, make_loop
+from workers.solvers.certified.by_integral import integral_motion, periodic_window
+from workers.solvers.certified.elliptic_start import elliptic_motion
+from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
+from workers.solvers.closed_form.intervals import UndecidedError
+from workers.solvers.closed_form.three_terms import recognise
+from workers.solvers.quadrature.description import SYMMETRIC_POLE_PASSAGE
+
+Method = Literal["elliptic", "integral"]
+
+GUARD_BITS = 32
+ALLOWED_BITS = 8
+"""Radii are at most 2^(ALLOWED_BITS − bits), relative to numbers above 1 and to the period."""
+HIGHEST_PRECISION = 2048
+
+
+@dataclass(frozen=True, slots=True)
+class Certified:
+    """Enclosures of a motion: every ball contains the true number."""
+
+    period: arb
+    """Of all six variables."""
+    energy: arb
+    states: tuple[tuple[arb, ...], ...]
+    """(p, q, r, g1, g2, g3) at the asked times."""
+    bits: int
+    method: Method
+    conventions: tuple[str, ...] = ()
+    """Choices made where the equations leave one, as of :class:`~service.dynamics.motion.Motion`."""
+
+
+class _Motion(Protocol):
+    @property
+    def period(self) -> arb: ...
+
+    @property
+    def energy(self) -> arb: ...
+
+    @property
+    def passes_pole(self) -> bool: ...
+
+    def state(self, t: arb) -> tuple[arb, ...]: ...
+
+
+def certify(
+    body: RigidBody,
+    potential: Potential,
+    motion: PlanarMotion | StateMotion,
+    times: Sequence[Fraction],
+    bits: int,
+    *,
+    method: Method | None = None,
+) -> Certified:
+    """Return enclosures of the period, the energy and the six variables at ``times``, t = 0 being the start.
+
+    Parameters
+    ----------
+    potential
+        An admissible one: that the motion with q = 0 exists is taken from the verdict.
+    bits
+        Radii are at most 2^(8 − bits), of numbers above 1 and of the period relative to them.
+    method
+        Default: elliptic functions where the potential has the three terms, else the integral.
+
+    Raises
+    ------
+    CertifiedUnavailableError
+        The motion is not planar, not periodic or not analytic, the potential has
+        no formula, or too many bits would be needed.
+    NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError, LeavesDomainError
+        The motion asked for is not there, or not the only one.
+    """
+    if not isinstance(motion, PlanarMotion):
+        raise CertifiedUnavailableError("it is not a planar one", pointer="/motion/type")
+    precision = bits + GUARD_BITS + int(max((abs(t) for t in times), default=Fraction(0))).bit_length()
+    makers = _makers(body, potential, motion, method)
+    while precision <= HIGHEST_PRECISION:
+        with ctx.workprec(precision):
+            try:
+                for name, make in makers:
+                    made = make()
+                    if made is None:
+                        continue
+                    states = tuple(made.state(ball(t)) for t in times)
+                    named = _conventions(body, potential, motion) if made.passes_pole else ()
+                    result = Certified(made.period, made.energy, states, bits, name, named)
+                    if _is_narrow(result):
+                        return result
+                    break
+            except UndecidedError:
+                # Or two roots coincide: then the motion is not periodic.
+                periodic_window(body, potential, motion)
+            except PrecisionNeededError:
+                pass
+        precision += precision // 2
+    raise CertifiedUnavailableError(f"{HIGHEST_PRECISION} bits are not enough")
+
+
+def _makers(
+    body: RigidBody, potential: Potential, motion: PlanarMotion, method: Method | None
+) -> list[tuple[Method, Callable[[], _Motion | None]]]:
+    """Return the ways to a motion in their order; None from the first leaves it to the next."""
+
+    def by_integral() -> _Motion:
+        return integral_motion(periodic_window(body, potential, motion)[1])
+
+    makers: list[tuple[Method, Callable[[], _Motion | None]]] = []
+    if method != "integral":
+        sign = motion.g3_sign if body.A < body.C else motion.sign_of_g1
+        terms = recognise(body, potential, sign)
+        if terms is not None:
+            makers.append(("elliptic", partial(elliptic_motion, body, terms, motion)))
+    if method != "elliptic":
+        makers.append(("integral", by_integral))
+    return makers
+
+
+def _conventions(body: RigidBody, potential: Potential, motion: PlanarMotion) -> tuple[str, ...]:
+    return () if make_loop(body, potential, motion).is_smooth_at_poles() else (SYMMETRIC_POLE_PASSAGE,)
+
+
+def _is_narrow(result: Certified) -> bool:
+    allowed = arb(2) ** (ALLOWED_BITS - result.bits)
+    if not result.period.rad() <= allowed * abs(result.period).lower():
+        return False
+    numbers = [result.energy, *(value for state in result.states for value in state)]
+    return all(
+        bool(value.rad() <= allowed or value.rad() <= allowed * abs(value).lower()) for value in numbers
+    )

@@ -1,0 +1,126 @@
+r"""The six variables in elliptic functions of time, in balls.
+
+With the constants of :mod:`workers.solvers.closed_form.elliptic` the phase is
+
+.. math:: \dot\chi = \tfrac12\sqrt{a_0^2\cos^2\chi + b_0^2\sin^2\chi} .
+
+Gauss's transformation replaces (a, b) by their means and χ by χ' with
+
+.. math:: \sin\chi = \frac{2a\sin\chi'}{d},\quad \cos\chi = \frac{2\Delta'\cos\chi'}{d},\quad
+          \Delta = \frac{a\,((a+b)\cos^2\chi' + 2b\sin^2\chi')}{d},\quad
+          d = (a+b)\cos^2\chi' + 2a\sin^2\chi',
+
+Δ being the square root above; quarter turns stay quarter turns. After n steps
+Δ lies between b_n and a_n, hence χ_n between b_n t/2 and a_n t/2: the means are
+never taken for equal, and nothing is truncated.
+"""
+
+from dataclasses import dataclass
+
+from flint import arb, ctx
+
+from service.dynamics.reduction.loop import ball
+from workers.solvers.closed_form.elliptic import trip_time
+from workers.solvers.closed_form.intervals import Interval, UndecidedError
+from workers.solvers.closed_form.variables import Branch
+
+MAX_STEPS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class EllipticMotion:
+    """A periodic motion in t since the phase of its start; made by :func:`make_elliptic_motion`."""
+
+    interval: Interval
+    branch: Branch
+    quarters: int
+    offset: arb
+    """Phase at t = 0: quarters · π/2 + offset."""
+    means: tuple[tuple[arb, arb], ...]
+    last: tuple[arb, arb]
+
+    @property
+    def period(self) -> arb:
+        """Return the period of all six variables."""
+        return trip_time(self.interval) * self.interval.trips
+
+    @property
+    def passes_pole(self) -> bool:
+        """Say whether it goes through a pole."""
+        return self.interval.lo_end == "pole"
+
+    @property
+    def energy(self) -> arb:
+        """Return h."""
+        terms, nu = self.interval.curve.terms, self.interval.curve.nu
+        return ball(terms.constant - terms.c1) - ball(terms.a1) * nu / 2 - 2 * ball(terms.b1) / (nu * nu)
+
+    def state(self, t: arb) -> tuple[arb, ...]:
+        """Return (p, q, r, g1, g2, g3) in the client's axes."""
+        sine, cosine = self._amplitude(t)
+        curve, interval = self.interval.curve, self.interval
+        (low, high), (second_low, second_high) = interval.linear_factors()
+        # tan v = √(L1(lo)/L1(hi)) tan χ.
+        s, c = low.sqrt() * sine, high.sqrt() * cosine
+        length = (s * s + c * c).sqrt()
+        sine, cosine = s / length, c / length
+        up, down = sine * sine, cosine * cosine
+        lo, hi, width = interval.lo, interval.hi, interval.hi - interval.lo
+        x = lo * down + hi * up
+        second = second_low * down + second_high * up
+        branch, nu, C = self.branch, curve.nu, ball(curve.C)
+        if interval.hi_end == "equator":
+            g2 = cosine * (width * second).sqrt()
+            amplitude = (low * down + high * up).sqrt()
+        else:
+            g2 = branch.g2 * ((curve.x1 - hi + width * down) * second).sqrt()
+            amplitude = branch.g2 * (curve.quadratic * width).sqrt() * cosine
+        r = (2 * width / C).sqrt() * amplitude * sine
+        p = -branch.g3 * (nu / (2 * C)).sqrt() * amplitude
+        if interval.lo_end == "pole":
+            g3 = branch.g3 * (nu * hi).sqrt() * sine
+        else:
+            g3 = branch.g3 * (nu * x).sqrt()
+            p = p * (width / x).sqrt() * sine
+        r, g1 = branch.g1 * r, branch.g1 * x
+        if branch.is_mirrored:
+            return -r, arb(0), -p, g3, g2, g1
+        return p, arb(0), r, g1, g2, g3
+
+    def _amplitude(self, t: arb) -> tuple[arb, arb]:
+        """Return sin χ and cos χ."""
+        a, b = self.last
+        mean = a.union(b)
+        sine, cosine = (mean * t / 2 + self.offset * (mean / mean)).sin_cos()
+        for _ in range(self.quarters % 4):
+            sine, cosine = cosine, -sine
+        up, down = sine * sine, cosine * cosine
+        delta = (a * a * down + b * b * up).sqrt()
+        for a, b in reversed(self.means):
+            total = (a + b) * down
+            d = total + 2 * a * up
+            sine, cosine, delta = 2 * a * sine / d, 2 * delta * cosine / d, a * (total + 2 * b * up) / d
+            up, down = sine * sine, cosine * cosine
+        return sine, cosine
+
+
+def make_elliptic_motion(interval: Interval, branch: Branch, origin: tuple[int, arb]) -> EllipticMotion:
+    """Return the motion whose phase at t = 0 is origin[0] · π/2 + origin[1], at the current precision.
+
+    Raises
+    ------
+    UndecidedError
+        The precision does not suffice.
+    """
+    (low, high), (second_low, second_high) = interval.linear_factors()
+    factor = interval.curve.factor
+    a, b = (factor * high * second_low).sqrt(), (factor * low * second_high).sqrt()
+    if not (a.is_finite() and b.is_finite() and a > 0 and b > 0):
+        raise UndecidedError("a linear factor may vanish")
+    means = []
+    for _ in range(MAX_STEPS):
+        if abs(a - b) < a * arb(2) ** (6 - ctx.prec) or (a - b).contains(0):
+            break
+        means.append((a, b))
+        a, b = (a + b) / 2, (a * b).sqrt()
+    return EllipticMotion(interval, branch, origin[0], origin[1], tuple(means), (a, b))

@@ -1,0 +1,136 @@
+r"""Time as an analytic function of the phase: libration and rotation, for complex θ in balls.
+
+The phases are those of :mod:`workers.solvers.quadrature.orbit`. With N = h − V
+a libration between the zeros v₋ < v₊ of N has
+
+.. math:: \frac{dt}{d\theta} = \frac{Z}{\sqrt{c^2 W q}},\qquad q = \frac{N}{(v-v_-)(v_+-v)},
+
+and near a zero the mean value theorem encloses the quotient:
+
+.. math:: \frac{N(v)}{v-v_-} = \int_0^1 N'(v_- + s(v-v_-))\,ds .
+
+That q has no zero proves that the zeros are simple and the only ones on the way.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from flint import acb, arb
+
+from workers.solvers.certified.complex_loop import ComplexLoop, Place, tighter
+
+NEAR_TURN = 0.0625
+"""|sin(θ/2)| or |cos(θ/2)| from which on the direct quotient is good enough."""
+
+WIDE = 2.0**-36
+"""Half the real width of a ball of θ that is a region, not a point."""
+
+
+class Phase(Protocol):
+    """A periodic planar motion as a function of θ; 2π is one period of all six variables."""
+
+    @property
+    def is_even(self) -> bool:
+        """Say whether dt/dθ is even about 0 and π."""
+        ...
+
+    def rate(self, theta: acb, *, analytic: bool) -> acb:
+        """Return dt/dθ; not finite if ``analytic`` and it is not holomorphic on the ball."""
+        ...
+
+    def state(self, theta: arb) -> tuple[arb, ...]:
+        """Return (p, q, r, g1, g2, g3) in the client's axes."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Libration:
+    """Motion to and fro between two simple zeros of N, v = m − h cos θ."""
+
+    curve: ComplexLoop
+    lower: arb
+    upper: arb
+    is_even: bool = True
+
+    def rate(self, theta: acb, *, analytic: bool) -> acb:
+        """See Phase.rate."""
+        at, quotient = self._at(theta, analytic=analytic)
+        return self.curve.loop.Z * (self.curve.W(at) * quotient).rsqrt(analytic) / at.c
+
+    def state(self, theta: arb) -> tuple[arb, ...]:
+        """See Phase.state."""
+        at, quotient = self._at(acb(theta), analytic=False)
+        half = (self.upper - self.lower) / 2
+        return _six_variables(self.curve, at, -half * theta.sin() * (self.curve.W(at) * quotient).sqrt().real)
+
+    def _at(self, theta: acb, *, analytic: bool) -> tuple[Place, acb]:
+        """Return the place and q."""
+        width = self.upper - self.lower
+        sine, cosine = (theta / 2).sin_cos()
+        above, below = width * sine * sine, width * cosine * cosine
+        is_low = sine.abs_lower() < cosine.abs_lower()
+        v = self.lower + above if is_low else self.upper - below
+        at = self.curve.place(v, analytic=analytic)
+        direct = self.curve.N(at, analytic=analytic) / (above * below)
+        root, other = (self.lower, below) if is_low else (self.upper, -above)
+        if theta.real.rad() > WIDE:
+            return at, direct if direct.real > 0 else self._expanded(v, acb(root), other, above * below)
+        if not (sine if is_low else cosine).abs_lower() < NEAR_TURN:
+            return at, direct
+        hull = self.curve.place(v.union(acb(root)), analytic=analytic)
+        return at, tighter(direct, self.curve.slope(hull, analytic=analytic) / other)
+
+    def _expanded(self, v: acb, root: acb, other: acb, product: acb) -> acb:
+        """Return q on a wide ball where N is known too roughly; not finite unless holomorphic.
+
+        ``product`` is (v − v₋)(v₊ − v), ``other`` is ± its factor that belongs to the root farther away.
+        """
+        curve = self.curve
+        if not product.contains(0):
+            found = curve.expanded_N(v, analytic=True) / product
+            if found.real > 0:
+                return found
+        slope, bend = curve.slope_and_curvature(curve.place(v.union(root), analytic=True), analytic=True)
+        start = curve.slope(curve.place(root, analytic=False), analytic=False)
+        found = tighter(slope, start + bend * (v - root) / 2) / other
+        if found.real > 0:
+            return found
+        # The second divided difference is an average of N''/2.
+        hull = curve.place(v.union(acb(self.lower)).union(acb(self.upper)), analytic=True)
+        return tighter(found, -curve.slope_and_curvature(hull, analytic=True)[1] / 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Rotation:
+    """Motion round the whole loop, v = v₀ + σθ."""
+
+    curve: ComplexLoop
+    origin: arb
+    direction: int
+    is_even: bool = False
+
+    def rate(self, theta: acb, *, analytic: bool) -> acb:
+        """See Phase.rate."""
+        at, P = self._at(theta, analytic=analytic)
+        return self.curve.loop.Z * P.rsqrt(analytic) / at.c
+
+    def state(self, theta: arb) -> tuple[arb, ...]:
+        """See Phase.state."""
+        at, P = self._at(acb(theta), analytic=False)
+        return _six_variables(self.curve, at, -self.direction * P.sqrt().real)
+
+    def _at(self, theta: acb, *, analytic: bool) -> tuple[Place, acb]:
+        v = self.origin + self.direction * theta
+        at = self.curve.place(v, analytic=analytic)
+        N = self.curve.N(at, analytic=analytic)
+        if theta.real.rad() > WIDE and not N.real > 0:
+            N = tighter(N, self.curve.expanded_N(v, analytic=True))
+        return at, self.curve.W(at) * N
+
+
+def _six_variables(curve: ComplexLoop, at: Place, p: arb) -> tuple[arb, ...]:
+    g1, g2, g3 = (value.real for value in curve.gamma(at))
+    r = curve.r_over_p(at).real * p
+    if curve.loop.mirrored:
+        return -r, arb(0), -p, g1, g2, g3
+    return p, arb(0), r, g1, g2, g3

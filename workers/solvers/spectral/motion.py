@@ -1,0 +1,113 @@
+"""A periodic planar motion in doubles: samples at any time with a bound of their error."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.dense_output import EPSILON, Period
+from service.dynamics.motion import COLUMNS, Estimate
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.reduction.window import EndKind
+from workers.solvers.spectral import curve
+from workers.solvers.spectral.sampling import sample
+
+FloatArray = NDArray[np.float64]
+
+FloatLike = float | FloatArray
+ALL = np.arange(6)
+TIME_ULPS = 1.5
+"""Roundings of a reduced time, in 2^-52 of the period: of the origin, the sum and the series."""
+FORMULA_ULPS = 6.0
+"""Roundings of a variable once the phase is known, in 2^-52 of itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What the error of a sample is made of; numbers, or arrays for many motions."""
+
+    time: FloatLike
+    """Of t(u) within one period."""
+    speed: FloatLike
+    """Largest time derivative of any variable."""
+    rate: FloatLike
+    """Relative, of dt/du, which p and r inherit."""
+    largest: FloatLike
+    """Largest |p| or |r|."""
+
+    def error_at(self, latest: float, length: FloatLike, uncertainty: FloatLike) -> FloatArray:
+        """Return the bound of any variable's error up to |t| = ``latest``, the period being known so well."""
+        turns = latest / length
+        # A time in doubles, and turns times the rounding of the period's two doubles.
+        rounding = TIME_ULPS * EPSILON * length + turns * length * EPSILON**2
+        late = self.time + uncertainty * turns + rounding
+        ulps = FORMULA_ULPS * EPSILON
+        return np.asarray(late * self.speed + (self.rate + ulps) * self.largest + ulps)
+
+
+@dataclass(frozen=True, slots=True)
+class SpectralMotion:
+    """A motion as panels of t(u), u being the phase."""
+
+    period: Period
+    loop: FloatArray
+    panels: FloatArray
+    """The slots of :mod:`.curve` and the table of :mod:`.time_map`."""
+    bounds: Bounds
+    potential: Potential
+
+    @property
+    def ends(self) -> tuple[EndKind, EndKind]:
+        """Return where |g1| is smallest, where it is largest."""
+        if self.loop[curve.ROTATES]:
+            return "pole", "equator"
+        middle = float(np.arctan2(self.loop[curve.S_MIDDLE], self.loop[curve.C_MIDDLE]))
+        half_turns = np.array([middle - self.loop[curve.HALF], middle + self.loop[curve.HALF]]) / np.pi
+        # v is a multiple of π at the poles, and halfway between at the equator.
+        poles, equators = np.diff(np.floor(half_turns))[0], np.diff(np.floor(half_turns + 0.5))[0]
+        return "pole" if poles else "rest", "equator" if equators else "rest"
+
+    @property
+    def g1(self) -> tuple[float, float]:
+        """Return g1, with its sign, at the two ends."""
+        ends = self.loop[[curve.S_LOWER, curve.S_UPPER]], self.loop[[curve.C_LOWER, curve.C_UPPER]]
+        column = 2 if self.loop[curve.MIRRORED] else 0
+        values = [curve.loop_point(self.loop, float(s), float(c))[column] for s, c in zip(*ends, strict=True)]
+        sizes = sorted(abs(value) for value in values)
+        if self.ends[0] == "pole":
+            sizes[0] = 0.0
+        if self.ends[1] == "equator":
+            sizes[1] = abs(curve.loop_point(self.loop, 1.0, 0.0)[column])
+        sign = float(np.sign(self.columns(np.zeros(1), ("g1",))[0, 0]))
+        return sign * sizes[0] + 0.0, sign * sizes[1]
+
+    def energy(self, body: RigidBody) -> Estimate:
+        """Return h = (A p² + C r²)/2 + V, from a place where nothing special happens."""
+        time = np.array([0.1271 * self.period.hi])
+        state = self.sample(time)[0]
+        kinetic = 0.5 * (float(body.A) * state[0] ** 2 + float(body.C) * state[2] ** 2)
+        value = float(self.potential.value(state[3:]))
+        slope = float(np.abs(self.potential.gradient(state[3:])).sum())
+        error = 2.0 * kinetic * self.bounds.rate + 8.0 * EPSILON * (kinetic + abs(value) + slope)
+        return Estimate(kinetic + value, error)
+
+    def sample(self, times: FloatArray) -> FloatArray:
+        """Return p, q, r, g1, g2, g3 at ``times`` (n,), shape (n, 6)."""
+        return self._sample(times, ALL)
+
+    def columns(self, times: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Return the variables of these names at ``times`` (n,), shape (n, len(names))."""
+        return self._sample(times, np.array([COLUMNS.index(name) for name in names], dtype=np.int64))
+
+    def error_at(self, times: FloatArray) -> float:
+        """Return the bound of the absolute error of any variable at any of ``times``."""
+        latest = float(np.abs(times).max(initial=0.0))
+        return float(self.bounds.error_at(latest, self.period.hi, self.period.error))
+
+    def _sample(self, times: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
+        times = np.ascontiguousarray(times, dtype=np.float64)
+        out = np.empty((len(times), len(columns)))
+        sample(self.loop, self.panels, len(self.panels), times, columns, out)
+        return out
