@@ -39,4 +39,7 @@ def sample_times(times: Times, period: Period | None) -> FloatArray:
     if times.samples == 1:
         return np.array([float(start)])
     step = (stop - start) / (times.samples - 1)
-    return np.array([float(start + step * k) for k in range(times.samples)])
+    # Over one denominator: a quotient of integers is rounded once, and costs a tenth of a Fraction.
+    whole = start.denominator * step.denominator
+    first, increment = int(start * whole), int(step * whole)
+    return np.array([(first + increment * k) / whole for k in range(times.samples)])

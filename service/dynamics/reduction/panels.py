@@ -19,6 +19,8 @@ from service.dynamics.reduction.zeros import Place, Radicand, Region
 FloatArray = NDArray[np.float64]
 
 DEGREE = 16
+FACING: dict[Region, float] = {"north": 1.0, "middle": 0.0, "south": -1.0}
+"""The sign of g2 at the pole that a region faces."""
 LEVELS = 40
 """Panels from an eighth of a turn towards a pole: down to a distance of 1e-12."""
 CHECKED_LEVELS = (39, 34, 29, 24, 19, 14, 9, 4)
@@ -28,6 +30,8 @@ AGREEMENT = 1e-6
 UNRESOLVED = 1e-9
 """Tail of a series, against its largest term, that is too much."""
 MAX_SPLITS = 12
+STEEPEST = 400.0
+"""Largest power of the distance to a pole that a panel is levelled by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,14 +113,17 @@ def _towards_pole(loop: Loop, g3_sign: int, radicand: Radicand, region: Region) 
 def _levelled_values(loop: Loop, g3_sign: int, radicand: Radicand, panels: list[Panel]) -> FloatArray:
     """Return P at the nodes of all panels, levelled, shape (DEGREE + 1, panels)."""
     nodes = np.stack([panel.nodes() for panel in panels], axis=1)
-    facing = np.array([-1.0 if panel.region == "south" else 1.0 for panel in panels])
-    values = loop.radicand_real(g3_sign * np.sin(nodes), facing * np.cos(nodes))
+    facing = np.array([FACING[panel.region] for panel in panels])
+    cosines = np.where(facing < 0.0, -1.0, 1.0) * np.cos(nodes)
+    values = loop.radicand_real(g3_sign * np.sin(nodes), cosines)
     for k, panel in enumerate(panels):
         if panel.in_balls:
             values[:, k] = _values_in_balls(panel, radicand)
     with np.errstate(all="ignore"):
         ratio = values[0] / values[-1]
         power = np.log(np.where(ratio > 0.0, ratio, 1.0)) / np.log(nodes[0] / nodes[-1])
+        # A zero at an end of the panel, as one on the equator, is no power of the distance to a pole.
+        power = np.where(facing == 0.0, 0.0, np.clip(power, -STEEPEST, STEEPEST))
         levelled = values * (nodes / nodes[0]) ** -power
     return np.where(np.isfinite(levelled), levelled, np.nan)
 

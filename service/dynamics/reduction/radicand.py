@@ -10,7 +10,6 @@ zeros closer than doubles can tell are still two, and a double zero is one.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ldexp
 
 import numpy as np
 from flint import arb, ctx
@@ -22,21 +21,23 @@ from service.dynamics.reduction.zeros import (
     Place,
     PoleKind,
     Radicand,
+    Region,
     Zero,
     classify_pole,
+    is_known,
     zeros_between,
 )
 
 FloatArray = NDArray[np.float64]
 
-TAIL_EXPONENTS = (-352, -256, -187, -136, -99, -72, -53, -42)
-"""log2 of the distances to a pole where balls take the sign beyond the scan."""
+TAIL_EXPONENTS = (-1408, -996, -704, -498, -352, -256, -187, -136, -99, -72, -53, -42)
+"""log2 of the distances to a pole where balls take the sign beyond the scan, where P is known."""
 SUSPECT = 1e-6
 """A critical value below this fraction of its panel is refined in balls: doubles resolve 1e-13 of it."""
 LADDER = (640, 2560, 10240)
 """Bits, in turn, where those of the caller are not enough."""
-ENOUGH_BITS = 32
-"""Relative accuracy at which a value and its sign are believed."""
+SURE = -352
+"""log2 of a distance to a pole at which these bits are taken to be enough."""
 DOUBLE_SHARE = 5.0 / 8.0
 """A refined critical value below 2^-(5/8 of the bits) of its panel counts as a zero of even order:
 2^-100 with 160 bits. With more bits a smaller gap is still told from none."""
@@ -60,10 +61,10 @@ def scan_half(loop: Loop, g3_sign: int) -> HalfLoop:
     radicand = precise_radicand(loop, g3_sign)
     if _vanishes(radicand):
         return HalfLoop((), (-1,), "blocked", "blocked")
-    cuts = [Place("north", arb(2) ** e) for e in TAIL_EXPONENTS]
+    cuts = _tail("north", radicand)
     for panel, series in resolved_panels(loop, g3_sign, radicand):
         cuts.extend(_cuts(panel, series, radicand))
-    cuts.extend(Place("south", arb(2) ** e) for e in reversed(TAIL_EXPONENTS))
+    cuts.extend(_tail("south", radicand)[::-1])
     zeros, signs = zeros_between(cuts, radicand)
     first, last = classify_pole(radicand, "north"), classify_pole(radicand, "south")
     if g3_sign < 0:
@@ -88,7 +89,7 @@ def precise_radicand(loop: Loop, g3_sign: int) -> Radicand:
     def radicand(place: Place) -> arb:
         P = value(loop, place)
         for bits in LADDER:
-            if P.is_finite() and P.rel_accuracy_bits() >= ENOUGH_BITS:
+            if is_known(P):
                 break
             with ctx.workprec(bits):
                 if bits not in finer:
@@ -103,6 +104,12 @@ def _vanishes(radicand: Radicand) -> bool:
     """Say whether P is zero at places that nothing distinguishes: then it is everywhere (V is constant)."""
     values = [radicand(Place("middle", arb(x))) for x in (1.1, 1.3)]
     return all(value.is_finite() and value.contains(arb(0)) for value in values)
+
+
+def _tail(side: Region, radicand: Radicand) -> list[Place]:
+    """Return places beyond the scan, from the pole outwards; the farthest in only where P is known there."""
+    places = [Place(side, arb(2) ** e) for e in TAIL_EXPONENTS]
+    return [at for at, e in zip(places, TAIL_EXPONENTS, strict=True) if e >= SURE or is_known(radicand(at))]
 
 
 def _cuts(panel: Panel, series: FloatArray, radicand: Radicand) -> list[Place]:
@@ -121,19 +128,28 @@ def _cuts(panel: Panel, series: FloatArray, radicand: Radicand) -> list[Place]:
     roots = np.polynomial.chebyshev.chebroots(np.polynomial.chebyshev.chebder(series))
     # Complex pairs next to the axis are kept: a flat stretch may hide a double zero.
     inside = roots[(np.abs(roots.imag) < 1e-3) & (np.abs(roots.real) < 1.001)].real
-    cuts = [Place(panel.region, arb(panel.left)), Place(panel.region, arb(panel.right))]
+    edges = {-1.0: panel.left, 1.0: panel.right}
+    cuts = []
     for root in inside:
-        x, nothing = arb(float(middle + half * root)), 0.0
+        x, nothing = arb(float(middle + half * root)), arb(0)
         if abs(np.polynomial.chebyshev.chebval(root, series)) < SUSPECT * size:
             x = _extremum(lambda at: radicand(Place(panel.region, at)), x, arb(1e-4 * half))
-            nothing = ldexp(size, -int(DOUBLE_SHARE * ctx.prec))
+            nothing = size * arb(2) ** -int(DOUBLE_SHARE * ctx.prec)
+            # The edge next to a double zero is a double, at which P is tiny but not zero.
+            touches = abs(radicand(Place(panel.region, x))).upper() <= nothing
+            if touches and abs(root) > 0.999:
+                edges.pop(float(np.sign(root)), None)
         cuts.append(Place(panel.region, x, nothing))
+    cuts.extend(Place(panel.region, arb(x)) for x in edges.values())
     return sorted(cuts, key=lambda place: float(place.x), reverse=backwards)
 
 
 def _extremum(function: Callable[[arb], arb], x: arb, step: arb) -> arb:
-    """Return the critical point next to ``x``, by parabolas through three points that close in."""
-    for _ in range(12):
+    """Return the critical point next to ``x``, by parabolas through three points that close in.
+
+    At a zero of order four every parabola takes off a third of the distance only.
+    """
+    for _ in range(12 + 3 * ctx.prec // 8):
         left, centre, right = function(x - step).mid(), function(x).mid(), function(x + step).mid()
         curvature = left - 2 * centre + right
         if not curvature.is_finite() or curvature == 0:
@@ -141,7 +157,8 @@ def _extremum(function: Callable[[arb], arb], x: arb, step: arb) -> arb:
         move = (step * (left - right) / (2 * curvature)).mid()
         x = (x + move).mid()
         smallest = abs(x) * arb(2) ** (-ctx.prec // 3)
-        step = (abs(move) / 8).mid() if abs(move) / 8 < step / 4 else (step / 4).mid()
+        if abs(move) / 8 < step:
+            step = (abs(move) / 8).mid()
         if step < smallest:
             return x
     return x

@@ -17,6 +17,10 @@ from service.dynamics.reduction.zeros import Place, PoleKind, Region, ZeroKind
 PRECISION = 160
 """Bits of the balls the reduction works in: 2^-160 of room below a double's 2^-53."""
 
+CONFIRMED = (640, 2560)
+"""Bits, in turn, in which a double zero is looked at again: 2560 tell a gap of 2^-1600, beyond any decimal's
+400 digits, from none."""
+
 
 class NoMotionError(DynamicsError):
     """p² < 0 on the whole curve: no motion with this λ and these signs."""
@@ -76,17 +80,25 @@ def find_windows(
 ) -> tuple[Window, ...]:
     """Return all admissible windows on the half of the curve that ``motion`` names.
 
-    Zeros of the radicand are enclosed in balls of ``precision`` bits.
+    Zeros of the radicand are enclosed in balls of ``precision`` bits. A double
+    zero is believed only if it stays one in many more: coefficients are exact,
+    and a gap too narrow for these bits makes a motion periodic all the same.
 
     Raises
     ------
     EqualMomentsError, NuNeedsDoubleMomentError
         The curve does not exist.
     """
-    with ctx.workprec(precision):
-        loop = make_loop(body, potential, motion)
-        g3_sign = start_g3_sign(loop, motion)
-        return _numbered(_arcs(loop, g3_sign), g3_sign)
+    finer = (bits for bits in CONFIRMED if bits > precision)
+    while True:
+        with ctx.workprec(precision):
+            loop = make_loop(body, potential, motion)
+            g3_sign = start_g3_sign(loop, motion)
+            arcs = _arcs(loop, g3_sign)
+            following = next(finer, None)
+            if following is None or not any("double" in (arc.lower_end, arc.upper_end) for arc in arcs):
+                return _numbered(arcs, g3_sign)
+        precision = following
 
 
 def choose_window(windows: tuple[Window, ...], motion: PlanarMotion) -> Window:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 from flint import arb, ctx
@@ -17,8 +18,8 @@ class Place:
 
     region: Region
     x: arb
-    nothing: float = 0.0
-    """Values of P up to this size count as zero here: set at critical points."""
+    nothing: arb | float = 0.0
+    """Values of P up to this size count as zero here: set at critical points. It may be below any double."""
     sign: int | None = None
     """The sign of P where doubles leave no doubt of it."""
 
@@ -26,6 +27,13 @@ class Place:
         """Return the loop coordinate, 0 < v < π."""
         return arb.pi() - self.x if self.region == "south" else self.x
 
+
+ENOUGH_BITS = 32
+"""Relative accuracy at which a value and its sign are believed."""
+POLE_EXPONENTS = (-1408, -704, -352)
+"""log2 of the distances to a pole that tell what P does there: terms of V whose coefficients
+differ by 1e600 may change places at 2^-1000. A formula that cancels next to the pole needs more
+bits at the nearest than there are: then the others serve."""
 
 Radicand = Callable[[Place], arb]
 """P as a function of the place."""
@@ -107,7 +115,12 @@ def _edge(radicand: Radicand, left: Place, right: Place) -> Place:
     return Place(left.region, defined)
 
 
-def _sign(value: arb, nothing: float) -> int | None:
+def is_known(value: arb) -> bool:
+    """Say whether a value of P is known well enough."""
+    return bool(value.is_finite() and value.rel_accuracy_bits() >= ENOUGH_BITS)
+
+
+def _sign(value: arb, nothing: arb | float) -> int | None:
     """Return the certain sign of a value, 0 if it is as good as zero, None if undefined."""
     if not value.is_finite():
         return None
@@ -125,7 +138,9 @@ def _crossing(radicand: Radicand, left: Place, right: Place) -> Zero:
         return radicand(Place(left.region, x))
 
     root = Place(left.region, enclose_zero(function, left.x, right.x))
-    return Zero(root.v(), "simple" if _is_simple(radicand, root) else "multiple")
+    # Two simple zeros that are close look like a double one from afar.
+    simple = _is_simple(radicand, root) or _is_simple(radicand, root, -3 * ctx.prec // 8)
+    return Zero(root.v(), "simple" if simple else "multiple")
 
 
 def _common_region(left: Place, right: Place) -> tuple[Place, Place]:
@@ -172,20 +187,23 @@ def _proved(function: Callable[[arb], arb], x: arb) -> arb:
     return arb(x.mid(), radius.abs_upper())
 
 
-def _is_simple(radicand: Radicand, place: Place) -> bool:
-    """Say whether P grows like the first power of the distance from its zero."""
+def _is_simple(radicand: Radicand, place: Place, exponent: int = -60) -> bool:
+    """Say whether P grows like the first power of the distance from its zero, at 2^exponent of x."""
     x = place.x.mid()
-    steps = (abs(x) * arb(2) ** -60, abs(x) * arb(2) ** -61)
+    steps = (abs(x) * arb(2) ** exponent, abs(x) * arb(2) ** (exponent - 1))
     far, near = (abs(radicand(Place(place.region, (x + step).mid()))).mid() for step in steps)
     return bool(far < arb(3) * near)
 
 
 def classify_pole(radicand: Radicand, side: Region) -> PoleKind:
-    """Say what P does at a pole, from its power law between distances 2^-352 and 2^-704."""
-    near, far = (radicand(Place(side, arb(2) ** e)) for e in (-704, -352))
+    """Say what P does at a pole, from its power law over the nearest distances where it is known."""
+    for nearest, farthest in pairwise(POLE_EXPONENTS):
+        near, far = (radicand(Place(side, arb(2) ** e)) for e in (nearest, farthest))
+        if is_known(near) and is_known(far):
+            break
     if not (near > 0 and far > 0):
         return "blocked"
-    slope = float((near / far).log()) / float(arb(2).log() * -352)
+    slope = float((near / far).log()) / float(arb(2).log() * (nearest - farthest))
     if abs(slope) < 1e-3:
         return "passable"
     return "asymptotic" if slope > 0 else "collision"

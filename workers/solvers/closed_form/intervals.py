@@ -147,7 +147,8 @@ def intervals(curve: Curve) -> tuple[Interval, ...]:
         Two of 0, the roots of P and x1 cannot be told apart.
     """
     inner = [root for root in curve.roots() if _is_inside(root, curve.x1)]
-    edges = [arb(0), *sorted(inner, key=float), curve.x1]
+    # As balls: doubles may not tell two roots apart.
+    edges = [arb(0), *sorted(inner, key=arb.mid), curve.x1]
     found = []
     for place, (lo, hi) in enumerate(pairwise(edges)):
         P = curve.P((lo + hi) / 2)

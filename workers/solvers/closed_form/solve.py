@@ -77,7 +77,8 @@ def _motion(interval: Interval, start: StartingPoint) -> ClosedForm:
     else:
         width = interval.hi - interval.lo
         up = ((x - interval.lo) / width).nonnegative_part().sqrt()
-        down = ((interval.hi - x) / width).nonnegative_part().sqrt()
+        # On the equator, where cos v has no sign, the ball of x says less than is known.
+        down = ((interval.hi - x) / width).nonnegative_part().sqrt() if g2 else arb(0)
         origin = phase_at(interval, (signs[0] or 1) * up, (signs[1] or 1) * down)
     return make_closed_form(interval, branch, origin)
 

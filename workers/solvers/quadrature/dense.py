@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from service.dynamics.dense_output import chebyshev_coefficients, chebyshev_points
 from service.dynamics.errors import DynamicsError
 from workers.solvers.quadrature.orbit import Orbit
-from workers.solvers.quadrature.time_map import TimeMap
+from workers.solvers.quadrature.time_map import PrecisionLostError, TimeMap
 
 FloatArray = NDArray[np.float64]
 
@@ -20,6 +20,9 @@ FINEST = 1e14
 MAX_PIECES = 4000
 BETWEEN = (-0.93, -0.31, 0.42, 0.87)
 """Places in a piece, none a node, where the series is compared with the motion."""
+
+KNOWN_BITS, KNOWN = 54, 2.0**-54
+"""Least relative accuracy of a variable's ball, or largest radius: either will do."""
 
 
 class DenseOutputNotResolvedError(DynamicsError):
@@ -48,6 +51,11 @@ class ResolvedMotion:
     def error(self) -> float:
         """Twice the departure: a factor for the places not looked at."""
         return 2.0 * self.departure
+
+
+def nothing_resolved(period: float) -> ResolvedMotion:
+    """Return a dense output without columns, for those who want no function of time."""
+    return ResolvedMotion(np.array([0.0, period]), np.zeros((1, 1, 0)), 0.0, 0)
 
 
 def resolve_motion(
@@ -122,7 +130,10 @@ def _is_resolved(series: FloatArray, states: FloatArray, pieces: float, atol: fl
 
 
 def phase_sampler(orbit: Orbit, time_map: TimeMap) -> Sampler:
-    """Return the six variables as a function of the time map's own times, from 0 to its total."""
+    """Return the six variables as a function of the time map's own times, from 0 to its total.
+
+    It raises PrecisionLostError where the balls of a state are wider than the rounding of doubles.
+    """
 
     def sample(times: FloatArray) -> FloatArray:
         panels, places = time_map.phase_at(times)
@@ -130,6 +141,8 @@ def phase_sampler(orbit: Orbit, time_map: TimeMap) -> Sampler:
         for panel, x in zip(panels, places, strict=True):
             state = orbit.state(time_map.theta(int(panel), float(x)))
             rows.append([float(value) for value in state])
+            if any(value.rel_accuracy_bits() < KNOWN_BITS and not value.rad() < KNOWN for value in state):
+                raise PrecisionLostError("the variables are known to fewer digits than a double has")
         return np.array(rows)
 
     return sample

@@ -33,8 +33,8 @@ from workers.solvers.quadrature.orbit import RATE_NUDGE, STATE_NUDGE, six_variab
 
 FARTHEST = 48.0
 """|y| where an end that is never reached is as good as reached: e^-48 is 1e-5 of a double's rounding."""
-FARTHEST_FINITE = 480.0
-"""|y| up to which the time of arrival at an end is followed."""
+FARTHEST_FINITE = 960.0
+"""|y| up to which the time of arrival at an end is followed: δ is 2^-1385, where the windows are known."""
 ARRIVED = 1e-21
 """Share of the rate at the start below which nothing of the time of arrival is missing."""
 FAR = 24.0
@@ -181,7 +181,8 @@ def reach(flight: Flight, side: int, asked: float) -> Reach:
         return float(flight.rate_of_phase(arb(side * distance)))
 
     change = rate(FAR) / rate(FAR - 1.0) - 1.0
-    if change < -STEADY:
+    # A collision is reached in finite time, even if P is like that of a pole until shortly before it.
+    if change < -STEADY or terminal == "collision":
         return Reach(side * _arrival(rate, side * flight.phase), terminal, "finite")
     begin = max(0.0, side * flight.phase)
     y, time, previous = begin, 0.0, rate(begin)

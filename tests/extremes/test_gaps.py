@@ -1,0 +1,123 @@
+"""Gaps to a separatrix, down to what no double can see: the coefficients of a document are exact."""
+
+from fractions import Fraction
+from math import nextafter
+
+import numpy as np
+import pytest
+
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.windows import find_windows
+from tests.extremes.elliptic import elliptic
+from tests.extremes.problems import METHODS, SEPARATRIX, require_claims, solve, three_terms
+from tests.support.planar import body, formula
+
+ONE, ZERO = Fraction(1), Fraction(0)
+PERIODS = {"periods": "5/2", "samples": 11}
+
+
+def gap(bits: int, sign: int) -> Fraction:
+    """c1* (1 ± 2^-bits), to 64 bits of the gap."""
+    return Fraction(
+        round(SEPARATRIX * (1 + sign * Fraction(1, 2**bits)) * 2 ** (bits + 64)), 2 ** (bits + 64)
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("upward", [True, False])
+def test_one_ulp_on_either_side_of_the_separatrix(method, upward):
+    nearest = float(SEPARATRIX)
+    c1 = Fraction(nextafter(nearest, 2.0 if upward else 0.0))
+    ends = "PW" if c1 > SEPARATRIX else "PE"
+    answer = three_terms(-1, 0, c1, 1, PERIODS, method=method)
+    require_claims(answer, elliptic(ends, nu=ONE, a1=-ONE, b1=ZERO, c1=c1))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("bits", [52, 60, 100, 210])
+def test_gaps_below_what_a_double_sees(bits, sign):
+    c1 = gap(bits, sign)
+    reference = elliptic("PW" if sign > 0 else "PE", nu=ONE, a1=-ONE, b1=ZERO, c1=c1)
+    require_claims(three_terms(-1, 0, c1, 1, PERIODS), reference)
+    answer = three_terms(-1, 0, c1, 1, PERIODS, method="quadrature", tolerance="1e-5")
+    if bits <= 100:
+        require_claims(answer, reference)
+    else:
+        # The phase next to the equilibrium is finer than 1e-16 of a turn.
+        assert answer.code == "accuracy_not_met"
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("bits", [60, 100, 210])
+def test_gaps_at_the_pole(bits, sign):
+    a1 = sign * Fraction(1, 2**bits)
+    reference = elliptic("WE" if sign > 0 else "PE", nu=ONE, a1=a1, b1=ZERO, c1=-ONE)
+    require_claims(three_terms(a1, 0, -1, 1, PERIODS), reference)
+
+
+@pytest.mark.parametrize("bits", [210, 400])
+def test_a_gap_is_not_taken_for_none_when_the_motion_is_asked_long_enough(bits):
+    """For 2^-210 the body rests near the equator for 70 units of time, and goes on."""
+    late = {"start": 0, "stop": 997, "samples": 45}
+    answer = three_terms(-1, 0, gap(bits, -1), 1, late, tolerance="1e-2")
+    if bits <= 210:
+        require_claims(answer, elliptic("PE", nu=ONE, a1=-ONE, b1=ZERO, c1=gap(bits, -1)))
+        # It really comes back.
+        assert np.abs(answer.columns["g2"]).max() > 0.1
+    else:
+        assert answer.code == "accuracy_not_met"
+
+
+@pytest.mark.parametrize("bits", [60, 100, 210, 400])
+def test_a_libration_smaller_than_doubles_resolve_is_still_one(bits):
+    """(W,W) about a stable equilibrium: two rest points that agree in half of the bits."""
+    c1 = Fraction(5, 4) * (1 - Fraction(1, 2**bits))
+    answer = three_terms(-1, "1/20", c1, 1, PERIODS)
+    require_claims(answer, elliptic("WW", nu=ONE, a1=-ONE, b1=Fraction(1, 20), c1=c1))
+    beyond = Fraction(5, 4) * (1 + Fraction(1, 2**bits))
+    assert three_terms(-1, "1/20", beyond, 1, PERIODS).code == "no_motion"
+
+
+@pytest.mark.parametrize("bits", [60, 100, 210])
+def test_a_gap_between_collision_and_oscillation(bits):
+    b1 = -(1 - Fraction(1, 2**bits)) / 16
+    answer = three_terms(1, b1, -1, 1, PERIODS, window=1)
+    require_claims(answer, elliptic("WE", nu=ONE, a1=ONE, b1=b1, c1=-ONE))
+    beyond = three_terms(1, -(1 + Fraction(1, 2**bits)) / 16, -1, 1, {"times": ["1/2"]}, tolerance="1e-2")
+    assert beyond.code in (None, "accuracy_not_met")
+    assert beyond.code or beyond.summary["aperiodic"] == "collision"
+
+
+@pytest.mark.parametrize(("order", "precision"), [(2, 160), (2, 2560), (4, 160)])
+def test_zeros_of_even_order_are_one_at_every_precision(order, precision):
+    """P ∝ ∓(g2 − 1/3)^n: an equilibrium alone, or one that two separatrices lead to."""
+    rigid_body = body("17/10", 1)
+
+    def kinds(potential: Potential) -> list[str]:
+        windows = find_windows(rigid_body, potential, PlanarMotion(ONE), precision=precision)
+        return [window.kind for window in windows]
+
+    assert kinds(formula(f"(A*g1^2+C*g3^2)*(g2-1/3)^{order}", rigid_body)) == ["equilibrium"]
+    if order == 2:
+        assert kinds(formula("-(A*g1^2+C*g3^2)*(g2-1/3)^2", rigid_body)) == ["separatrix"] * 2
+
+
+def test_a_gap_with_general_moments():
+    """G = g2⁴ − g2²/4 + e: the librations of two hemispheres join at e = 0."""
+    motion = {"lambda": 1}
+    joined = solve("(A*g1^2+C*g3^2)*(g2^4-g2^2/4)", motion, {"times": [0]}, body=("17/10", 1))
+    assert joined.summary["aperiodic"] == "separatrix"
+    lifted = "(A*g1^2+C*g3^2)*(g2^4-g2^2/4+e)"
+    before = half = 0.0
+    for bits in (30, 60, 100):
+        e = Fraction(1, 2**bits)
+        split = solve(lifted, motion, {"periods": 1, "samples": 3}, body=("17/10", 1), parameters={"e": e})
+        over = solve(lifted, motion, {"periods": 1, "samples": 3}, body=("17/10", 1), parameters={"e": -e})
+        assert list(split.summary["window"]["ends"]) == ["rest", "rest"]
+        assert list(over.summary["window"]["ends"]) == ["rest", "equator"]
+        # A passage of the equator takes (1/κ) ln(1/e) + constant, up to e ln e, which is 2e-8 at the
+        # widest gap. The full motion passes it twice a period, the northern one comes near it once.
+        if bits > 30:
+            assert over.period - before == pytest.approx(2 * (split.period - half), rel=1e-6)
+        before, half = over.period, split.period
