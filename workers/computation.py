@@ -111,6 +111,8 @@ def _cross_check(problem: Problem, motion: Motion) -> CrossCheck:
 
 def _columns(problem: Problem, motion: Motion, dense: DenseOutput) -> dict[str, FloatArray]:
     """Return t and the columns that were asked for."""
+    if not problem.wants_series:
+        return {}
     wanted = [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in problem.outputs]
     series = {name: motion.samples[:, COLUMNS.index(name)] for name in wanted}
     return {"t": motion.times, **series, **orientation_columns(dense, motion.times)}

@@ -18,6 +18,8 @@ ROWS_SHOWN = 6
 
 def describe(summary: Summary, columns: Mapping[str, FloatArray]) -> str:
     """Return a few lines that say what was found, and how sure it is."""
+    if not columns:
+        return "\n".join(_numbers(summary))
     shown = {name: values for name, values in columns.items() if not is_part(name)}
     return "\n".join([*_numbers(summary), "", *_table(shown)])
 

@@ -24,6 +24,7 @@ TITLES: Mapping[str, str] = {
     "method_not_allowed": "Method not allowed",
     "no_enclosures": "There are no enclosures",
     "no_motion": "There is no such motion",
+    "no_series": "There is no trajectory",
     "no_such_window": "There is no such window",
     "not_acceptable": "No such format",
     "not_finite": "The stored solution is damaged",

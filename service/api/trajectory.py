@@ -1,7 +1,8 @@
 """GET /v1/solutions/{id}/trajectory: stored samples, or samples at any other times."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from http import HTTPStatus
 from typing import Annotated
 
 import numpy as np
@@ -9,7 +10,7 @@ from fastapi import APIRouter, Header, Query, Response
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.api.errors import invalid_request
+from service.api.errors import ApiError, invalid_request
 from service.api.formats import Trajectory, choose_format, media_types
 from service.api.resources import Inside, Resources
 from service.api.responses import refusals
@@ -90,6 +91,7 @@ def _stored(inside: Resources, solution_id: str) -> _Samples:
     summary = inside.solutions.get(solution_id).summary
     stored = decode_arrays(inside.solutions.samples(solution_id))
     columns = {name: values for name, values in stored.items() if not is_part(name)}
+    _require_series(columns)
     error = summary["error"]
     assert isinstance(error, int | float)
     own: Mapping[str, float] = {}
@@ -100,9 +102,16 @@ def _stored(inside: Resources, solution_id: str) -> _Samples:
 
 def _evaluated(inside: Resources, solution_id: str, times: FloatArray) -> _Samples:
     dense = decode_dense(inside.solutions.dense(solution_id))
+    _require_series(dense.columns)
     columns = {"t": times, **trajectory_columns(dense, times)}
     errors = trajectory_errors(dense, times)
     return _Samples(columns, max(errors[name] for name in COLUMNS), errors)
+
+
+def _require_series(columns: Collection[str]) -> None:
+    if not columns:
+        detail = "this solution was asked for without any function of time: there is no trajectory"
+        raise ApiError(HTTPStatus.NOT_FOUND, "no_series", detail)
 
 
 def _times(query: TrajectoryQuery) -> FloatArray:

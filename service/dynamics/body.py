@@ -5,10 +5,14 @@ from fractions import Fraction
 
 from service.dynamics.errors import (
     EqualMomentsError,
+    ExtremeMomentsError,
     ImpossibleInertiaError,
     MissingMomentError,
     UnphysicalInertiaError,
 )
+
+LARGEST_RATIO = 10**13
+"""Of A and C, either way: the curve of a planar motion is a corner then, to every digit of a double."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +66,20 @@ class RigidBody:
         return self.A / self.C
 
     def require_planar(self) -> None:
-        """Raise EqualMomentsError if A = C, where no planar family exists."""
+        """Raise EqualMomentsError if A = C, where no planar family exists.
+
+        And ExtremeMomentsError if one of them is more than LARGEST_RATIO times the other.
+        """
         if self.A == self.C:
             raise EqualMomentsError(
                 f"A = C = {self.A}: the compatibility equation needs A ≠ C", pointer="/body"
+            )
+        ratio = max(self.alpha, 1 / self.alpha)
+        if ratio > LARGEST_RATIO:
+            raise ExtremeMomentsError(
+                f"A = {self.A}, C = {self.C}: one is some 1e{len(str(int(ratio))) - 1} times the other; "
+                f"planar motions are computed for ratios up to {LARGEST_RATIO:.0e}",
+                pointer="/body",
             )
 
     def require_B(self, purpose: str) -> Fraction:

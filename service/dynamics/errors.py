@@ -43,6 +43,12 @@ class EqualMomentsError(DynamicsError):
     code = "equal_moments"
 
 
+class ExtremeMomentsError(DynamicsError):
+    """A and C differ by more than planar motions are computed for."""
+
+    code = "extreme_moments"
+
+
 class MissingMomentError(DynamicsError):
     """The moment B is needed and was left out."""
 

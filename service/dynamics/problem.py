@@ -11,7 +11,7 @@ Sign = Literal[-1, 1]
 Tier = Literal["draft", "standard", "high", "certified"]
 """Grades of accuracy, see :mod:`service.dynamics.accuracy`."""
 Method = Literal["auto", "quadrature", "integration", "both"]
-Output = Literal["gamma", "omega", "invariants", "orientation", "stability"]
+Output = Literal["period", "gamma", "omega", "invariants", "orientation", "stability"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +129,11 @@ class Problem:
     accuracy: Accuracy
     method: Method
     outputs: tuple[Output, ...]
+
+    @property
+    def wants_series(self) -> bool:
+        """Say whether any function of time is asked for, and not only numbers of the whole motion."""
+        return self.method == "both" or not set(self.outputs) <= {"period", "stability"}
 
     @property
     def tolerance(self) -> float:

@@ -105,9 +105,13 @@ def _planar_only(kind: str | None, parts: Mapping[str, object]) -> Iterator[Faul
     if is_integrated and isinstance(accuracy, TierIn) and accuracy.tier == "certified":
         message = "certified digits come from the quadrature of planar motions; accepted is the tier high"
         yield Fault("/accuracy/tier", "tier_needs_quadrature", message)
-    if kind == "state" and isinstance(outputs, list) and "stability" in outputs:
+    asked = outputs if isinstance(outputs, list) else []
+    if kind == "state" and "stability" in asked:
         message = "multipliers across the plane belong to planar motions; leave stability out for a state"
-        yield Fault(f"/outputs/{outputs.index('stability')}", "output_needs_planar_motion", message)
+        yield Fault(f"/outputs/{asked.index('stability')}", "output_needs_planar_motion", message)
+    if is_integrated and "period" in asked:
+        message = "an integration finds no period; leave it out, or take the quadrature of a planar motion"
+        yield Fault(f"/outputs/{asked.index('period')}", "output_needs_planar_motion", message)
 
 
 def _motion_kind(document: object) -> str | None:

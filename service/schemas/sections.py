@@ -14,8 +14,15 @@ from service.schemas.potentials import PotentialIn
 from service.schemas.tiers import AccuracyIn, TierIn
 
 Method = Literal["auto", "quadrature", "integration", "both"]
-OutputName = Literal["gamma", "omega", "invariants", "orientation", "stability"]
-OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega", "invariants", "orientation", "stability")
+OutputName = Literal["period", "gamma", "omega", "invariants", "orientation", "stability"]
+OUTPUTS: tuple[OutputName, ...] = (
+    "period",
+    "gamma",
+    "omega",
+    "invariants",
+    "orientation",
+    "stability",
+)
 MAX_POINTS = 1000
 DEFAULT_OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega")
 

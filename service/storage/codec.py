@@ -55,8 +55,9 @@ def encode_dense(dense: DenseOutput) -> bytes:
         arrays["errors"] = np.array(list(dense.errors.values()))
     if dense.advances:
         arrays["advances"] = np.array([[a.hi, a.lo, a.error] for a in dense.advances.values()])
-    names = {"columns": dense.columns, "errors": list(dense.errors), "advances": list(dense.advances)}
-    return _pack(arrays, {key: value for key, value in names.items() if value})
+    names = {"errors": list(dense.errors), "advances": list(dense.advances)}
+    given = {key: value for key, value in names.items() if value}
+    return _pack(arrays, {"columns": dense.columns, **given})
 
 
 def decode_dense(packet: bytes) -> DenseOutput:
@@ -69,7 +70,7 @@ def decode_dense(packet: bytes) -> DenseOutput:
     """
     arrays, header = _unpack(packet)
     columns = _names(header, "columns")
-    if not columns or not {"breaks", "coefficients", "error"} <= arrays.keys():
+    if "columns" not in header or not {"breaks", "coefficients", "error"} <= arrays.keys():
         raise CodecError("the packet holds arrays, but not those of a dense output")
     errors = arrays.get("errors", np.zeros(0)).tolist()
     advances = arrays.get("advances", np.zeros((0, 3))).tolist()

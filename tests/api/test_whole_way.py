@@ -39,3 +39,14 @@ def test_an_integrated_solution_ends_where_it_was_asked_to(client, jobs):
     solution = solve_job(client, jobs, STATE)
     response = client.get(f"/v1/solutions/{solution['id']}/trajectory?stop=21&samples=2")
     assert (response.status_code, response.json()["type"]) == (422, "urn:polhode:problem:outside_horizon")
+
+
+@pytest.mark.parametrize("accuracy", [{"tier": "standard"}, {"tier": "high"}, {"tier": "certified"}])
+def test_a_period_alone_brings_no_series(client, jobs, accuracy):
+    alone = solve_job(client, jobs, {**PLANAR, "outputs": ["period"], "accuracy": accuracy})
+    # a = −1, b = 1/20, nu = 1: twice the period of g1.
+    assert abs(float(alone["period"]["value"]) - 6.340077937232814) <= 1e-15
+    assert "pieces" not in alone["evidence"] or alone["evidence"]["states"] == 0
+    for query in ("", "?stop=1&samples=2"):
+        response = client.get(f"/v1/solutions/{alone['id']}/trajectory{query}")
+        assert (response.status_code, response.json()["type"]) == (404, "urn:polhode:problem:no_series")

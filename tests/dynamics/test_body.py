@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import (
     EqualMomentsError,
+    ExtremeMomentsError,
     ImpossibleInertiaError,
     MissingMomentError,
     UnphysicalInertiaError,
@@ -70,3 +71,12 @@ def test_a_missing_moment_is_asked_for_with_the_reason() -> None:
     with pytest.raises(MissingMomentError, match="integration needs the moment B") as caught:
         RigidBody(Fraction(2), None, Fraction(1)).require_B("integration")
     assert caught.value.pointer == "/body/B"
+
+
+@pytest.mark.parametrize(
+    ("A", "C", "said"), [("1e150", "1", "some 1e150 times"), ("1", "1e14", "some 1e14 times")]
+)
+def test_a_ratio_of_moments_beyond_all_use_is_refused_for_planar_motions(A, C, said):
+    found = RigidBody(Fraction(A), None, Fraction(C), allow_unphysical=True)
+    with pytest.raises(ExtremeMomentsError, match=said):
+        found.require_planar()

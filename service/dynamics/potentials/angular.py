@@ -102,7 +102,7 @@ def curve_parameter(body: RigidBody, g1: FloatArray, g3: FloatArray) -> FloatArr
     with np.errstate(all="ignore"):
         # The quotient is moderate where its parts squared overflow or underflow.
         root = np.abs(g3) ** alpha / np.abs(g1)
-        result: FloatArray = abs(float(body.A - body.C)) ** (alpha - 1.0) * root * root
+        result: FloatArray = np.float64(abs(body.A - body.C)) ** (alpha - 1.0) * root * root
     return result
 
 

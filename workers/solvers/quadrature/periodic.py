@@ -19,7 +19,7 @@ from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
 from service.dynamics.sampling import sample_times
 from workers.solvers.closed_form.solve import solve_closed_form
-from workers.solvers.quadrature.dense import Sampler, phase_sampler, resolve_motion
+from workers.solvers.quadrature.dense import Sampler, nothing_resolved, phase_sampler, resolve_motion
 from workers.solvers.quadrature.description import FIRST_PASSAGE, conventions_of, energy_of, evidence_of
 from workers.solvers.quadrature.orbit import Orbit, make_orbit
 from workers.solvers.quadrature.time_map import make_time_map
@@ -60,19 +60,29 @@ def solve_periodic(problem: Problem, window: Window, start: StartingPoint) -> Mo
         motion = _in_doubles(problem, window) or _in_closed_form(problem, window, start)
     motion = motion or _by_quadrature(orbit)
     period = motion.period
-    atol = min(1e-14, 1e-3 * problem.tolerance)
-    resolved = resolve_motion(motion.sample, (0.0, period.hi), motion.passages, scale=period.hi, atol=atol)
+    times = sample_times(problem.time, period) if problem.wants_series else np.zeros(0)
+    # Finer than the samples themselves are known, pieces would follow their errors.
+    atol = max(min(1e-14, 1e-3 * problem.tolerance), 0.25 * motion.error)
+    resolved = (
+        resolve_motion(motion.sample, (0.0, period.hi), motion.passages, scale=period.hi, atol=atol)
+        if problem.wants_series
+        else nothing_resolved(period.hi)
+    )
+    columns = COLUMNS[: resolved.coefficients.shape[2]]
     error = resolved.error + motion.error
-    dense = DenseOutput(COLUMNS, resolved.breaks, resolved.coefficients, period, error)
-    times = sample_times(problem.time, period)
-    late = motion.late
+    dense = DenseOutput(columns, resolved.breaks, resolved.coefficients, period, error)
+    samples, reached = np.zeros((0, len(COLUMNS))), 0.0
+    if len(times):
+        late = motion.late
+        samples = dense(times) if late is None else late.sample(times)
+        reached = dense.error_at(times) if late is None else late.error_at(times)
     conventions = conventions_of(start)
     return Motion(
         method="quadrature",
         dense=dense,
         times=times,
-        samples=dense(times) if late is None else late.sample(times),
-        error=dense.error_at(times) if late is None else late.error_at(times),
+        samples=samples,
+        error=reached,
         energy=energy_of(start.arc.loop, orbit.somewhere()),
         window=window,
         aperiodic=None,
@@ -101,7 +111,8 @@ def _in_doubles(problem: Problem, window: Window) -> _Sampled | None:
         return None
     period = found.period
     error = found.error_at(np.array([period.hi]))
-    if not found.error_at(sample_times(problem.time, period)) <= problem.tolerance:
+    times = sample_times(problem.time, period) if problem.wants_series else np.array([period.hi])
+    if not found.error_at(times) <= problem.tolerance:
         return None
     evidence: dict[str, float | int | str] = {"compiled": len(found.panels), "rounding": error}
     return _Sampled(found.sample, period, np.zeros(0), error, evidence, found)
