@@ -79,3 +79,27 @@ def test_the_way_of_a_tier_is_told_in_the_evidence():
     forced = document(golden, {"tier": "standard"}, method="quadrature")
     assert "nodes" in solve_document(json.dumps(forced)).summary["evidence"]
     assert read_problem(forced).method == "quadrature"
+
+
+@pytest.mark.parametrize("asked", [{"accuracy": {"tier": t}} for t in ("draft", "standard", "high")])
+def test_a_potential_given_by_an_integral_is_left_to_the_balls(asked):
+    # A = 2C, where the others have closed forms.
+    potential = {"type": "general", "F": "exp(-w)", "G": "-3*(6/10-g2^2) + 3/10*g2"}
+    motion = {"type": "planar", "lambda": 1}
+    problem = {
+        "body": {"A": 2, "B": 2, "C": 1},
+        "potential": potential,
+        "motion": motion,
+        "time": {"periods": 1, "samples": 5},
+        "outputs": ["gamma", "omega", "invariants", "stability"],
+        **asked,
+    }
+    outcome = solve_document(json.dumps(problem))
+    assert outcome.summary is not None, outcome.error
+    # h = −F(w0), and w0 = C nu² = 1.
+    assert abs(outcome.summary["energy"]["value"] + np.exp(-1.0)) <= 1e-15
+    assert outcome.summary["invariants"]["energy"]["drift"] <= 1e-13
+    columns = decode_arrays(outcome.samples)
+    # It closes: each end has the claimed error.
+    for name in ("p", "r", "g1", "g2", "g3"):
+        assert abs(columns[name][0] - columns[name][-1]) <= 2 * outcome.summary["error"]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.potential import FormulaPotential, Potential
 from workers.solvers.closed_form.laurent import G2, G3, LaurentAlgebra, g1_of_sign
 
 
@@ -35,6 +35,8 @@ def recognise(body: RigidBody, potential: Potential, g1_sign: int = 1) -> ThreeT
     elif body.C == 2 * body.A:
         inputs = (G3, G2, g1)
     else:
+        return None
+    if not isinstance(potential, FormulaPotential):
         return None
     expanded = potential.tape.evaluate(LaurentAlgebra(), inputs)
     if expanded is None:

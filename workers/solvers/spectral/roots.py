@@ -28,7 +28,7 @@ from flint import acb, arb, ctx, fmpq, fmpq_poly, fmpz_poly
 
 from service.dynamics.body import RigidBody
 from service.dynamics.dense_output import Period
-from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import PlanarMotion
 from workers.solvers.closed_form.laurent import G2, G3, LaurentAlgebra, g1_of_sign
 
@@ -90,6 +90,8 @@ def rational_radicand(body: RigidBody, potential: Potential, motion: PlanarMotio
         C, sign, nu = body.A, motion.g3_sign, 1 / motion.lambda_
         inputs = (G3, G2, g1_of_sign(sign))
     else:
+        return None
+    if not isinstance(potential, FormulaPotential):
         return None
     expanded = potential.tape.evaluate(LaurentAlgebra(), inputs)
     if expanded is None or any(k or e or j % 2 for _, j, k, e in expanded):
