@@ -3,12 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
+from flint import ctx
 
 from service.dynamics.euler_poisson import areas_integral
 from service.dynamics.further_integrals import FurtherIntegral, find_further_integrals, integral_drift
-from service.dynamics.motion import Motion
+from service.dynamics.motion import Estimate, Motion
 from service.dynamics.potentials.notice import Notice
 from service.dynamics.problem import PlanarMotion, Problem
+from workers.solvers.closed_form.lame import transverse_stability
+from workers.solvers.closed_form.three_terms import recognise
 from workers.solvers.invariants import Drifts, measure_drifts
 from workers.solvers.orientation.solve import Orientation, with_orientation
 from workers.solvers.quadrature.orbit import make_orbit
@@ -17,6 +20,7 @@ from workers.solvers.quadrature.time_map import make_time_map
 from workers.solvers.stability.assessment import Stability, assess_stability
 from workers.solvers.stability.monodromy import StabilityUndefinedError
 
+LAME_BITS = 128
 ZERO_AREAS = 1e-12
 """|I3| below this share of the angular momentum counts as zero: that is its rounding."""
 
@@ -38,13 +42,16 @@ class Findings:
     further: tuple[FurtherDrift, ...]
     orientation: Orientation | None
     stability: Stability | None
+    closed_trace: Estimate | None
+    """The trace of the multipliers from Lamé's equation, where that is the one."""
     notices: tuple[Notice, ...]
 
 
 def find_out(problem: Problem, motion: Motion) -> Findings:
     """Return what the problem's outputs ask for; raises what the solvers of its parts raise."""
     notices = list(problem.potential.notices)
-    drifts, further, orientation, stability = None, tuple[FurtherDrift, ...](), None, None
+    drifts, further, orientation = None, tuple[FurtherDrift, ...](), None
+    stability, closed_trace = None, None
     if "invariants" in problem.outputs:
         drifts = measure_drifts(problem.body, problem.potential, motion)
         further = _further(problem, motion)
@@ -54,9 +61,10 @@ def find_out(problem: Problem, motion: Motion) -> Findings:
     if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
         try:
             stability = with_enough_bits(problem, _assess)
+            closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
-    return Findings(drifts, further, orientation, stability, tuple(notices))
+    return Findings(drifts, further, orientation, stability, closed_trace, tuple(notices))
 
 
 def _assess(problem: Problem, found: PlanarStart) -> Stability:
@@ -68,6 +76,18 @@ def _assess(problem: Problem, found: PlanarStart) -> Stability:
     orbit = make_orbit(found.start)
     period = make_time_map(orbit.rate, orbit.corners, is_even=orbit.is_even).period
     return assess_stability(problem.body, problem.potential, found.start, period, problem.tolerance)
+
+
+def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
+    """Return μ + 1/μ in theta functions, if V = a g1 + constant and A = 2C."""
+    body = problem.body
+    terms = recognise(body, problem.potential, motion.sign_of_g1) if body.A == 2 * body.C else None
+    if terms is None or terms.b1 or terms.c1 or body.B is None:
+        return None
+    with ctx.workprec(LAME_BITS):
+        trace = transverse_stability(motion.lambda_squared, body.B / body.C).trace
+        value = float(trace)
+        return Estimate(value, float(abs(trace - value).abs_upper()))
 
 
 def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from flint import arb
 
 from service.dynamics.enclosure import as_decimals
-from service.dynamics.motion import Motion
+from service.dynamics.motion import Estimate, Motion
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Problem
 from workers.findings import Findings
@@ -40,7 +40,9 @@ def summarise(
         "invariants": _invariants(findings),
         "error": motion.error,
         "cross_check": None if motion.cross_check is None else asdict(motion.cross_check),
-        "stability": None if findings.stability is None else _stability(findings.stability),
+        "stability": None
+        if findings.stability is None
+        else _stability(findings.stability, findings.closed_trace),
         "precession": None if precession is None else _precession(precession),
         "conventions": motion.conventions,
         "warnings": [asdict(notice) for notice in findings.notices],
@@ -75,6 +77,7 @@ def _precession(precession: Precession) -> Document:
     return {"psi1": asdict(precession.psi1), "psi3": asdict(precession.psi3)}
 
 
-def _stability(stability: Stability) -> Document:
+def _stability(stability: Stability, closed_trace: Estimate | None) -> Document:
     pairs = [[multiplier.real, multiplier.imag] for multiplier in stability.multipliers]
-    return {**asdict(stability), "multipliers": pairs}
+    closed = None if closed_trace is None else asdict(closed_trace)
+    return {**asdict(stability), "multipliers": pairs, "closed_form_trace": closed}

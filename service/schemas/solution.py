@@ -82,6 +82,9 @@ class StabilityOut(ResponseModel):
     verdict: Literal["stable", "unstable", "marginal"]
     exponent: float = Field(description="Growth per unit time, log|μ| / T.")
     exponent_error: float
+    closed_form_trace: EstimateOut | None = Field(
+        default=None, description="Of Lamé's equation, where that is the one: a second, independent number."
+    )
     trusted_time: float | None = Field(
         description="How long integration in doubles keeps to the tolerance; null if for a million periods."
     )

@@ -42,6 +42,10 @@ def test_stability_is_that_of_the_table(method):
     stability = found.summary["stability"]
     assert abs(stability["trace"] - 7.205281206786) <= stability["error"] + 5e-13
     assert stability["verdict"] == "unstable"
+    # Lamé's equation in theta functions: another way to the same number.
+    closed = stability["closed_form_trace"]
+    assert abs(stability["trace"] - closed["value"]) <= stability["error"] + closed["error"]
+    assert closed["error"] <= 1e-15
     (mu, zero), (inverse, _) = stability["multipliers"]
     assert (round(mu, 5), zero) == (7.06371, 0.0)
     assert mu * inverse == pytest.approx(1.0, abs=1e-14)
