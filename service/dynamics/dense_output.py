@@ -19,6 +19,7 @@ FloatArray = NDArray[np.float64]
 
 EPSILON = float(np.finfo(np.float64).eps)
 _SPLIT = 134217729.0  # 2^27 + 1: Veltkamp's constant for doubles
+_BLOCK = 2048  # times whose sums stay in the cache
 
 
 class OutsideHorizonError(DynamicsError):
@@ -175,15 +176,36 @@ def two_product(a: FloatArray, b: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _clenshaw(coefficients: FloatArray, piece: NDArray[np.intp], x: FloatArray) -> FloatArray:
-    """Sum the Chebyshev series of each time's piece; all columns at once."""
-    degree = coefficients.shape[1] - 1
-    shape = (len(x), coefficients.shape[2])
-    second, first = np.zeros(shape), np.zeros(shape)
-    twice = 2.0 * x[:, None]
-    for k in range(degree, 0, -1):
-        first, second = coefficients[piece, k] + twice * first - second, first
-    value: FloatArray = coefficients[piece, 0] + x[:, None] * first - second
-    return value
+    """Sum the Chebyshev series of each time's piece; all columns at once.
+
+    Every time has its own sum: its digits do not depend on the times asked with it.
+    """
+    values = np.empty((len(x), coefficients.shape[2]))
+    by_degree = np.ascontiguousarray(coefficients.swapaxes(0, 1))
+    for start in range(0, len(x), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        _clenshaw_block(by_degree, piece[block], x[block], values[block])
+    return values
+
+
+def _clenshaw_block(
+    by_degree: FloatArray, piece: NDArray[np.intp], x: FloatArray, values: FloatArray
+) -> None:
+    # Arrays of one shape, written in place: broadcasting and new arrays would take half of the time.
+    wide = np.repeat(x[:, None], values.shape[1], axis=1)
+    twice = 2.0 * wide
+    first, second = np.zeros_like(wide), np.zeros_like(wide)
+    following, coefficient = np.empty_like(wide), np.empty_like(wide)
+    for k in range(len(by_degree) - 1, 0, -1):
+        np.take(by_degree[k], piece, axis=0, out=coefficient, mode="clip")
+        np.multiply(twice, first, out=following)
+        np.add(coefficient, following, out=following)
+        np.subtract(following, second, out=following)
+        first, second, following = following, first, second
+    np.take(by_degree[0], piece, axis=0, out=coefficient, mode="clip")
+    np.multiply(wide, first, out=values)
+    np.add(coefficient, values, out=values)
+    np.subtract(values, second, out=values)
 
 
 def chebyshev_points(degree: int) -> FloatArray:

@@ -1,98 +1,95 @@
-"""The certified tier against what it replaces: ``python -m tests.benchmarks.certified``."""
+"""Target 6, the certified tier against what it replaces, and what it costs elsewhere."""
 
-import statistics
-import sys
-import time
 from collections.abc import Callable
 from fractions import Fraction
 
 import mpmath
 import numpy as np
 from flint import arb
-from scipy.integrate import solve_ivp
 
-from service.dynamics.body import RigidBody
-from service.dynamics.potentials.potential import Potential
-from service.dynamics.problem import PlanarMotion
-from tests.support.planar import body, formula
-from workers.solvers.certified.certify import certify
 from service.dynamics.enclosure import as_decimals
+from service.dynamics.problem import PlanarMotion
+from tests.benchmarks.measuring import Effort, Result, Row, Table, clock, faster, in_words, median
+from tests.benchmarks.motions import Measured, elliptic
+from tests.support.planar import body, formula
+from workers.solvers.certified.certify import Certified, certify
 
 DIGITS = 38
 """Of mpmath: what 128 bits hold."""
-NU_1 = PlanarMotion(None, nu=Fraction(1))
 ON_4_5 = PlanarMotion(Fraction(4, 5))
 NOT_EVEN = "(A*g1^2 + C*g3^2)*(g2^2 - 1/2 + g2^3/5)"
 
 
-def main() -> int:
-    """Measure and print."""
-    periods()
-    samples()
-    others()
-    return 0
-
-
-def periods() -> None:
+def periods(effort: Effort) -> list[Row]:
     """Compare periods at 128 bits with quadrature of the same integral in mpmath."""
-    cases = (
-        ("A = 2C, V = -g1 + 1/(20 g3²), nu = 1: elliptic", 2, "-g1 + 1/(20*g3^2)", NU_1, _elliptic_period),
-        ("A = 3C, V = Q (g2² - 1/2 + g2³/5), λ = 4/5", 3, NOT_EVEN, ON_4_5, _general_period),
+    other = body(3, 1)
+    cases: tuple[tuple[str, Measured, Callable[[], mpmath.mpf]], ...] = (
+        ("elliptic functions", elliptic(), _elliptic_period),
+        ("an integral, A = 3C", Measured("", other, formula(NOT_EVEN, other), ON_4_5), _general_period),
     )
-    for name, A, text, motion, rival in cases:
-        rigid_body = body(A, 1)
-        potential = formula(text, rigid_body)
-        value, radius = as_decimals(certify(rigid_body, potential, motion, [], 128).period)
-        ours = median(lambda: certify(rigid_body, potential, motion, [], 128), 20)  # noqa: B023
-        theirs = median(rival, 3)
+    rows = []
+    for name, motion, by_mpmath in cases:
+        found = _certified(motion, [], 128)
+        value, radius = as_decimals(found.period)
+        seconds = median(lambda: _certified(motion, [], 128), effort.repeats(20))  # noqa: B023
+        theirs = median(by_mpmath, effort.repeats(5))
         with mpmath.workdps(DIGITS + 10):
-            error = abs(rival() - mpmath.mpf(value))
-        say(f"period at 128 bits, {name}")
-        say(f"  certified     {1e3 * ours:9.3f} ms   radius {float(radius):.1e}")
-        say(
-            f"  mpmath.quad   {1e3 * theirs:9.3f} ms   error  {float(error):.1e}   ratio {theirs / ours:8.1f}"
-        )
+            error = float(abs(by_mpmath() - mpmath.mpf(value)))
+        ours = Result("certified", seconds, float(radius), "the radius")
+        rival = Result(f"mpmath.quad, {DIGITS} digits", theirs, error)
+        what = f"period at 128 bits by {name}"
+        rows.append(faster(6, what, 8, 1e-36, ours, rival, asked="≥ 8×, 128 bits"))
+    return rows
 
 
-def samples() -> None:
-    """Compare 1000 samples over 10 periods, all six variables, with an integrator in doubles."""
-    rigid_body = body(2, 1, "3/2")
-    potential = formula("-g1 + 1/(20*g3^2)", rigid_body)
-    period = Fraction(float(certify(rigid_body, potential, NU_1, [], 64).period))
-    times = [10 * period * k / 999 for k in range(1000)]
-    found = certify(rigid_body, potential, NU_1, times, 64)
-    exact = np.array([[float(value) for value in state] for state in found.states])
-    grid = np.array([float(t) for t in times])
-    by_scipy = _integrator(rigid_body, potential, exact[0], grid)
-    ours = median(lambda: certify(rigid_body, potential, NU_1, times, 64), 5)
-    theirs = median(by_scipy, 3)
+def samples(effort: Effort) -> list[Row]:
+    """Compare 1000 samples over 10 periods, all six variables proven, with an integrator in doubles."""
+    motion = elliptic()
+    grid = motion.grid(0, 10)
+    times = [Fraction(t) for t in grid.tolist()]
+    found = _certified(motion, times, 64)
     widest = max(float(value.rad()) for state in found.states for value in state)
-    error = float(np.abs(by_scipy() - exact).max())
-    say("1000 samples of six variables over 10 periods, 64 bits, the same motion")
-    say(f"  certified     {1e3 * ours:9.1f} ms   radius {widest:.1e}")
-    say(f"  DOP853 1e-10  {1e3 * theirs:9.1f} ms   error  {error:.1e}   ratio {theirs / ours:8.1f}")
+    ours = Result(
+        "certified, 64 bits", median(lambda: _certified(motion, times, 64), effort.repeats(5)), widest,
+        "the radius",
+    )  # fmt: skip
+    state = motion.state()
+    theirs = median(lambda: motion.by_scipy(state, grid, 1e-10), effort.repeats(5))
+    error = motion.error(grid, np.asarray(motion.by_scipy(state, grid, 1e-10)))
+    rival = Result("DOP853 1e-10", theirs, error)
+    what = "1000 certified samples, 10 periods"
+    return [faster(6, what, 1, 2.0**-56, ours, rival, asked="faster, 64 bits")]
 
 
-def others() -> None:
-    """Print what motions without elliptic functions cost, for three accuracies."""
+def others(effort: Effort) -> Table:
+    """Return what motions without elliptic functions cost, for three precisions."""
     cases = (
         ("A = 3C, not even in g2", 3, NOT_EVEN, "4/5"),
         ("A = 4C, through the poles", 4, "-g1*(4*g1^2+3*g3^2) + (4*g1^2+g3^2)/10", "9/10"),
         ("A = 1.7C", "17/10", "(A*g1^2 + C*g3^2)*(g2^2 - 1/2)", "6/5"),
     )
-    say("by the integral: the period alone, with 1000 samples")
-    for name, A, text, lambda_ in cases:
+    rows = []
+    for name, A, text, lambda_ in cases[: 1 if effort.is_quick else None]:
         rigid_body = body(A, 1)
-        potential, motion = formula(text, rigid_body), PlanarMotion(Fraction(lambda_))
+        motion = Measured(name, rigid_body, formula(text, rigid_body), PlanarMotion(Fraction(lambda_)))
         times = [Fraction(k, 10) for k in range(1000)]
         for bits in (64, 128, 333):
-            alone = median(lambda: certify(rigid_body, potential, motion, [], bits), 1)  # noqa: B023
-            sampled = median(lambda: certify(rigid_body, potential, motion, times, bits), 1)  # noqa: B023
-            radius = certify(rigid_body, potential, motion, [], bits).period.rad()
-            say(
-                f"  {name:<26} {bits:4d} bits {1e3 * alone:8.0f} ms {1e3 * sampled:8.0f} ms"
-                f"   radius of the period {_power_of_ten(radius)}"
-            )
+            alone = _once(motion, [], bits)
+            sampled = _once(motion, times, bits)
+            radius = _power_of_ten(_certified(motion, [], bits).period.rad())
+            rows.append((name, str(bits), in_words(alone), in_words(sampled), radius))
+    heads = ("motion", "bits", "period alone", "1000 samples", "radius of the period")
+    return Table("The certified tier by the integral", "One run of each.", heads, tuple(rows))
+
+
+def _once(motion: Measured, times: list[Fraction], bits: int) -> float:
+    began = clock()
+    _certified(motion, times, bits)
+    return clock() - began
+
+
+def _certified(motion: Measured, times: list[Fraction], bits: int) -> Certified:
+    return certify(motion.body, motion.potential, motion.motion, times, bits)
 
 
 def _elliptic_period() -> mpmath.mpf:
@@ -127,47 +124,6 @@ def _general_period() -> mpmath.mpf:
         return 2 * mpmath.quad(rate, [0, mpmath.pi])
 
 
-def _integrator(
-    rigid_body: RigidBody, potential: Potential, state: np.ndarray, grid: np.ndarray
-) -> Callable[[], np.ndarray]:
-    A, B, C = float(rigid_body.A), float(rigid_body.B or 0), float(rigid_body.C)
-
-    def rhs(_: float, y: np.ndarray) -> tuple[float, ...]:
-        p, q, r, g1, g2, g3 = y.tolist()
-        V_1, V_2, V_3 = potential.gradient_at(g1, g2, g3)
-        return (
-            ((B - C) * q * r + g2 * V_3 - g3 * V_2) / A,
-            ((C - A) * p * r + g3 * V_1 - g1 * V_3) / B,
-            ((A - B) * p * q + g1 * V_2 - g2 * V_1) / C,
-            r * g2 - q * g3,
-            p * g3 - r * g1,
-            q * g1 - p * g2,
-        )
-
-    return lambda: solve_ivp(rhs, (0, grid[-1]), state, "DOP853", grid, rtol=1e-10, atol=1e-10).y.T
-
-
 def _power_of_ten(radius: arb) -> str:
     """Return the size of a radius, which may be below any double."""
     return radius.str(2, radius=False)
-
-
-def median(action: Callable[[], object], repeats: int) -> float:
-    """Return the median time of a warm call in seconds."""
-    action()
-    times = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - began)
-    return statistics.median(times)
-
-
-def say(line: str) -> None:
-    """Print a line at once."""
-    sys.stdout.write(line + "\n")
-    sys.stdout.flush()
-
-
-if __name__ == "__main__":
-    sys.exit(main())

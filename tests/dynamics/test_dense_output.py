@@ -78,6 +78,16 @@ def test_both_sides_of_a_break_belong_to_their_own_piece():
     assert steps(times)[:, 0].tolist() == [1.0, 1.0, 2.0, 2.0, 2.0]
 
 
+def test_the_digits_of_a_time_do_not_depend_on_the_others():
+    solution = dense(waves, [-1.0, 0.5, 0.75, 3.0], 30)
+    times = np.random.default_rng(5).uniform(-1.0, 3.0, 5000)
+    together = solution(times)
+    # More than two blocks; the single ones are at both sides of where a block ends.
+    for k in (0, 1, 2047, 2048, 4095, 4096, 4999):
+        assert np.array_equal(solution(times[k : k + 1])[0], together[k])
+    assert np.array_equal(solution(times[::-1]), together[::-1])
+
+
 @pytest.mark.parametrize("time", [-1e-300, np.nextafter(2.0, 3.0), np.inf, np.nan])
 def test_times_outside_are_refused(time):
     solution = dense(waves, [0.0, 2.0], 20)
