@@ -27,7 +27,7 @@ from workers.solvers.integration.solve import integrate_state
 
 FloatArray = NDArray[np.float64]
 
-TIERS = ("standard",)
+TIERS = ("draft", "standard", "high", "certified")
 """Tiers of the method auto that are columns of the table."""
 SAMPLES = 9
 PATIENCE = 2.0

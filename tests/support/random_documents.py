@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.loop import make_loop
+from service.dynamics.reduction.loop import Loop, make_loop
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import PRECISION, find_windows
 from service.schemas.problem import read_problem
@@ -161,13 +161,13 @@ def _coefficients(
 def _rational(draws: np.random.Generator) -> Document:
     C = _decimal(10.0 ** draws.uniform(-0.5, 0.5))
     a, b, c = (_list(draws, 3) for _ in range(3))
-    # b_n alone decides at g3 = 0 where the highest index that is there counts: it should repel.
-    b = (
-        [str(abs(Fraction(value)) / 10 ** (2 * n)) for n, value in enumerate(b, 1)]
-        if draws.random() < 0.7
-        else []
-    )
-    potential = {"type": "rational", "a": a, "b": b, "c": [str(Fraction(0)), *c]}
+    if draws.random() < 0.8:
+        # The b_n repel from the pole; the higher, the steeper.
+        b = [str(abs(Fraction(value)) / 10 ** (2 * n)) for n, value in enumerate(b, 1)]
+    else:
+        # Of a_2 there is no enclosure through a pole.
+        a, b = a[:1], []
+    potential = {"type": "rational", "a": a, "b": b, "c": ["0", *c]}
     return _shifted({"A": str(2 * C), "C": str(C)}, potential, ("c", 0), draws)
 
 
@@ -237,7 +237,7 @@ def _shifted(
     return document
 
 
-def _extremum(loop: Any, Z: float, seen: float, heights: FloatArray) -> float:
+def _extremum(loop: Loop, Z: float, seen: float, heights: FloatArray) -> float:
     """Return the extremum about the place of ``seen``, found again on ever finer grids."""
     places = PLACES[len(PLACES) - len(heights) :] if len(heights) < len(PLACES) else PLACES
     k = int(np.argmin(np.abs(heights - seen)))

@@ -26,7 +26,8 @@ def energy_of(loop: Loop, v: arb) -> Estimate:
     h = loop.energy(v)
     if not h.is_finite():
         h = loop.energy(v + RATE_NUDGE)
-    return Estimate(float(h.mid()), float(h.rad()) + abs(float(h.mid() - float(h.mid()))))
+    value = float(h.mid())
+    return Estimate(value, float(abs(h - value).abs_upper()))
 
 
 def evidence_of(resolved: ResolvedMotion) -> dict[str, float | int | str]:

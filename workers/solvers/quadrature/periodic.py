@@ -55,9 +55,12 @@ class _Sampled:
 def solve_periodic(problem: Problem, window: Window, start: StartingPoint) -> Motion:
     """Return the motion from ``start`` in a periodic window; ``quadrature`` leaves closed forms aside."""
     orbit = make_orbit(start)
+    conventions = conventions_of(start)
     motion = None
     if problem.method != "quadrature":
-        motion = _in_doubles(problem, window) or _in_closed_form(problem, window, start)
+        # Times at which poles are passed, needed where that is not smooth, the compiled solver does not tell.
+        motion = None if conventions else _in_doubles(problem, window)
+        motion = motion or _in_closed_form(problem, window, start)
     motion = motion or _by_quadrature(orbit)
     period = motion.period
     times = sample_times(problem.time, period) if problem.wants_series else np.zeros(0)

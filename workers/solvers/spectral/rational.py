@@ -140,7 +140,9 @@ def _libration(
         below, above = exact - places[chosen][0], places[chosen][1] - exact
         if not (below > 0 and above > 0):
             return None
-        u = float(2 * arb.atan2(below.sqrt(), above.sqrt()) / pi)
+        # Turned before it is rounded: next to an end u is small, and 1 − u is not.
+        near, far = (below, above) if half > 0.0 else (above, below)
+        return float(2 * arb.atan2(near.sqrt(), far.sqrt()) / pi), sense * half, kind
     if half < 0.0:
         u = 1.0 - u
     return u, sense * half, kind

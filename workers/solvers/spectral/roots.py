@@ -19,6 +19,7 @@ integrand is analytic and even: its mean over equidistant ψ converges geometric
 with a number of nodes that grows like the logarithm of 1/gap.
 """
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
@@ -27,7 +28,7 @@ from typing import cast
 from flint import acb, arb, ctx, fmpq, fmpq_poly, fmpz_poly
 
 from service.dynamics.body import RigidBody
-from service.dynamics.dense_output import Period
+from service.dynamics.dense_output import EPSILON, Period
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import PlanarMotion
 from workers.solvers.closed_form.laurent import G2, G3, LaurentAlgebra, g1_of_sign
@@ -142,12 +143,13 @@ def find_stretch(radicand: Radicand, window: int | None) -> Stretch | None:
 def period_of_x(stretch: Stretch) -> Period | None:
     """Return the time from lo to hi and back, None if MAX_NODES do not resolve it.
 
-    The mean over n equidistant ψ differs from the one over 2n by d; where the convergence
-    is geometric the latter is off by about d², of which the power 7/4 is claimed.
+    The mean over n equidistant ψ differs from the one over 2n by d, and by D before that. Where
+    the convergence is geometric the latter is off by about d (d/D)², which is d² for an integrand
+    that varies by its own size; of both the power 7/4 is claimed instead, and the larger.
     """
     integrand = _Integrand(stretch)
     count, total = 4, arb(0)
-    half_pi = arb.pi() / 2
+    half_pi, change = arb.pi() / 2, math.inf
     for j in range(count + 1):
         total += integrand(half_pi * j / count) / (2 if j in (0, count) else 1)
     mean = total / count
@@ -156,13 +158,15 @@ def period_of_x(stretch: Stretch) -> Period | None:
             total += integrand(half_pi * (2 * j + 1) / (2 * count))
         count *= 2
         previous, mean = mean, total / count
-        change = abs(float((mean - previous) / mean))
-        if change < SETTLED:
+        before, change = change, abs(float((mean - previous) / mean))
+        if before < math.inf and change < SETTLED:
+            ratio = change / before if change < before else 1.0
             length = 2 * arb.pi() * mean / integrand.mean
             hi = float(length)
             lo = float(length - hi)
             spread = float(length.rad()) + abs(float(length - hi - lo))
-            return Period(hi, lo, hi * change**1.75 + spread)
+            left = hi * max(change**1.75, change * ratio**1.75)
+            return Period(hi, lo, (left + spread) * (1.0 + 4.0 * EPSILON))
     return None
 
 

@@ -1,7 +1,8 @@
 """Periodic planar motions in compiled doubles, one or many."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.dense_output import EPSILON, Period
 from service.dynamics.motion import COLUMNS
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
-from service.dynamics.problem import PlanarMotion
+from service.dynamics.problem import PlanarMotion, StartAtPoint
 from workers.solvers.spectral import curve, time_map
 from workers.solvers.spectral.frame import Frame, make_frame, primed_logarithm
 from workers.solvers.spectral.motion import Bounds, SpectralMotion
@@ -25,6 +26,9 @@ Tier = Literal["draft", "standard", "high"]
 
 TOLERANCES: dict[Tier, float] = {"draft": 1e-8, "standard": 1e-12, "high": 2e-15}
 """Tail of dt/du on a panel against the whole, below which it is resolved."""
+
+START_ULPS = 8.0
+"""Roundings on the way from g1 at the start to the phase there, in 2^-52."""
 
 EMPTY_PROGRAM = Program(np.empty((0, 4), dtype=np.int64), 0)
 PLACES, MATRIX, POINTS = scan_places(), time_map.cosines(), time_map.nodes()
@@ -63,7 +67,10 @@ def solve_spectral(
     given = np.array([[frame.log_lambda, 0.0]])
     loops, panels, about = _run(program, constants[None, :], frame, frame.loop[None, :], given, tier)
     period = Period(float(about[1]), 0.0, float(about[2]))
-    return _motion(potential, period, loops[0], panels, about) if about[0] else None
+    if not about[0]:
+        return None
+    found = _motion(potential, period, loops[0], panels, about)
+    return _with_rounded_start(found) if isinstance(motion.start, StartAtPoint) else found
 
 
 def solve_many(
@@ -99,7 +106,9 @@ def solve_many(
         given = np.zeros((sets, 2))
         given[:, 0] = frame.log_lambda
         if lambdas is not None:
-            given[:, 0] = [primed_logarithm(value, frame.loop) for value in np.log(lambdas)]
+            # λ² as a single problem has it, so that the logarithm is the same to the last bit.
+            logarithms = [0.5 * math.log(value * value) for value in lambdas.tolist()]
+            given[:, 0] = [primed_logarithm(value, frame.loop) for value in logarithms]
         loops = np.repeat(frame.loop[None, :], sets, axis=0)
         panels = np.empty((time_map.MAX_PANELS, time_map.COLUMNS))
         _solve(program, constants, frame, loops, given, tier, times, chosen, panels, out, about)
@@ -117,13 +126,35 @@ def _to_the_last_digit(
     loop, start, sense, period = orbit
     given = np.array([[start, sense]])
     loops, panels, about = _run(EMPTY_PROGRAM, np.empty((1, 0)), frame, loop[None, :], given, "high")
-    # The balls know the length of the map: its error is seen, not only bounded.
+    # The balls know the length of the map, hence the sum of its errors; what lies on the way to a
+    # place in it is bounded by half of all there can be, and half of what is left over.
     off = abs(about[1] - period.hi)
     if not (about[0] and off <= about[2] + 8.0 * EPSILON * period.hi):
         return None
-    about[2] = min(about[2], 2.0 * off + EPSILON * period.hi)
+    about[2] = 0.5 * (about[2] + off) + EPSILON * period.hi
+    if isinstance(motion.start, StartAtPoint):
+        # Slow next to a separatrix, the motion takes long for the rounding of its start.
+        about[2] += _time_of_one_ulp(panels, start)
     loops[0, curve.PERIOD_HI], loops[0, curve.PERIOD_LO] = period.hi, period.lo
     return _motion(potential, period, loops[0], panels, about)
+
+
+def _with_rounded_start(found: SpectralMotion) -> SpectralMotion:
+    """Count the rounding of the start as time: long next to the equator, where g1 and g3 hardly change."""
+    p, _, r, _, g2, _ = np.abs(found.sample(np.zeros(1))[0]).tolist()
+    # g1' = r g2 and g3' = −p g2, q being 0.
+    slowest = g2 * min(p, r)
+    late = START_ULPS * EPSILON / slowest if slowest > 0.0 else math.inf
+    return replace(found, bounds=replace(found.bounds, time=found.bounds.time + late))
+
+
+def _time_of_one_ulp(panels: FloatArray, u: float) -> float:
+    """Return the time in which the phase goes from ``u`` to a neighbouring double, the longer of both."""
+    before, at, after = (
+        time_map.time_at(panels, len(panels), float(phase))
+        for phase in (np.nextafter(u, -math.inf), u, np.nextafter(u, math.inf))
+    )
+    return float(max(at - before, after - at))
 
 
 def _motion(

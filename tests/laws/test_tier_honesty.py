@@ -1,0 +1,40 @@
+"""No tier claims less than its error: random problems against certified motions."""
+
+import pytest
+
+from tests.benchmarks.honesty_counts import TIERS, Record, measure
+from tests.support.claims import CLAIMS
+from tests.support.random_documents import FAMILIES
+
+COUNT = 60
+SEED = 20
+"""Of problems that python -m tests.benchmarks.honesty, with its own seed, does not ask."""
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    found = Record(SEED)
+    measure(found, COUNT, 60.0)
+    return found
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_no_claim_is_exceeded(record, tier):
+    tallies = [record.tallies[f"{tier} {family}"] for family in FAMILIES]
+    assert not record.documents, "\n\n".join(record.documents)
+    assert not any(tally.exceeded for tally in tallies)
+    # The tier high may refuse what doubles cannot hold; enough is left to say something about.
+    assert sum(tally.solved for tally in tallies) >= (COUNT // 2 if tier == "high" else 0.9 * COUNT)
+    assert all(sum(tally.ratios[claim].total() for tally in tallies) > COUNT // 3 for claim in CLAIMS)
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_claims_are_of_use(record, tier):
+    """A bound a million times too wide would be true and say nothing: half of them are within 1e4."""
+    powers = [
+        int(power)
+        for family in FAMILIES
+        for power, number in record.tallies[f"{tier} {family}"].ratios["samples"].items()
+        for _ in range(number)
+    ]
+    assert sorted(powers)[len(powers) // 2] < 4

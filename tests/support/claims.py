@@ -1,0 +1,107 @@
+"""Claimed errors against certified motions, for tests and the benchmark of honesty."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import nan
+
+import numpy as np
+from flint import arb, ctx
+
+from service.dynamics.dense_output import FloatArray
+from service.dynamics.problem import PlanarMotion, Tier
+from service.schemas.problem import read_problem
+from tests.support.random_documents import Document, Drawn, Family, draw_problem, with_times
+from workers.computation import solve
+from workers.solvers.certified.certify import Certified, certify
+
+CLAIMS = {
+    "samples": "the asked samples",
+    "stored": "the stored function of time, at the same times",
+    "period": "the period",
+    "energy": "the energy",
+}
+BITS = 128
+UNSEEN = 1e-17
+"""Errors of variables below it count as it: a double nearest to the truth has about as much."""
+LATEST = 4.0
+"""Logarithm of the number of periods up to which times are asked."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem with its times and its enclosures."""
+
+    drawn: Drawn
+    times: list[float]
+    reference: Certified
+
+    def document(self, tier: Tier) -> Document:
+        """Return the whole document that asks a tier for it."""
+        return with_times(self.drawn.document, [repr(t) for t in self.times], tier)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claimed error, the actual one, and whether it is proven that the claim is too small."""
+
+    name: str
+    claimed: float
+    actual: float
+    is_exceeded: bool
+
+
+def make_case(family: Family, draws: np.random.Generator) -> Case:
+    """Draw a problem, times over one period and late ones, and enclose its motion.
+
+    Raises
+    ------
+    CertifiedUnavailableError
+        There is no reference.
+    """
+    drawn = draw_problem(family, draws)
+    problem = read_problem(with_times(drawn.document, ["0"], "standard"))
+    assert isinstance(problem.motion, PlanarMotion)
+    period = float(certify(problem.body, problem.potential, problem.motion, [], 64).period)
+    early, late = (5, 4) if family == "three-term" else (2, 2)
+    turns = [0.0, *draws.uniform(0, 1, early), *10.0 ** draws.uniform(1, LATEST, late)]
+    sign = 1.0 if draws.random() < 0.8 else -1.0
+    times = [sign * float(turn) * period + 0.0 for turn in turns]
+    exact = [Fraction(t) for t in times]
+    return Case(drawn, times, certify(problem.body, problem.potential, problem.motion, exact, BITS))
+
+
+def claims_of(case: Case, tier: Tier) -> list[Claim]:
+    """Solve the case and compare.
+
+    Raises
+    ------
+    DynamicsError
+        It is refused.
+    """
+    motion = solve(read_problem(case.document(tier)))
+    dense, period = motion.dense, motion.dense.period
+    assert period is not None
+    # The difference of two balls of 128 bits and a time's, with room to spare.
+    with ctx.workprec(3 * BITS):
+        return [
+            _of_states("samples", motion.error, motion.samples, case.reference),
+            _of_states("stored", dense.error_at(motion.times), dense(motion.times), case.reference),
+            _of_ball("period", period.error, case.reference.period - arb(period.hi) - arb(period.lo)),
+            _of_ball("energy", motion.energy.error, case.reference.energy - arb(motion.energy.value)),
+        ]
+
+
+def _of_states(name: str, claimed: float, samples: FloatArray, reference: Certified) -> Claim:
+    apart = [
+        value - arb(found)
+        for state, row in zip(reference.states, samples.tolist(), strict=True)
+        for value, found in zip(state, row, strict=True)
+    ]
+    worst = _of_ball(name, claimed, max(apart, key=lambda ball: float(abs(ball.mid()))))
+    return Claim(name, claimed, max(worst.actual, UNSEEN), worst.is_exceeded)
+
+
+def _of_ball(name: str, claimed: float, apart: arb) -> Claim:
+    # What is proven; of a ball wider than the claim it says nothing about the ratio.
+    actual = float(abs(apart).abs_lower())
+    return Claim(name, claimed, actual if float(apart.rad()) <= claimed else nan, not actual <= claimed)
