@@ -10,13 +10,22 @@ from numpy.typing import NDArray
 from service.dynamics.enclosure import RADIUS, parts_for, split
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS, Motion
-from service.dynamics.problem import Problem, StateMotion
+from service.dynamics.problem import Accuracy, Problem, StateMotion
 from workers.solvers.certified.certify import Certified, certify
 
 FloatArray = NDArray[np.float64]
 
-DENSE_TOLERANCE = 1e-9
-"""Of the function of time that is stored beside the enclosures; it says its own error."""
+CHECKED_TOLERANCE = 1e-9
+"""Of the function of time that is stored beside the enclosures, where a cross-check wants it."""
+
+
+def beside_enclosures(problem: Problem) -> Accuracy:
+    """Return the accuracy of the function of time between the enclosures.
+
+    It says its own error, and however large that is, it does not keep the
+    enclosures from being had; a cross-check only makes sense of a small one.
+    """
+    return Accuracy(CHECKED_TOLERANCE if problem.method == "both" else float("inf"))
 
 
 def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certified, dict[str, FloatArray]]:

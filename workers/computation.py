@@ -13,7 +13,7 @@ from service.dynamics.dense_output import DenseOutput
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS, CrossCheck, Motion
 from service.dynamics.orientation import orientation_columns
-from service.dynamics.problem import Accuracy, Problem, StateMotion
+from service.dynamics.problem import Problem, StateMotion
 from service.dynamics.sampling import sample_times
 from service.examination import examine_problem
 from service.jobs.outcome import SolveOutcome
@@ -21,7 +21,7 @@ from service.schemas.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem import read_problem
 from service.storage.accuracy_store import shipped_table
 from service.storage.codec import encode_arrays, encode_dense
-from workers.certification import DENSE_TOLERANCE, certified_samples
+from workers.certification import beside_enclosures, certified_samples
 from workers.findings import find_out
 from workers.solvers.cross_check import compare
 from workers.solvers.integration.solve import integrate_state
@@ -78,7 +78,7 @@ def solve(problem: Problem) -> Motion:
     """
     if problem.accuracy.tier == "certified":
         # The enclosures come on top; this is the function of time between them.
-        problem = replace(problem, accuracy=Accuracy(DENSE_TOLERANCE))
+        problem = replace(problem, accuracy=beside_enclosures(problem))
     if isinstance(problem.motion, StateMotion):
         return _integrate(problem, problem.motion.omega, problem.motion.gamma)
     if problem.method == "integration":
