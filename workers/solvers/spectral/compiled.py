@@ -7,7 +7,6 @@ all the sources of this package: the folder is named by their digest.
 import hashlib
 import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import TypeVar, cast
 
 import numba
@@ -18,16 +17,17 @@ FOLDER_VARIABLE = "NUMBA_CACHE_DIR"
 """Names another folder; it must belong to us, since what is in it is run."""
 
 
-def _own_folder() -> Path | None:
+def _own_folder() -> str | None:
     """Return the folder of the compiled code, None if there is none that only we can write to."""
-    cache = os.environ.get("XDG_CACHE_HOME")
-    base = os.environ.get(FOLDER_VARIABLE)
+    base = os.environ.get(FOLDER_VARIABLE) or os.path.join(  # noqa: PTH118
+        os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache"),  # noqa: PTH111, PTH118
+        "polhode",
+    )
+    folder = os.path.join(base, f"compiled-{_digest()}")  # noqa: PTH118
     try:
-        home = Path(cache) if cache else Path.home() / ".cache"
-        folder = (Path(base) if base else home / "polhode") / f"compiled-{_digest()}"
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        about = folder.stat()
-    except (OSError, RuntimeError):  # no home, or no room in it
+        os.makedirs(folder, mode=0o700, exist_ok=True)  # noqa: PTH103
+        about = os.stat(folder)  # noqa: PTH116
+    except OSError:
         return None
     is_ours = about.st_uid == os.getuid() and not about.st_mode & 0o022
     return folder if is_ours and os.access(folder, os.W_OK) else None
@@ -35,15 +35,18 @@ def _own_folder() -> Path | None:
 
 def _digest() -> str:
     """Return a digest of the sources of this package and of the compiler's version."""
+    here = os.path.dirname(__file__)  # noqa: PTH120
     total = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        total.update(source.read_bytes())
+    for name in sorted(os.listdir(here)):  # noqa: PTH208
+        if name.endswith(".py"):
+            with open(os.path.join(here, name), "rb") as source:  # noqa: PTH118, PTH123
+                total.update(source.read())
     return total.hexdigest()[:16]
 
 
 _FOLDER = _own_folder()
 if _FOLDER is not None:
-    numba.config.CACHE_DIR = str(_FOLDER)  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = _FOLDER  # type: ignore[attr-defined]
 
 
 def kernel(function: F) -> F:
