@@ -15,6 +15,9 @@ IntArray = NDArray[np.int64]
 NODES = 16
 MAX_PANELS = 192
 NARROWEST = 2.0**-44
+TAIL = 1.0
+"""What the series leaves out of t, in its last coefficients: they may be small by chance, and what
+follows them with fractional powers falls off slowly."""
 NOISE = 1e-7
 EPSILON = 2.0**-52
 
@@ -215,7 +218,7 @@ def build_time_map(
             x = first + (final - first) * (0.09 + 0.4 * k)
             rough += _noise(code, result, constants, loop, panel, x, at_ends, work) / 3.0
         # T_k integrates to at most 1/(k − 1) of itself: a factor 4 is kept.
-        error += rough * end + 0.25 * tail * half
+        error += rough * end + TAIL * tail * half
         panel[START] = length
         panel[LENGTH] = end
         _prepare_guess(panel)
