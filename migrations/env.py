@@ -1,9 +1,9 @@
 """How Alembic reaches the database; run by service.storage.migration."""
 
 from alembic import context
-from sqlalchemy import Engine
+from sqlalchemy import Connection, Engine
 
-from service.storage.tables import Base
+from service.storage.schema import METADATA
 
 
 def set_write_ahead_log(engine: Engine) -> None:
@@ -15,20 +15,39 @@ def set_write_ahead_log(engine: Engine) -> None:
         connection.close()
 
 
+def hold_references(connection: Connection) -> None:
+    """Let SQLite rebuild a table that others refer to; else dropping the old one would empty the others.
+
+    It cannot be switched within a transaction, and ends with the connection.
+    """
+    connection.connection.cursor().execute("PRAGMA foreign_keys = OFF")
+
+
+def require_references(connection: Connection) -> None:
+    """Refuse a migration after which something refers to nothing."""
+    broken = connection.exec_driver_sql("PRAGMA foreign_key_check").all()
+    if broken:
+        raise RuntimeError(f"the migration would leave references to nothing: {broken[:5]}")
+
+
 def run_migrations(engine: Engine) -> None:
     """Upgrade within one transaction, so that a failed migration leaves the old schema."""
     if engine.dialect.name == "sqlite":
         set_write_ahead_log(engine)
     # The writer's BEGIN: of two processes that migrate at once, the second finds nothing left to do.
     with engine.execution_options(sqlite_begin="BEGIN IMMEDIATE").connect() as connection:
+        if engine.dialect.name == "sqlite":
+            hold_references(connection)
         context.configure(
             connection=connection,
-            target_metadata=Base.metadata,
+            target_metadata=METADATA,
             transactional_ddl=True,
             render_as_batch=engine.dialect.name == "sqlite",
         )
         with context.begin_transaction():
             context.run_migrations()
+            if engine.dialect.name == "sqlite":
+                require_references(connection)
 
 
 run_migrations(context.config.attributes["engine"])

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from service.cli import app
+from service.cli.main import app
 from service.schemas.accuracy import AccuracyTableModel
 from service.storage.accuracy_store import AccuracyStore
 from service.storage.database import Database

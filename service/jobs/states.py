@@ -3,6 +3,15 @@
 from enum import StrEnum
 
 
+class JobKind(StrEnum):
+    """What a job computes."""
+
+    SOLVE = "solve"
+    """The solution of one problem."""
+    CHUNK = "chunk"
+    """Some neighbouring points of a sweep."""
+
+
 class JobState(StrEnum):
     """Where a job is in its life."""
 

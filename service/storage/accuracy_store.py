@@ -10,7 +10,7 @@ from service.schemas.accuracy import AccuracyTableModel
 from service.storage.clock import DatabaseNow
 from service.storage.database import Database
 from service.storage.ids import new_id
-from service.storage.tables import CalibrationRow
+from service.storage.operation_tables import CalibrationRow
 
 SHIPPED = Path(__file__).with_name("shipped_accuracy.json")
 

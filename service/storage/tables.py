@@ -1,43 +1,11 @@
-"""The tables. Instants are seconds since 1970, UTC, as doubles by the database's clock.
+"""The tables of jobs, their attempts, solutions and their arrays."""
 
-A double keeps microseconds, is the same type in SQLite and Postgres, and leases
-can be compared and prolonged with plain arithmetic in either.
-"""
+from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, String, Uuid, desc
+from sqlalchemy.orm import Mapped, mapped_column
 
-from collections.abc import Mapping
-from typing import ClassVar
-
-from sqlalchemy import JSON, CheckConstraint, Double, ForeignKey, Index, LargeBinary, MetaData, String, Uuid
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
-
-from service.jobs.states import AttemptOutcome, JobState
-
-Document = Mapping[str, object]
-
-
-class Base(DeclarativeBase):
-    """Constraints are named by rule, so that every migration can address them."""
-
-    metadata = MetaData(
-        naming_convention={
-            "pk": "pk_%(table_name)s",
-            "fk": "fk_%(table_name)s_%(column_0_name)s",
-            "uq": "uq_%(table_name)s_%(column_0_name)s",
-            "ix": "ix_%(table_name)s_%(column_0_name)s",
-            "ck": "ck_%(table_name)s_%(constraint_name)s",
-        }
-    )
-    type_annotation_map: ClassVar[dict[object, object]] = {
-        str: String(64),
-        float: Double(),
-        bytes: LargeBinary(),
-        Document: JSON(),
-    }
-
-
-def one_of(column: str, values: type[JobState] | type[AttemptOutcome]) -> str:
-    """Return the SQL condition that ``column`` holds one of the words."""
-    return f"{column} IN ({', '.join(repr(word.value) for word in values)})"
+from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.storage.base import Base, Document, one_of
+from service.storage.sweep_tables import SweepRow
 
 
 class JobRow(Base):
@@ -46,14 +14,26 @@ class JobRow(Base):
     __tablename__ = "jobs"
     __table_args__ = (
         CheckConstraint(one_of("state", JobState), name="state"),
-        CheckConstraint("(state = 'succeeded') = (solution_id IS NOT NULL)", name="solution"),
+        CheckConstraint(one_of("kind", JobKind), name="kind"),
+        CheckConstraint(
+            "(state = 'succeeded' AND kind = 'solve') = (solution_id IS NOT NULL)", name="solution"
+        ),
+        CheckConstraint("(kind = 'chunk') = (sweep_id IS NOT NULL)", name="sweep"),
         CheckConstraint("(state = 'running') = (owner IS NOT NULL)", name="owner"),
         CheckConstraint("(state = 'running') = (lease_until IS NOT NULL)", name="lease"),
         Index("ix_jobs_state_id", "state", "id"),
+        # In the order of claims.
+        Index("ix_jobs_queue", "state", desc("priority"), "id"),
+        Index("ix_jobs_leases", "state", "lease_until"),
+        Index("ix_jobs_of_key", "key_id", "state"),
     )
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
+    kind: Mapped[str] = mapped_column(String(16), default=JobKind.SOLVE.value, server_default="solve")
     state: Mapped[str] = mapped_column(String(16))
+    priority: Mapped[int] = mapped_column(default=0, server_default="0")
+    ready_at: Mapped[float] = mapped_column(default=0.0, server_default="0")
+    """Not claimed before: a lost worker's job waits a little longer each time."""
     attempt: Mapped[int] = mapped_column(default=0)
     progress: Mapped[float] = mapped_column(default=0.0)
     error: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
@@ -61,7 +41,13 @@ class JobRow(Base):
     solution_id: Mapped[str | None] = mapped_column(
         Uuid(as_uuid=False), ForeignKey("solutions.id"), index=True
     )
+    sweep_id: Mapped[str | None] = mapped_column(
+        Uuid(as_uuid=False), ForeignKey(SweepRow.id, ondelete="CASCADE"), index=True
+    )
+    key_id: Mapped[str | None] = mapped_column(Uuid(as_uuid=False))
+    """Whose key submitted it; no foreign key, so that keys can be removed."""
     problem: Mapped[Document]
+    """Of a chunk: {"first": index, "count": points}."""
     digest: Mapped[str]
     owner: Mapped[str | None] = mapped_column(String(128))
     lease_until: Mapped[float | None]
@@ -74,7 +60,11 @@ class AttemptRow(Base):
     """One try at a job; without ``ended_at`` while it runs."""
 
     __tablename__ = "attempts"
-    __table_args__ = (CheckConstraint(one_of("outcome", AttemptOutcome), name="outcome"),)
+    __table_args__ = (
+        CheckConstraint(one_of("outcome", AttemptOutcome), name="outcome"),
+        # What has ended since the last look is counted, not all that ever ended.
+        Index("ix_attempts_ended_at", "ended_at"),
+    )
 
     job_id: Mapped[str] = mapped_column(
         Uuid(as_uuid=False), ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True
@@ -132,13 +122,3 @@ class SamplesRow(Base):
         Uuid(as_uuid=False), ForeignKey("solutions.id", ondelete="CASCADE"), primary_key=True
     )
     data: Mapped[bytes]
-
-
-class CalibrationRow(Base):
-    """A measured table of accuracy and speed; the latest one counts, the older ones are kept."""
-
-    __tablename__ = "calibrations"
-
-    id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
-    created_at: Mapped[float] = mapped_column(index=True)
-    document: Mapped[Document]

@@ -8,7 +8,7 @@ from sqlalchemy import func, select
 
 from service.schemas.accuracy import AccuracyTableModel
 from service.storage.accuracy_store import AccuracyStore, shipped_table
-from service.storage.tables import CalibrationRow
+from service.storage.operation_tables import CalibrationRow
 from tests.support.accuracy import row, table
 
 

@@ -10,6 +10,7 @@ from sqlalchemy import func, select
 
 from service.jobs.errors import JobFinishedError, JobNotFoundError, SolutionNotFoundError
 from service.jobs.states import ALLOWED, AttemptOutcome, JobState
+from service.storage.ids import new_id
 from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.databases import PROBLEM, SUMMARY
 
@@ -261,7 +262,7 @@ def take(jobs, job, step, claims):
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(steps=st.lists(st.sampled_from(STEPS), min_size=1, max_size=8))
 def test_whatever_happens_a_job_makes_only_legal_moves(jobs, solutions, steps):
-    job = jobs.submit(PROBLEM, f"digest of {steps}{id(steps)}")
+    job = jobs.submit(PROBLEM, new_id())
     # An example before may have left a job waiting; this one must be the next.
     while (other := claim(jobs, "sweeper")) is not None and other.job_id != job.id:
         jobs.finish_failure(other, {"code": "swept"})

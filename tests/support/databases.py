@@ -1,4 +1,4 @@
-"""Databases made by the migrations, once, and copied for each test."""
+"""Databases of both kinds, made by the migrations, once, and copied for each test."""
 
 import shutil
 from collections.abc import Iterator
@@ -10,6 +10,7 @@ from service.storage.database import Database
 from service.storage.job_store import SqlJobStore
 from service.storage.migration import migrate
 from service.storage.solution_store import SolutionStore
+from tests.support.postgres import PostgresServer, postgres_server
 
 
 def url_of(file: Path) -> str:
@@ -39,13 +40,41 @@ SUMMARY = {
 
 
 @pytest.fixture(scope="session")
-def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def sqlite_template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_template(tmp_path_factory.mktemp("template"))
 
 
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[PostgresServer]:
+    with postgres_server() as server:
+        yield server
+
+
+@pytest.fixture(scope="session")
+def postgres_template(postgres: PostgresServer) -> str:
+    template = postgres.create_database()
+    migrate(postgres.url(template))
+    return template
+
+
 @pytest.fixture
-def url(template: Path, tmp_path: Path) -> str:
-    return copy_of(template, tmp_path)
+def sqlite_url(sqlite_template: Path, tmp_path: Path) -> str:
+    return copy_of(sqlite_template, tmp_path)
+
+
+@pytest.fixture
+def postgres_url(postgres: PostgresServer, postgres_template: str) -> Iterator[str]:
+    name = postgres.create_database(postgres_template)
+    yield postgres.url(name)
+    postgres.drop_database(name)
+
+
+@pytest.fixture(params=["sqlite", "postgres"])
+def url(request: pytest.FixtureRequest) -> str:
+    """The URL of a migrated, empty database: every test that uses it runs on both."""
+    found = request.getfixturevalue(f"{request.param}_url")
+    assert isinstance(found, str)
+    return found
 
 
 @pytest.fixture

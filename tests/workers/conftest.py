@@ -1,9 +1,6 @@
 import pytest
 
-from tests.support.databases import database, jobs, solutions, template, url
 from tests.workers.processes import Worker
-
-__all__ = ["database", "jobs", "solutions", "start_worker", "template", "url"]
 
 
 @pytest.fixture

@@ -1,0 +1,64 @@
+"""What several commands share: options, settings, and how a command fails."""
+
+import os
+import sqlite3
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from pydantic import ValidationError
+
+from service.settings import Settings
+
+REFUSED, WRONG_USAGE = 1, 2
+
+DatabaseUrl = Annotated[
+    str | None, typer.Option(help="SQLite or Postgres. POLHODE_DATABASE_URL, else sqlite:///polhode.db")
+]
+Document = Annotated[Path, typer.Argument(help="a JSON document", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
+
+
+def settings_of(**given: object) -> Settings:
+    """Return the settings, in which what was given on the command line comes first."""
+    try:
+        return Settings.model_validate(
+            Settings().model_dump() | {name: value for name, value in given.items() if value is not None}
+        )
+    except ValidationError as fault:
+        reasons = (
+            f"{'_'.join(map(str, error['loc']))}: {error['msg']}" for error in fault.errors(include_url=False)
+        )
+        fail("; ".join(reasons), WRONG_USAGE)
+
+
+def migrate_database(settings: Settings) -> None:
+    """Bring the database to this version, or end with the reason why not."""
+    from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
+
+    from service.storage.migration import migrate  # noqa: PLC0415
+
+    try:
+        migrate(settings.database_url)
+    except (SQLAlchemyError, sqlite3.Error, ImportError) as fault:
+        # sqlite3.Error: its file cannot be opened. ImportError: the database's driver is not installed.
+        reason = str(getattr(fault, "orig", None) or fault).splitlines()[0]
+        fail(f"cannot migrate the database: {reason}", REFUSED)
+
+
+def become_worker(arguments: list[str], environment: Mapping[str, str]) -> NoReturn:
+    """Replace this process by one of the workers, which the service does not import."""
+    os.execve(sys.executable, [sys.executable, "-m", "workers", *arguments], dict(environment))
+
+
+def fail(reason: str, code: int) -> NoReturn:
+    """End with the reason on stderr."""
+    say(reason)
+    raise typer.Exit(code)
+
+
+def say(line: str) -> None:
+    """Tell a person something; stdout is for answers."""
+    sys.stderr.write(f"{line}\n")

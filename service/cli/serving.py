@@ -1,0 +1,128 @@
+"""``polhode serve``, ``worker`` and ``migrate``: the processes of an installation."""
+
+import signal
+import socket
+from ipaddress import ip_address
+from types import FrameType
+from typing import Annotated, NoReturn
+
+import typer
+
+from service.cli.common import (
+    REFUSED,
+    WRONG_USAGE,
+    DatabaseUrl,
+    become_worker,
+    fail,
+    migrate_database,
+    say,
+    settings_of,
+)
+from service.jobs.wakeup import Doorbell
+from service.local_workers import LocalWorkers, worker_environment
+from service.settings import Settings
+
+LOG_LEVELS = ("critical", "error", "warning", "info", "debug")
+
+FINISH_REQUESTS_SECONDS = 3
+"""How long open requests may go on after a signal to stop."""
+
+
+def serve(
+    host: Annotated[str | None, typer.Option(help="Loopback only. POLHODE_HOST, else 127.0.0.1")] = None,
+    port: Annotated[int | None, typer.Option(help="0: any free one. POLHODE_PORT, else 8000")] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Jobs at the same time; 0: API only. POLHODE_WORKERS, else 1")
+    ] = None,
+    database_url: DatabaseUrl = None,
+    log_level: Annotated[str, typer.Option(help=" | ".join(LOG_LEVELS))] = "warning",
+) -> None:
+    """Migrate the database, serve the API and run local workers until SIGTERM or SIGINT."""
+    settings = settings_of(host=host, port=port, workers=workers, database_url=database_url)
+    if log_level not in LOG_LEVELS:
+        fail(f"--log-level {log_level}: accepted are {', '.join(LOG_LEVELS)}", WRONG_USAGE)
+    if not _is_loopback(settings.host):
+        fail(
+            f"host {settings.host}: the service asks nobody who they are, so only this machine may reach it; "
+            "accepted are 127.0.0.1, ::1 and localhost",
+            WRONG_USAGE,
+        )
+    signal.signal(signal.SIGTERM, _stop)
+    signal.signal(signal.SIGINT, _stop)
+    with _listen(settings.host, settings.port) as listener:
+        migrate_database(settings)
+        _serve(settings, listener, log_level)
+
+
+def worker(
+    slots: Annotated[
+        int | None, typer.Option(min=1, help="Jobs at the same time. POLHODE_WORKERS, else 1")
+    ] = None,
+    database_url: DatabaseUrl = None,
+) -> None:
+    """Compute queued jobs until SIGTERM or SIGINT."""
+    settings = settings_of(workers=slots, database_url=database_url)
+    become_worker(["run", "--slots", str(max(settings.workers, 1))], worker_environment(settings))
+
+
+def migrate(database_url: DatabaseUrl = None) -> None:
+    """Create the tables, or bring them to this version."""
+    migrate_database(settings_of(database_url=database_url))
+
+
+def _serve(settings: Settings, listener: socket.socket, log_level: str) -> None:
+    import uvicorn  # noqa: PLC0415
+
+    from service.app import create_app  # noqa: PLC0415
+
+    doorbell = Doorbell()
+
+    workers = LocalWorkers(settings, doorbell) if settings.workers else None
+
+    class _Server(uvicorn.Server):
+        def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+            if workers is not None:
+                workers.expect_end()
+            # Workers hear it and finish; whoever waits for a job is answered as things stand.
+            doorbell.close()
+            super().handle_exit(sig, frame)
+
+    try:
+        config = uvicorn.Config(
+            create_app(settings, doorbell=doorbell),
+            access_log=False,
+            log_level=log_level,
+            timeout_graceful_shutdown=FINISH_REQUESTS_SECONDS,
+        )
+        server = _Server(config)
+        host, port = listener.getsockname()[:2]
+        say(f"serving http://{f'[{host}]' if ':' in host else host}:{port}, {settings.workers} workers")
+        # It listens to signals itself while it runs, and raises them anew at its end: _stop exits with 0.
+        server.run(sockets=[listener])
+        if not server.started:
+            raise typer.Exit(REFUSED)
+    finally:
+        if workers is not None:
+            workers.stop()
+        doorbell.close()
+
+
+def _stop(number: int, frame: FrameType | None) -> NoReturn:
+    raise SystemExit(0)
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except OSError as fault:
+        fail(f"cannot listen on {host} port {port}: {fault.strerror or fault}", REFUSED)
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,40 @@
+"""What all tables share: the names of constraints, and how Python's types are stored.
+
+Instants are seconds since 1970, UTC, as doubles by the database's clock. A
+double keeps microseconds, is the same type in SQLite and Postgres, and leases
+can be compared and prolonged with plain arithmetic in either.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import ClassVar
+
+from sqlalchemy import JSON, Double, LargeBinary, MetaData, String
+from sqlalchemy.orm import DeclarativeBase
+
+Document = Mapping[str, object]
+
+
+class Base(DeclarativeBase):
+    """Constraints are named by rule, so that every migration can address them."""
+
+    metadata = MetaData(
+        naming_convention={
+            "pk": "pk_%(table_name)s",
+            "fk": "fk_%(table_name)s_%(column_0_name)s",
+            "uq": "uq_%(table_name)s_%(column_0_name)s",
+            "ix": "ix_%(table_name)s_%(column_0_name)s",
+            "ck": "ck_%(table_name)s_%(constraint_name)s",
+        }
+    )
+    type_annotation_map: ClassVar[dict[object, object]] = {
+        str: String(64),
+        float: Double(),
+        bytes: LargeBinary(),
+        Document: JSON(),
+    }
+
+
+def one_of(column: str, words: type[StrEnum]) -> str:
+    """Return the SQL condition that ``column`` holds one of the words."""
+    return f"{column} IN ({', '.join(repr(word.value) for word in words)})"
