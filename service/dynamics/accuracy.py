@@ -1,6 +1,6 @@
 """What the tiers of accuracy promise, what they cost on a machine, and the tiers chosen from that."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, get_args
@@ -9,7 +9,6 @@ from service.dynamics.errors import InvalidNumberError
 from service.dynamics.problem import (
     Tier as Tier,  # its home is the problem; those who ask for tiers find it here
 )
-from service.dynamics.reduction.window import Window
 
 TIERS: tuple[Tier, ...] = get_args(Tier)
 """From the cheapest to the best."""
@@ -151,12 +150,12 @@ def best_tier(
     return TierChoice(cheapest, seconds[cheapest], fits=False)
 
 
-def motion_kind(window: Window | None) -> MotionKind:
-    """Return the kind of a motion by its window, None being that of a motion from any state."""
-    if window is None:
-        return "any state"
-    ends = " to ".join(window.ends)
-    return next((kind for kind in MOTION_KINDS if window.kind == "periodic" and kind == ends), "aperiodic")
+def motion_kind(kind: str, ends: Sequence[str]) -> MotionKind:
+    """Return the kind of a planar motion by the kind and the ends of its window."""
+    if kind != "periodic":
+        return "aperiodic"
+    name = " to ".join(ends)
+    return next((known for known in MOTION_KINDS if known == name), "aperiodic")
 
 
 def _alike(table: AccuracyTable, kind: MotionKind, family: Family | None) -> tuple[AccuracyRow, ...]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from service.dynamics.accuracy import MOTION_KINDS, AccuracyTable, MotionKind, TierChoice, best_tier
+from service.dynamics.accuracy import AccuracyTable, MotionKind, TierChoice, best_tier, motion_kind
 from service.dynamics.problem import Problem, StateMotion, TimeList
 
 Document = Mapping[str, object]
@@ -36,7 +36,7 @@ def with_tier(document: Document, choice: TierChoice) -> dict[str, object]:
 def _kind(window: Document | None) -> MotionKind:
     if window is None:
         return "any state"
-    ends = window["ends"]
+    kind, ends = window["kind"], window["ends"]
+    assert isinstance(kind, str)
     assert isinstance(ends, list)
-    name = " to ".join(map(str, ends))
-    return next((kind for kind in MOTION_KINDS if window["kind"] == "periodic" and kind == name), "aperiodic")
+    return motion_kind(kind, ends)

@@ -57,3 +57,24 @@ def tag_by_field(choices: Sequence[str], default: str) -> Callable[[object], str
         return TAG_MARK + default
 
     return tag
+
+
+def require_one(
+    names: Sequence[str], *, models: tuple[type[BaseModel], ...], accepted: str, may_be_none: bool
+) -> Callable[[object], object]:
+    """Return a validator that refuses objects with more than one of the fields ``names``, or with none.
+
+    ``may_be_none`` leaves it to the union's default member to say what it misses.
+    """
+
+    def check(value: object) -> object:
+        if isinstance(value, models):
+            return value
+        given = [name for name in names if isinstance(value, dict) and name in value]
+        if not isinstance(value, dict) or not (given or may_be_none):
+            raise refuse("invalid_type", f"an object is expected; {accepted}")
+        if len(given) > 1:
+            raise refuse("conflicting_fields", f"{' and '.join(given)} exclude each other; {accepted}")
+        return value
+
+    return check

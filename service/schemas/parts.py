@@ -21,12 +21,14 @@ from service.schemas.sections import (
     TimePeriodsIn,
     TimeSpanIn,
 )
+from service.schemas.sweep_axes import MODELS as AXES
 from service.schemas.tiers import BudgetIn, TierIn, ToleranceIn
 
 Model = TypeVar("Model", bound=BaseModel)
 
 _MEMBERS: dict[str, type[BaseModel]] = {
     **MODELS,
+    **AXES,
     "planar": PlanarMotionIn,
     "state": StateMotionIn,
     "equator": EquatorStartIn,

@@ -117,7 +117,7 @@ def check_problem(document: object) -> CheckedProblem:
                     "outputs": list(outputs),
                 },
             )
-    raise InvalidProblemError(_each_once(faults))
+    raise InvalidProblemError(each_once(faults))
 
 
 def read_question(document: object) -> Question:
@@ -139,10 +139,10 @@ def read_question(document: object) -> Question:
             return Question(body, potential, motion)
         w, g2 = (tuple(map(float, values)) for values in (points.w, points.g2))
         return Question(body, potential, motion, w, g2)
-    raise InvalidProblemError(_each_once(faults))
+    raise InvalidProblemError(each_once(faults))
 
 
-def _each_once(faults: list[Fault]) -> list[Fault]:
+def each_once(faults: list[Fault]) -> list[Fault]:
     """Drop what two checks found alike; of very many faults, keep the first and say how many there are."""
     seen: dict[tuple[str, str], Fault] = {}
     for fault in faults:

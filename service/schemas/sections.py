@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from service.dynamics.body import RigidBody
 from service.dynamics.problem import TimeList, TimePeriods, Times, TimeSpan
-from service.schemas.choices import TAG_MARK, WireModel, tag_by_field
+from service.schemas.choices import TAG_MARK, WireModel, require_one, tag_by_field
 from service.schemas.motions import MotionIn
 from service.schemas.numbers import MAX_SAMPLES, Exact, Instant, Moment, Periods, Positive, Samples, refuse
 from service.schemas.potentials import PotentialIn
@@ -102,24 +102,19 @@ class TimeListIn(WireModel):
         return {"times": [str(time) for time in self.times]}
 
 
-def _require_time(value: object) -> object:
-    if isinstance(value, TimeSpanIn | TimePeriodsIn | TimeListIn):
-        return value
-    accepted = 'accepted are {"start", "stop", "samples"}, {"periods", "samples"} and {"times"}'
-    if not isinstance(value, dict):
-        raise refuse("invalid_type", f"an object is expected; {accepted}")
-    given = [name for name in ("stop", "periods", "times") if name in value]
-    if len(given) > 1:
-        raise refuse("conflicting_fields", f"{' and '.join(given)} exclude each other; {accepted}")
-    return value
-
-
 TimeIn = Annotated[
     Annotated[TimePeriodsIn, Tag(f"{TAG_MARK}periods")]
     | Annotated[TimeListIn, Tag(f"{TAG_MARK}times")]
     | Annotated[TimeSpanIn, Tag(f"{TAG_MARK}stop")],
     Discriminator(tag_by_field(("periods", "times"), "stop")),
-    BeforeValidator(_require_time),
+    BeforeValidator(
+        require_one(
+            ("stop", "periods", "times"),
+            models=(TimeSpanIn, TimePeriodsIn, TimeListIn),
+            accepted='accepted are {"start", "stop", "samples"}, {"periods", "samples"} and {"times"}',
+            may_be_none=True,
+        )
+    ),
 ]
 
 

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from service.dynamics.accuracy import CERTIFIED_BITS, TIER_TOLERANCES, TIERS, cheapest_tier
 from service.dynamics.problem import Accuracy, Tier
-from service.schemas.choices import TAG_MARK, WireModel, tag_by_field
+from service.schemas.choices import TAG_MARK, WireModel, require_one, tag_by_field
 from service.schemas.numbers import Positive, refuse
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = Fraction(1, 10**15), Fraction(1, 100)
@@ -88,23 +88,17 @@ class BudgetIn(WireModel):
         return {"budget_seconds": str(self.budget_seconds)}
 
 
-def _require_accuracy(value: object) -> object:
-    if isinstance(value, ToleranceIn | TierIn | BudgetIn):
-        return value
-    given = [
-        name for name in ("tolerance", "tier", "budget_seconds") if isinstance(value, dict) and name in value
-    ]
-    if not given:
-        raise refuse("invalid_type", _ACCEPTED)
-    if len(given) > 1:
-        raise refuse("conflicting_fields", f"{' and '.join(given)} exclude each other; {_ACCEPTED}")
-    return value
-
-
 AccuracyIn = Annotated[
     Annotated[ToleranceIn, Tag(f"{TAG_MARK}tolerance")]
     | Annotated[BudgetIn, Tag(f"{TAG_MARK}budget_seconds")]
     | Annotated[TierIn, Tag(f"{TAG_MARK}tier")],
     Discriminator(tag_by_field(("tolerance", "budget_seconds"), "tier")),
-    BeforeValidator(_require_accuracy),
+    BeforeValidator(
+        require_one(
+            ("tolerance", "tier", "budget_seconds"),
+            models=(ToleranceIn, TierIn, BudgetIn),
+            accepted=_ACCEPTED,
+            may_be_none=False,
+        )
+    ),
 ]

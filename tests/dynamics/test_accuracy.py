@@ -134,8 +134,4 @@ def test_a_table_without_rows_is_none():
 def test_the_kind_of_a_motion_is_read_off_its_window(text, kind):
     double = body(2, 1)
     (window,) = find_windows(double, formula(text, double), PlanarMotion(None, Fraction(1)))
-    assert motion_kind(window) == kind
-
-
-def test_a_motion_without_a_window_starts_from_any_state():
-    assert motion_kind(None) == "any state"
+    assert motion_kind(window.kind, window.ends) == kind
