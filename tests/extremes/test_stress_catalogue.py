@@ -5,14 +5,17 @@ between two rest points. Numbers are compared within what the answers claim and
 half a unit of their last printed digit.
 """
 
+import json
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from flint import arb, ctx
 
+from service.storage.codec import decode_arrays
 from tests.extremes.elliptic import elliptic
 from tests.extremes.problems import METHODS, SEPARATRIX, require_claims, solve, three_terms
+from workers.computation import solve_checked
 
 ONE_PERIOD = {"periods": 1, "samples": 9}
 SHORT = {"start": 0, "stop": "3/4", "samples": 4}
@@ -169,6 +172,49 @@ def test_s10_a_reflection_next_to_the_pole_is_not_a_passage(method, b1):
 
 def test_s10_a_reflection_finer_than_doubles_is_refused():
     assert three_terms(-1, "1e-150", 0, 1, ONE_PERIOD, tolerance="1e-2").code == "accuracy_not_met"
+
+
+def test_s12_an_orbit_unstable_across_its_plane_is_not_left_and_its_multiplier_is_the_growth_of_q():
+    body = {"A": 2, "B": 3, "C": 1}
+    planar = {
+        "body": body,
+        "potential": {"type": "gravity", "a": -1},
+        "motion": {"type": "planar", "nu": 2},
+        "time": {"periods": 40, "samples": 401},
+        "method": "both",
+        "outputs": ["gamma", "omega", "stability"],
+    }
+    outcome = solve_checked(json.dumps(planar))
+    summary, columns = outcome.summary, decode_arrays(outcome.samples)
+    stability, check = summary["stability"], summary["cross_check"]
+    assert stability["verdict"] == "unstable"
+    # The last printed digit of the trace, and what the answer claims.
+    assert abs(stability["trace"] - 7.205281206786) <= 5e-13 + stability["error"]
+    # The quadrature knows nothing across the plane; the witness is believed only as long as it can be.
+    assert not columns["q"].any()
+    assert check["agrees"]
+    assert check["horizon"] <= stability["trusted_time"] < columns["t"][-1]
+
+    period = summary["period"]["value"]
+    across = 1e-8
+    state = [float(columns[name][0]) for name in ("p", "q", "r", "g1", "g2", "g3")]
+    state[1] = across
+    beside = {
+        "body": body,
+        "potential": planar["potential"],
+        "motion": {"type": "state", "omega": state[:3], "gamma": state[3:]},
+        "time": {"times": [k * period for k in range(6)]},
+        "accuracy": {"tolerance": 1e-9},
+    }
+    outcome = solve_checked(json.dumps(beside))
+    assert outcome.error is None, outcome.error
+    q = decode_arrays(outcome.samples)["q"]
+    # From the second period on: the shrinking partner is 50^-2 of the growing part at the first end and
+    # falls by 50 each period. The errors are the claim's, relative to a q that has grown above 2e-6;
+    # what is not linear is of relative order |q| < 2e-4.
+    growth = q[5] / q[4]
+    multiplier = stability["multipliers"][0][0]
+    assert abs(growth / multiplier - 1) <= 2 * 50.0**-4 + 2 * outcome.summary["error"] / abs(q[4]) + 2e-4
 
 
 def test_s13_starts_at_rest_and_at_the_equator_are_exact():
