@@ -1,16 +1,17 @@
 """Enclosures of any periodic motion of a potential with a formula: one integral, inverted."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from flint import acb, arb, ctx
+from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc
-from service.dynamics.reduction.loop import Loop
+from service.dynamics.reduction.loop import Loop, ball
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import (
@@ -21,13 +22,18 @@ from service.dynamics.reduction.windows import (
 )
 from workers.solvers.certified.complex_loop import ComplexLoop
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
+from workers.solvers.certified.fourier_time import FourierTime, make_fourier_time
+from workers.solvers.certified.orbit import is_the_only_one, passes_pole, start_from_doubles
 from workers.solvers.certified.phase import Libration, Rotation
+from workers.solvers.certified.real_loop import RealLoop
 from workers.solvers.certified.time_model import TimeModel, make_time_model
-from workers.solvers.certified.trapezoid import time_of_turn
+from workers.solvers.certified.trapezoid import ProvenStrip, proven_strip, time_of_turn
 
 SHARES = (0.375, 0.625, 0.8125)
 """Places on the arc where the energy is taken: two at least are neither a pole nor the equator."""
 NEWTON_TRIES = 12
+NARROWING = 2.0**-8
+"""Of the radius of a zero, from which on it is not worth another step."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +43,8 @@ class IntegralMotion:
     phase: Libration | Rotation
     start: StartingPoint
     energy: arb
+    bits: int
+    """How well the period is wanted, relative to it."""
 
     @property
     def passes_pole(self) -> bool:
@@ -44,15 +52,21 @@ class IntegralMotion:
         return passes_pole(self.start.arc)
 
     @cached_property
-    def period(self) -> arb:
-        """Return the period of all six variables."""
-        time = time_of_turn(self.phase)
-        return self.model.period if time is None else time
+    def strip(self) -> ProvenStrip | None:
+        """Return where time is proven to be a holomorphic function of the phase; None if not by one strip."""
+        return proven_strip(self.phase)
 
     @cached_property
-    def model(self) -> TimeModel:
+    def period(self) -> arb:
+        """Return the period of all six variables."""
+        return self.model.period if self.strip is None else time_of_turn(self.phase, self.strip, self.bits)
+
+    @cached_property
+    def model(self) -> FourierTime | TimeModel:
         """Return time as a function of the phase, which samples need and the period alone does not."""
-        return make_time_model(self.phase)
+        if self.strip is None:
+            return make_time_model(self.phase)
+        return make_fourier_time(self.phase, self.strip, self.bits)
 
     @cached_property
     def origin(self) -> arb:
@@ -65,9 +79,15 @@ class IntegralMotion:
             return arb(0) if abs(below) < abs(above) else self.model.span
         return direction * self.model.time_at(2 * arb.atan2(below.sqrt(), above.sqrt()))
 
-    def state(self, t: arb) -> tuple[arb, ...]:
+    def states(self, times: Sequence[arb]) -> tuple[tuple[arb, ...], ...]:
         """Return (p, q, r, g1, g2, g3) in the client's axes."""
-        return self.phase.state(self.model.phase_at(t + self.origin))
+        if not times:
+            return ()
+        model = self.model
+        phases = model.phases_at([t + self.origin for t in times])
+        if isinstance(model, FourierTime):
+            return tuple(self.phase.state(theta, model.rate(theta)) for theta in phases)
+        return tuple(self.phase.state(theta) for theta in phases)
 
 
 def periodic_window(
@@ -89,7 +109,26 @@ def periodic_window(
     return window, starting_point(window, motion)
 
 
-def integral_motion(start: StartingPoint) -> IntegralMotion:
+def motion_by_integral(
+    body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int
+) -> IntegralMotion:
+    """Return the motion, its period being wanted to so many bits; raises as the other two functions.
+
+    What the compiled doubles find is proven. Where they do not decide, or it is not there, the windows
+    are looked for in balls.
+    """
+    start = start_from_doubles(body, potential, motion)
+    if start is not None:
+        try:
+            found = integral_motion(start, bits)
+            if is_the_only_one(start.arc, found.energy):
+                return found
+        except (PrecisionNeededError, CertifiedUnavailableError):
+            pass
+    return integral_motion(periodic_window(body, potential, motion)[1], bits)
+
+
+def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
     """Return the motion from ``start`` on a periodic arc, at the current precision.
 
     Raises
@@ -100,26 +139,25 @@ def integral_motion(start: StartingPoint) -> IntegralMotion:
         The precision does not suffice, as above.
     """
     arc = start.arc
-    curve = _curve(arc)
+    loop, side, tape = arc.loop, _side(arc), _tape(arc.loop)
+    real = RealLoop(loop, tape, side)
+    curve = ComplexLoop(loop, tape, _energy(arc, real), side)
     if arc.is_whole_loop:
-        return IntegralMotion(Rotation(curve, start.v, start.direction), start, curve.h)
-    return IntegralMotion(Libration(curve, _zero(curve, arc.lower), _zero(curve, arc.upper)), start, curve.h)
+        return IntegralMotion(Rotation(curve, real, start.v, start.direction), start, curve.h, bits)
+    lower, upper = (_zero(real, curve.h, v) for v in (arc.lower, arc.upper))
+    return IntegralMotion(Libration(curve, real, lower, upper), start, curve.h, bits)
 
 
-def passes_pole(arc: Arc) -> bool:
-    """Say whether motions on the arc go through a pole."""
-    return arc.is_whole_loop or bool(arc.poles)
-
-
-def _curve(arc: Arc) -> ComplexLoop:
-    loop = arc.loop
-    if passes_pole(arc) and loop.alpha.denominator != 1:
+def _side(arc: Arc) -> int:
+    """Return the sign of sin v on the arc, 0 if it passes a pole."""
+    if not passes_pole(arc):
+        return 1 if ((arc.lower + arc.upper) / 2).sin() > 0 else -1
+    if arc.loop.alpha.denominator != 1:
         raise CertifiedUnavailableError(
-            f"it passes a pole, where time is not an analytic function of g3 for A/C = {loop.alpha}",
+            f"it passes a pole, where time is not an analytic function of g3 for A/C = {arc.loop.alpha}",
             pointer="/motion",
         )
-    side = 0 if passes_pole(arc) else 1 if ((arc.lower + arc.upper) / 2).sin() > 0 else -1
-    return ComplexLoop(loop, _tape(loop), _energy(loop, arc), side)
+    return 0
 
 
 def _tape(loop: Loop) -> Tape:
@@ -131,14 +169,24 @@ def _tape(loop: Loop) -> Tape:
         ) from error
 
 
-def _energy(loop: Loop, arc: Arc) -> arb:
+def _energy(arc: Arc, real: RealLoop) -> arb:
     """Return h, which must be the same all along the arc.
 
-    It is taken from D: two places where it differs refute the potential.
+    h = V + Q D / (2 (A − C) g1 g3), in the client's axes: two places where it differs refute the potential.
     """
-    places = (arc.lower + (arc.upper - arc.lower) * share for share in SHARES)
-    found = [h for h in map(loop.energy, places) if h.is_finite()][:2]
-    if len(found) < 2:
+    loop = arc.loop
+    A, C = (loop.C, loop.A) if loop.mirrored else (loop.A, loop.C)
+    a, c, difference = ball(A), ball(C), ball(2 * (A - C))
+    found = []
+    for share in SHARES:
+        g1, g2, g3 = real.gamma((arc.lower + (arc.upper - arc.lower) * share).mid())
+        V, D = loop.potential.value_and_D_ball(g1, g2, g3)
+        h = V + (a * g1 * g1 + c * g3 * g3) * D / (difference * g1 * g3)
+        if h.is_finite():
+            found.append(h)
+        if len(found) == 2:
+            break
+    else:
         raise PrecisionNeededError("the energy")
     first, second = found
     if not first.overlaps(second):
@@ -146,17 +194,26 @@ def _energy(loop: Loop, arc: Arc) -> arb:
     return first.intersection(second)
 
 
-def _zero(curve: ComplexLoop, v: arb) -> arb:
-    """Return the enclosure of the one zero of N next to ``v``, proven by the interval Newton method."""
-    middle = v.mid()
-    value = curve.N(curve.place(acb(middle), analytic=False), analytic=False).real
+def _zero(real: RealLoop, h: arb, v: arb) -> arb:
+    """Return the enclosure of the one zero of N in or about ``v``, proven by the interval Newton method."""
     guess = v
     for _ in range(NEWTON_TRIES):
-        slope = curve.slope(curve.place(acb(guess), analytic=False), analytic=False).real
-        found = middle - value / slope
+        slope = -real.slope(guess)
+        middle = guess.mid()
+        found = middle - (h - real.V(middle)) / slope
         if not found.is_finite():
             break
         if guess.contains(found):
-            return found
+            return _narrowed(real, h, found, slope)
         guess = arb(middle, (4 * abs(found - middle)).abs_upper())
     raise PrecisionNeededError("a rest point")
+
+
+def _narrowed(real: RealLoop, h: arb, zero: arb, slope: arb) -> arb:
+    """Return the zero again and again from the midpoint, while that narrows it."""
+    while True:
+        middle = zero.mid()
+        found = middle - (h - real.V(middle)) / slope
+        if not found.rad() < NARROWING * zero.rad():
+            return zero
+        zero = found

@@ -12,7 +12,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, StateMotion
 from service.dynamics.reduction.loop import ball, make_loop
-from workers.solvers.certified.by_integral import integral_motion, periodic_window
+from workers.solvers.certified.by_integral import motion_by_integral, periodic_window
 from workers.solvers.certified.elliptic_start import elliptic_motion
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.closed_form.intervals import UndecidedError
@@ -22,6 +22,10 @@ from workers.solvers.quadrature.description import SYMMETRIC_POLE_PASSAGE
 Method = Literal["elliptic", "integral"]
 
 GUARD_BITS = 32
+PERIOD_BITS = 5
+"""What is left over of the integral is so much less than was asked."""
+LIMB = 64
+"""Numbers are stored in words of so many bits: all of a word costs what one bit of it does."""
 ALLOWED_BITS = 8
 """Radii are at most 2^(ALLOWED_BITS − bits), relative to numbers above 1 and to the period."""
 HIGHEST_PRECISION = 2048
@@ -52,7 +56,7 @@ class _Motion(Protocol):
     @property
     def passes_pole(self) -> bool: ...
 
-    def state(self, t: arb) -> tuple[arb, ...]: ...
+    def states(self, times: Sequence[arb]) -> tuple[tuple[arb, ...], ...]: ...
 
 
 def certify(
@@ -85,16 +89,18 @@ def certify(
     """
     if not isinstance(motion, PlanarMotion):
         raise CertifiedUnavailableError("it is not a planar one", pointer="/motion/type")
-    precision = bits + GUARD_BITS + int(max((abs(t) for t in times), default=Fraction(0))).bit_length()
-    makers = _makers(body, potential, motion, method)
+    latest = max((abs(t) for t in times), default=Fraction(0))
+    precision = -(-(bits + GUARD_BITS + int(latest).bit_length()) // LIMB) * LIMB
+    # With more precision less is left over of the integral, too.
+    unused = precision - (bits + PERIOD_BITS + int(latest).bit_length())
     while precision <= HIGHEST_PRECISION:
         with ctx.workprec(precision):
             try:
-                for name, make in makers:
+                for name, make in _makers(body, potential, motion, precision - unused, method):
                     made = make()
                     if made is None:
                         continue
-                    states = tuple(made.state(ball(t)) for t in times)
+                    states = made.states([ball(t) for t in times])
                     named = _conventions(body, potential, motion) if made.passes_pole else ()
                     result = Certified(made.period, made.energy, states, bits, name, named)
                     if _is_narrow(result):
@@ -110,12 +116,12 @@ def certify(
 
 
 def _makers(
-    body: RigidBody, potential: Potential, motion: PlanarMotion, method: Method | None
+    body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int, method: Method | None
 ) -> list[tuple[Method, Callable[[], _Motion | None]]]:
     """Return the ways to a motion in their order; None from the first leaves it to the next."""
 
     def by_integral() -> _Motion:
-        return integral_motion(periodic_window(body, potential, motion)[1])
+        return motion_by_integral(body, potential, motion, bits)
 
     makers: list[tuple[Method, Callable[[], _Motion | None]]] = []
     if method != "integral":

@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 from flint import acb, arb
 
+from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets, Jet, SecondOrderJets
 from service.dynamics.formula.tape import Tape
@@ -163,13 +164,16 @@ class ComplexLoop:
         loop = self.loop
         return -loop.g1_sign * ball(loop.alpha) * loop.G / loop.Z * at.power * at.turn
 
-    def _algebra(self, at: Place, gamma: tuple[acb, acb, acb], *, analytic: bool) -> ComplexBallAlgebra:
+    def _algebra(self, at: Place, gamma: tuple[acb, acb, acb], *, analytic: bool) -> Algebra[acb]:
         loop = self.loop
         if self.side:
             return _plain(analytic)
         g1, _, g3 = reversed(gamma) if loop.mirrored else gamma
-        known = Monomial(g1, loop.G, loop.alpha, loop.g1_sign), Monomial(g3, loop.Z, Fraction(1), None)
-        return LoopAlgebra(at.sine, known, analytic=analytic)
+        known = (
+            Monomial(g1, acb(loop.G), loop.alpha, loop.g1_sign),
+            Monomial(g3, acb(loop.Z), Fraction(1), None),
+        )
+        return LoopAlgebra(_plain(analytic), at.sine, known)
 
     def _quotient(self, sine: acb, u: acb, *, analytic: bool) -> acb:
         """Return (1 − w^α) / u for sin v of the sign ``side``."""

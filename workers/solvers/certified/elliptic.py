@@ -15,6 +15,7 @@ Gauss's transformation replaces (a, b) by their means and χ by χ' with
 never taken for equal, and nothing is truncated.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flint import arb, ctx
@@ -54,6 +55,10 @@ class EllipticMotion:
         """Return h."""
         terms, nu = self.interval.curve.terms, self.interval.curve.nu
         return ball(terms.constant - terms.c1) - ball(terms.a1) * nu / 2 - 2 * ball(terms.b1) / (nu * nu)
+
+    def states(self, times: Sequence[arb]) -> tuple[tuple[arb, ...], ...]:
+        """Return (p, q, r, g1, g2, g3) in the client's axes."""
+        return tuple(self.state(t) for t in times)
 
     def state(self, t: arb) -> tuple[arb, ...]:
         """Return (p, q, r, g1, g2, g3) in the client's axes."""

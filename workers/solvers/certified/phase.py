@@ -12,12 +12,15 @@ and near a zero the mean value theorem encloses the quotient:
 That q has no zero proves that the zeros are simple and the only ones on the way.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
-from flint import acb, arb
+from flint import acb, arb, ctx
 
 from workers.solvers.certified.complex_loop import ComplexLoop, Place, tighter
+from workers.solvers.certified.real_loop import RealLoop
 
 NEAR_TURN = 0.0625
 """|sin(θ/2)| or |cos(θ/2)| from which on the direct quotient is good enough."""
@@ -32,15 +35,16 @@ class Phase(Protocol):
     @property
     def is_even(self) -> bool:
         """Say whether dt/dθ is even about 0 and π."""
+
+    def rates(self, count: int) -> Iterator[arb]:
+        """Yield dt/dθ at equidistant θ halfway between multiples of 2π/count, up to π if it is even."""
         ...
 
     def rate(self, theta: acb, *, analytic: bool) -> acb:
         """Return dt/dθ; not finite if ``analytic`` and it is not holomorphic on the ball."""
-        ...
 
     def state(self, theta: arb) -> tuple[arb, ...]:
         """Return (p, q, r, g1, g2, g3) in the client's axes."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +52,7 @@ class Libration:
     """Motion to and fro between two simple zeros of N, v = m − h cos θ."""
 
     curve: ComplexLoop
+    real: RealLoop
     lower: arb
     upper: arb
     is_even: bool = True
@@ -57,8 +62,20 @@ class Libration:
         at, quotient = self._at(theta, analytic=analytic)
         return self.curve.loop.Z * (self.curve.W(at) * quotient).rsqrt(analytic) / at.c
 
-    def state(self, theta: arb) -> tuple[arb, ...]:
+    def rates(self, count: int) -> Iterator[arb]:
+        """Yield dt/dθ at equidistant θ halfway between multiples of 2π/count, up to π."""
+        real, h, width = self.real, self.curve.h, self.upper - self.lower
+        for share in _shares(count, ctx.prec):
+            below = width * share
+            yield (real.squared_rate(self.lower + below, h) * below * (width - below)).sqrt()
+
+    def state(self, theta: arb, rate: arb | None = None) -> tuple[arb, ...]:
         """See Phase.state."""
+        if rate is not None:
+            sine, cosine = (theta / 2).sin_cos()
+            v = self.lower + (self.upper - self.lower) * sine * sine
+            if not self.real.loses_digits(v):
+                return self.real.state(v, (self.upper - self.lower) * sine * cosine / rate)
         at, quotient = self._at(acb(theta), analytic=False)
         half = (self.upper - self.lower) / 2
         return _six_variables(self.curve, at, -half * theta.sin() * (self.curve.W(at) * quotient).sqrt().real)
@@ -105,6 +122,7 @@ class Rotation:
     """Motion round the whole loop, v = v₀ + σθ."""
 
     curve: ComplexLoop
+    real: RealLoop
     origin: arb
     direction: int
     is_even: bool = False
@@ -114,8 +132,17 @@ class Rotation:
         at, P = self._at(theta, analytic=analytic)
         return self.curve.loop.Z * P.rsqrt(analytic) / at.c
 
-    def state(self, theta: arb) -> tuple[arb, ...]:
+    def rates(self, count: int) -> Iterator[arb]:
+        """Yield dt/dθ at equidistant θ halfway between multiples of 2π/count."""
+        real, h, step = self.real, self.curve.h, self.direction * arb.pi() / count
+        for j in range(1, 2 * count, 2):
+            yield real.squared_rate(self.origin + j * step, h).sqrt()
+
+    def state(self, theta: arb, rate: arb | None = None) -> tuple[arb, ...]:
         """See Phase.state."""
+        v = self.origin + self.direction * theta
+        if rate is not None and not self.real.loses_digits(v):
+            return self.real.state(v, self.direction / rate)
         at, P = self._at(acb(theta), analytic=False)
         return _six_variables(self.curve, at, -self.direction * P.sqrt().real)
 
@@ -126,6 +153,13 @@ class Rotation:
         if theta.real.rad() > WIDE and not N.real > 0:
             N = tighter(N, self.curve.expanded_N(v, analytic=True))
         return at, self.curve.W(at) * N
+
+
+@lru_cache(maxsize=64)
+def _shares(count: int, precision: int) -> tuple[arb, ...]:
+    """Return sin²(θ/2) at the phases of ``rates`` up to π."""
+    with ctx.workprec(precision):
+        return tuple((arb(2 * j + 1) / (2 * count)).sin_pi() ** 2 for j in range(count // 2))
 
 
 def _six_variables(curve: ComplexLoop, at: Place, p: arb) -> tuple[arb, ...]:

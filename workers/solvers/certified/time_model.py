@@ -12,6 +12,7 @@ are at most
 """
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import hypot, pi
@@ -106,6 +107,10 @@ class TimeModel:
         if self.is_even and theta.mid() > arb.pi():
             return self.period - self.time_at(2 * arb.pi() - theta)
         return self._piece(self.phases, theta).time_at(theta)
+
+    def phases_at(self, times: Sequence[arb]) -> list[arb]:
+        """Return θ at any times, up to whole turns."""
+        return [self.phase_at(t) for t in times]
 
     def phase_at(self, t: arb) -> arb:
         """Return θ at any time ``t``, up to whole turns."""

@@ -1,44 +1,77 @@
 r"""The time of a turn by the trapezoidal rule, with its proven error.
 
-dt/dθ has the period 2π. Where it is holomorphic and bounded by M for |Im θ| < a,
-n equidistant values leave (L. N. Trefethen and J. A. C. Weideman, SIAM Review
-56 (2014), theorem 3.2)
+dt/dθ has the period 2π and Fourier coefficients r_k with Σ \|r_k\| e^{a\|k\|} ≤ M. Its
+mean over n equidistant phases is the true one but for r_{±n}, r_{±2n}, …, hence
 
-.. math:: |T_n - T| \le \frac{4\pi M}{e^{an} - 1} .
+.. math:: |T_n - T| \le 2\pi M e^{-an} .
+
+The phases lie halfway between multiples of 2π/n, and n is a multiple of 4: no phase is
+at a turn, nor, where the motion is symmetric, at a pole or the equator.
 """
 
-from math import ceil, log, pi
+from math import ceil, inf, log
+from typing import NamedTuple
 
-from flint import acb, arb, ctx
+import numpy as np
+from flint import arb
 
-from workers.solvers.certified.cover import Box, bound
-from workers.solvers.certified.phase import Phase
+from workers.solvers.certified.doubles import rates
+from workers.solvers.certified.phase import Libration, Rotation
+from workers.solvers.certified.strip import bound_on_strip
 
-COLUMNS = (5, 8, 13, 21, 34, 55)
-"""Boxes side by side over half a turn, tried in turn: the strip is as high as they are wide."""
+SAMPLES = (64, 256, 1024)
+"""Of dt/dθ in doubles, that show how high the strip is; more where these do not resolve it."""
+AUDIBLE = 1e-11
+"""A coefficient of this size, of the mean, is not yet noise."""
+HIGHEST, LOWEST = 2.5, 0.06
+"""Of strips that are tried: series on lower ones are longer than pieces of time are many."""
+ATTEMPTS = ((0.62, 68.0), (0.6, 120.0), (0.4, 60.0))
+"""Heights of the strip as shares of what the samples show, and degrees of the series times the latter."""
 
 
-def time_of_turn(phase: Phase) -> arb | None:
-    """Return the period at the current precision; None if singularities are too near the real axis."""
-    for columns in COLUMNS:
-        side = pi / columns
-        count = columns if phase.is_even else 2 * columns
-        # A double below π: the last box reaches over it all the same.
-        boxes = [Box((j + 0.5) * side, 0.5 * side, 0.5 * side) for j in range(count)]
-        largest = bound(phase, boxes, smallest=0.2 * side, most=4 * count)
-        if largest is not None:
-            return _sum(phase, largest, side)
+class ProvenStrip(NamedTuple):
+    """|Im θ| ≤ height, where dt/dθ is holomorphic, and the bound M of its norm."""
+
+    height: float
+    largest: float
+
+
+def proven_strip(phase: Libration | Rotation) -> ProvenStrip | None:
+    """Return a strip about the real axis, about as high as there is; None if none is proven."""
+    shown = _shown_height(phase)
+    if shown is None or shown < LOWEST:
+        return None
+    for share, steepness in ATTEMPTS:
+        height = share * shown
+        largest = bound_on_strip(phase, height, ceil(steepness / shown))
+        if largest < inf:
+            return ProvenStrip(height, largest)
     return None
 
 
-def _sum(phase: Phase, largest: arb, height: float) -> arb:
-    scale = float((largest / abs(phase.rate(acb(arb(1)), analytic=False))).log())
-    # Even; the bound is then a few ulp of the period.
-    count = 2 * ceil((ctx.prec * log(2.0) + max(0.0, scale)) / height / 2.0)
-    last = count // 2 if phase.is_even else count - 1
-    total = arb(0)
-    for j in range(last + 1):
-        weight = 2 if phase.is_even and 0 < j < last else 1
-        total += weight * phase.rate(acb(2 * arb.pi() * j / count), analytic=False).real
-    error = 4 * arb.pi() * largest / ((arb(height) * count).exp() - 1)
-    return 2 * arb.pi() * total / count + arb(0, error.abs_upper())
+def time_of_turn(phase: Libration | Rotation, strip: ProvenStrip, bits: int) -> arb:
+    """Return the period, to so many bits of it if the precision allows that."""
+    size = float(next(phase.rates(4)))
+    count = 4 * ceil((bits * log(2.0) + max(0.0, log(strip.largest / size))) / strip.height / 4.0)
+    total = sum(phase.rates(count), arb(0))
+    mean = total * (2 if phase.is_even else 1) / count
+    error = arb(strip.largest) * (-arb(strip.height) * count).exp()
+    return 2 * arb.pi() * (mean + arb(0, error.abs_upper()))
+
+
+def _shown_height(phase: Libration | Rotation) -> float | None:
+    """Return how fast the coefficients of dt/dθ decay, which is proven by nobody; None if they do not."""
+    for count in SAMPLES:
+        sizes = np.abs(np.fft.rfft(rates(phase, count)))
+        if not np.all(np.isfinite(sizes)):
+            return None
+        # Even and odd ones may differ.
+        sizes = np.maximum(sizes[1:-2], sizes[2:-1])
+        heard = np.flatnonzero(sizes > AUDIBLE * sizes[0])
+        last = int(heard[-1]) if len(heard) else 0
+        if last + 2 < len(sizes):
+            break
+    first = last // 3
+    if last - first < 2:
+        return HIGHEST
+    return min(HIGHEST, float(np.log(sizes[first] / sizes[last])) / (last - first))

@@ -1,5 +1,7 @@
 """What is said of a planar motion besides its numbers: energy, conventions, evidence."""
 
+from math import inf, nextafter
+
 from flint import arb
 
 from service.dynamics.motion import Estimate
@@ -26,8 +28,9 @@ def energy_of(loop: Loop, v: arb) -> Estimate:
     h = loop.energy(v)
     if not h.is_finite():
         h = loop.energy(v + RATE_NUDGE)
-    value = float(h.mid())
-    return Estimate(value, float(abs(h - value).abs_upper()))
+    # What is 0 is not told as the rest of a cancellation.
+    value = 0.0 if h.contains(0) else float(h.mid())
+    return Estimate(value, nextafter(float(abs(h - value).abs_upper()), inf))
 
 
 def evidence_of(resolved: ResolvedMotion) -> dict[str, float | int | str]:

@@ -1,0 +1,160 @@
+"""The arc of a periodic motion and its start, from the doubles of the compiled solver: to be proven yet."""
+
+from functools import cache
+from math import atan2, nan, sin
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from flint import arb
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.dense_output import chebyshev_coefficients, chebyshev_points
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.arc import Arc
+from service.dynamics.reduction.loop import Loop, make_loop, start_g3_sign
+from service.dynamics.reduction.start import StartingPoint, StartOutsideWindowError, starting_point
+from service.dynamics.reduction.window import EndKind, Window
+from workers.solvers.certified.doubles import Places, make_places, room
+
+if TYPE_CHECKING:
+    from workers.solvers.spectral.motion import SpectralMotion
+
+FloatArray = NDArray[np.float64]
+
+DOUBT = 2.0**-44
+"""Of an end of the arc, in v."""
+UNKNOWN = (nan, nan)
+OUTER = 4.0
+EDGES = (-13.0, -10.0, -8.0, -6.0, -5.0, *(0.5 * k for k in range(-8, 9)), 5.0, 6.0, 8.0, 10.0, 13.0)
+"""Of the panels of y, v = 2 arctan e^y: beyond, the scan has found a power law."""
+DEGREE = 14
+_OUTER = [0.5 * k for k in range(8, 21)] + [11.0, 12.0, 13.0]
+SCANNED = np.array([-y for y in _OUTER[::-1]] + [0.2 * k for k in range(-19, 20)] + _OUTER)
+"""The y at which the scan looks at P; it may look at more."""
+UNRESOLVED = 1e-6
+"""Tail of a series, against its largest term, that is too much."""
+CLEARLY = 1.0001
+"""The first coefficient outweighs the others clearly, whatever the tail."""
+
+
+def start_from_doubles(body: RigidBody, potential: Potential, motion: PlanarMotion) -> StartingPoint | None:
+    """Return the start on its arc, whose ends are in doubt; None where doubles do not decide."""
+    # The compiler is loaded, and the first time run, only by those who need it.
+    from workers.solvers.spectral.solve import solve_spectral  # noqa: PLC0415
+
+    found = solve_spectral(body, potential, motion, tier="draft")
+    if found is None:
+        return None
+    loop = make_loop(body, potential, motion)
+    arc = _arc(found, loop, start_g3_sign(loop, motion))
+    reached: EndKind = "equator" if arc.is_whole_loop or arc.equators else "rest"
+    try:
+        return starting_point(Window(0, "periodic", ("rest", reached), UNKNOWN, UNKNOWN, (arc,)), motion)
+    except StartOutsideWindowError:
+        return None
+
+
+def is_the_only_one(arc: Arc, h: arb) -> bool:
+    """Say whether doubles, looking closely, see no other window than the scan that chose the arc."""
+    middle = 0.5 * (float(arc.lower) + float(arc.upper))
+    halves = (1, -1) if passes_pole(arc) else (1 if sin(middle) > 0.0 else -1,)
+    return all(_saw_every_zero(arc.loop, h, half) for half in halves)
+
+
+def passes_pole(arc: Arc) -> bool:
+    """Say whether motions on the arc go through a pole."""
+    return arc.is_whole_loop or bool(arc.poles)
+
+
+def _saw_every_zero(loop: Loop, h: arb, g3_sign: int) -> bool:
+    """Say whether N = h − V changes sign at the places of the scan as often as it has zeros.
+
+    It has as many as its Chebyshev series, which resolve it, on panels of y, v = 2 arctan e^y.
+    """
+    places, count = _places(), len(SCANNED)
+    with np.errstate(all="ignore"):
+        N = room(loop, loop.potential.tape, h, places.half if g3_sign > 0 else places.other)[0]
+        changes = int(np.count_nonzero(N[1:count] * N[: count - 1] < 0.0))
+        # Power laws at the poles are levelled, which moves no zero.
+        powers = np.log(N[1] / N[0]) * places.north + np.log(N[count - 2] / N[count - 1]) * places.south
+        levelled = (N * np.exp(powers))[count:].reshape(DEGREE + 1, -1)
+        return changes == _zeros(places.matrix @ levelled)
+
+
+def _zeros(series: FloatArray) -> int | None:
+    """Return the number of zeros of Chebyshev series (columns) side by side; None if it is in doubt."""
+    sizes = np.abs(series)
+    if not np.all(sizes[-3:].max(axis=0) <= UNRESOLVED * sizes.max(axis=0)):
+        return None
+    unclear = _quarters() @ series[:, _may_vanish(series)]
+    # Axis 0: quarters.
+    parts = np.concatenate(tuple(unclear), axis=1)
+    parts = parts[:, _may_vanish(parts)]
+    first, second = (derivative @ parts for derivative in _derivatives())
+    left, right = (np.where(np.arange(DEGREE + 1) % 2, sign, 1.0) @ parts for sign in (-1.0, 1.0))
+    crosses = left * right < 0.0
+    # Monotone, or bent to one side between different signs: then no more than is seen.
+    if not np.all(~_may_vanish(first) | (~_may_vanish(second) & crosses)):
+        return None
+    return int(crosses.sum())
+
+
+def _may_vanish(series: FloatArray) -> NDArray[np.bool_]:
+    """Say of which series the first coefficient does not outweigh the others."""
+    sizes = np.abs(series)
+    return np.asarray(2.0 * sizes[0] <= CLEARLY * sizes.sum(axis=0))
+
+
+CENTRES = (-0.75, -0.25, 0.25, 0.75)
+
+
+class _Places(NamedTuple):
+    """SCANNED, and the nodes of all panels, node by node."""
+
+    half: Places
+    other: Places
+    """With the other sign of sin v."""
+    north: FloatArray
+    south: FloatArray
+    """How far they are beyond OUTER."""
+    matrix: FloatArray
+    """From values on panels to series."""
+
+
+@cache
+def _places() -> _Places:
+    edges = np.array(EDGES)
+    nodes = 0.5 * ((edges[1:] + edges[:-1]) + np.diff(edges) * chebyshev_points(DEGREE)[:, None])
+    y = np.concatenate((SCANNED, nodes.ravel()))
+    north, south = (np.maximum(sign * y - OUTER, 0.0) for sign in (-1.0, 1.0))
+    half = make_places(1.0 / np.cosh(y), -np.tanh(y))
+    other = half._replace(sine=-half.sine)
+    return _Places(half, other, north, south, chebyshev_coefficients(np.eye(DEGREE + 1)))
+
+
+@cache
+def _quarters() -> FloatArray:
+    """Return the matrices from a series to those of the four quarters of its panel."""
+    to_series, points = chebyshev_coefficients(np.eye(DEGREE + 1)), 0.25 * chebyshev_points(DEGREE)
+    values = (np.polynomial.chebyshev.chebvander(points + centre, DEGREE) for centre in CENTRES)
+    return np.stack([to_series @ each for each in values])
+
+
+@cache
+def _derivatives() -> tuple[FloatArray, FloatArray]:
+    """Return the matrices from a series to those of its first and second derivatives."""
+    one, two = (np.polynomial.chebyshev.chebder(np.eye(DEGREE + 1), order) for order in (1, 2))
+    return np.asarray(one), np.asarray(two)
+
+
+def _arc(found: "SpectralMotion", loop: Loop, g3_sign: int) -> Arc:
+    from workers.solvers.spectral import curve  # noqa: PLC0415
+
+    slots = found.loop
+    if slots[curve.ROTATES]:
+        base = arb(0) if g3_sign > 0 else -arb.pi()
+        return Arc(loop, base, base + 2 * arb.pi(), None, None)
+    middle, half = atan2(slots[curve.S_MIDDLE], slots[curve.C_MIDDLE]), float(slots[curve.HALF])
+    return Arc(loop, arb(middle - half, DOUBT), arb(middle + half, DOUBT), "rest", "rest")
