@@ -25,7 +25,7 @@ def beside_enclosures(problem: Problem) -> Accuracy:
     It says its own error, and however large that is, it does not keep the
     enclosures from being had; a cross-check only makes sense of a small one.
     """
-    return Accuracy(CHECKED_TOLERANCE if problem.method == "both" else float("inf"))
+    return Accuracy(CHECKED_TOLERANCE if problem.method == "both" else float("inf"), "certified")
 
 
 def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certified, dict[str, FloatArray]]:

@@ -7,8 +7,8 @@ reducing a time by n periods costs no digits for any n up to 2^53. A column such
 as an angle may grow by a fixed advance per period, kept in the same way.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,15 +87,30 @@ class DenseOutput:
         """
         times = np.asarray(times, dtype=np.float64)
         if self.period is None:
-            self._require_within(times)
+            self.require_within(times)
             return self._within(times)
         local, turns = split_time(times, self.period)
         values = self._within(local)
+        self.advance(values, turns)
+        return values
+
+    def only(self, columns: Sequence[str]) -> "DenseOutput":
+        """Return the function of time of these columns alone: no other is evaluated with it."""
+        chosen = [self.columns.index(name) for name in columns]
+        return replace(
+            self,
+            columns=tuple(columns),
+            coefficients=self.coefficients[:, :, chosen],
+            errors={name: error for name, error in self.errors.items() if name in columns},
+            advances={name: advance for name, advance in self.advances.items() if name in columns},
+        )
+
+    def advance(self, values: FloatArray, turns: FloatArray) -> None:
+        """Add to columns that grow, shape (times, columns), what they gain in so many periods."""
         for name, advance in self.advances.items():
             k = self.columns.index(name)
             # The large part last: the small ones keep their digits.
             values[:, k] = (values[:, k] + turns * advance.lo) + turns * advance.hi
-        return values
 
     def error_at(self, times: FloatArray) -> float:
         """Return the bound of the absolute error of any column at any of ``times``; see :meth:`errors_at`."""
@@ -136,7 +151,14 @@ class DenseOutput:
         x = np.clip(((local - left) - (right - local)) / (right - left), -1.0, 1.0)
         return _clenshaw(self.coefficients, piece, x)
 
-    def _require_within(self, times: FloatArray) -> None:
+    def require_within(self, times: FloatArray) -> None:
+        """Refuse times before the first or after the last of ``breaks``.
+
+        Raises
+        ------
+        OutsideHorizonError
+            A time is outside.
+        """
         first, last = float(self.breaks[0]), float(self.breaks[-1])
         outside = times[~((times >= first) & (times <= last))]
         if outside.size:

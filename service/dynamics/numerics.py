@@ -1,4 +1,4 @@
 """The version of what is computed."""
 
-NUMERICS = 2
+NUMERICS = 3
 """Grows whenever a computed digit may change: solutions of another number are not reused."""

@@ -19,7 +19,7 @@ where n Δψ1 is reduced without loss and the sign keeps q continuous.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -71,6 +71,20 @@ def trajectory_columns(dense: DenseOutput, times: FloatArray) -> dict[str, Float
     values = dense(times)
     columns = {name: values[:, k] for k, name in enumerate(dense.columns) if _is_plain(name)}
     return {**columns, **(_orientation(dense, times, values) if has_orientation(dense) else {})}
+
+
+def evaluated_alone(dense: DenseOutput, names: Collection[str]) -> DenseOutput:
+    """Return the function of time without columns that none of a client's ``names`` is made of.
+
+    All of it if a name is neither ``t`` nor one of :func:`trajectory_columns`.
+    """
+    plain = [name for name in dense.columns if _is_plain(name)]
+    others = [name for name in dense.columns if not _is_plain(name)]
+    turning = [*QUATERNION, *(set(PRECESSION) & set(others))] if others else []
+    if not set(names) <= {"t", *plain, *turning}:
+        return dense
+    wanted = [name for name in plain if name in names]
+    return dense.only(wanted + (others if set(names) & set(turning) else []))
 
 
 def trajectory_errors(dense: DenseOutput, times: FloatArray) -> dict[str, float]:

@@ -10,10 +10,12 @@ from service.dynamics.motion import COLUMNS
 from service.jobs.outcome import SolveOutcome
 from tests.benchmarks.measuring import Effort, Table, in_turns, in_words
 from tests.benchmarks.motions import FloatArray, Measured, elliptic, librations
+from tests.benchmarks.stored import stored_solution
 from workers.calibration.measurement import Effort as CalibrationEffort
 from workers.calibration.measurement import calibrate
 from workers.calibration.problems import CASES
 from workers.computation import solve_document
+from workers.solvers.spectral.evaluation import evaluate
 
 ASKED = ("gamma", "omega", "invariants", "orientation", "stability")
 """In the order in which they are added."""
@@ -91,9 +93,29 @@ def parts(effort: Effort) -> Table:
             "six variables": partial(_columns, motion, times, COLUMNS),
         }
         seconds = in_turns(tuple(actions.values()), effort.repeats(51))
-        rows += [(motion.name, name, in_words(taken)) for name, taken in zip(actions, seconds, strict=True)]
-    heads = ("motion", "asked", "compiled solver")
-    return Table("What is asked alone", "1000 samples over 10 periods.", heads, tuple(rows))
+        rows += [
+            (motion.name, "compiled solver", name, in_words(taken))
+            for name, taken in zip(actions, seconds, strict=True)
+        ]
+    rows += _stored_parts(effort)
+    remark = "1000 samples over 10 periods. What is not asked for is not evaluated."
+    return Table("What is asked alone", remark, ("motion", "by", "asked", "time"), tuple(rows))
+
+
+def _stored_parts(effort: Effort) -> list[tuple[str, ...]]:
+    dense = stored_solution()
+    assert dense.period is not None
+    times = np.linspace(0.0, 10.0 * dense.period.hi, 1000)
+    ways: tuple[tuple[str, Callable[[Sequence[str]], object]], ...] = (
+        ("stored series, numpy", lambda names: dense.only(names)(times)),
+        ("stored series, compiled", lambda names: evaluate(dense.only(names), times)),
+    )
+    asked = {"g1 alone": ("g1",), "six variables": COLUMNS}
+    actions = [(way, name, partial(act, names)) for way, act in ways for name, names in asked.items()]
+    seconds = in_turns(tuple(action for _, _, action in actions), effort.repeats(201))
+    return [
+        ("A = 2C", way, name, in_words(taken)) for (way, name, _), taken in zip(actions, seconds, strict=True)
+    ]
 
 
 def _columns(motion: Measured, times: FloatArray, names: Sequence[str]) -> FloatArray:

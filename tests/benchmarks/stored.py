@@ -6,39 +6,44 @@ import mpmath
 import numpy as np
 from scipy.special import ellipj, ellipk
 
+from service.dynamics.dense_output import DenseOutput
 from service.dynamics.problem import TimePeriods
 from tests.benchmarks.measuring import Effort, Result, Row, in_turns
 from tests.benchmarks.motions import FloatArray, elliptic
 from tests.support.planar import planar
 from workers.solvers.quadrature.solve import solve_planar
+from workers.solvers.spectral.evaluation import evaluate
 
 MODULUS = 0.7
 """The parameter m of the elliptic functions."""
 PERIODS = 10
-NOT_STORED = "6 columns; stored series have no compiled evaluation"
 STRIDE = 9
 
 
 def evaluation(effort: Effort) -> list[Row]:
-    """Compare all six variables from the stored series, by numpy alone, with SciPy's four functions."""
-    motion = elliptic()
-    problem = planar(motion.body, motion.potential, motion.motion, TimePeriods(Fraction(1), 11))
-    dense = solve_planar(problem).dense
-    fast = motion.solved("standard")
+    """Compare six variables from the stored series, by numpy and compiled, with SciPy's four functions."""
+    motion, dense = elliptic(), stored_solution()
+    assert dense.period is not None
+    period = dense.period.hi
     rows = []
     for samples in (1000,) if effort.is_quick else (1000, 100_000):
-        times = np.linspace(0.0, PERIODS * float(fast.period.hi), samples)
+        times = np.linspace(0.0, PERIODS * period, samples)
         # The same shares of the period: 4 K of the elliptic functions, one of the motion.
-        arguments = 4.0 * ellipk(MODULUS) * times / fast.period.hi
+        arguments = 4.0 * ellipk(MODULUS) * times / period
         stored, rival, compiled = in_turns(
-            (lambda: dense(times), lambda: ellipj(arguments, MODULUS), lambda: fast.sample(times)),  # noqa: B023
+            (lambda: dense(times), lambda: ellipj(arguments, MODULUS), lambda: evaluate(dense, times)),  # noqa: B023
             effort.repeats(201 if samples == 1000 else 11),
         )
         stride = STRIDE * samples // 1000
         theirs = Result("ellipj, 4 functions", rival, _error_of_ellipj(arguments[::stride]))
-        numpy_alone = Result("stored series, 6 columns", stored, motion.error(times, dense(times), stride))
+        error = motion.error(times, dense(times), stride)
+        is_same = np.array_equal(evaluate(dense, times), dense(times))
+        numpy_alone = Result("stored series, 6 columns", stored, error)
         in_doubles = Result(
-            "solved motion in memory", compiled, motion.error(times, fast.sample(times), stride), NOT_STORED
+            "stored series, 6 columns",
+            compiled,
+            motion.error(times, evaluate(dense, times), stride),
+            "the bits of numpy" if is_same else "not the bits of numpy",
         )
         share, ratio = stored / rival, rival / compiled
         what = f"{samples:,} samples of a stored solution, "
@@ -55,6 +60,13 @@ def evaluation(effort: Effort) -> list[Row]:
             ),
         ]
     return rows
+
+
+def stored_solution() -> DenseOutput:
+    """Return the elliptic motion as a job of tier standard stores it."""
+    motion = elliptic()
+    problem = planar(motion.body, motion.potential, motion.motion, TimePeriods(Fraction(1), 11))
+    return solve_planar(problem).dense
 
 
 def _error_of_ellipj(arguments: FloatArray) -> float:

@@ -204,3 +204,16 @@ def test_columns_have_errors_of_their_own():
     # The error of the period does to a column what its slope makes of it.
     slow = climbing(Advance(0.7), 1e-12).errors_at(np.array([0.1 + 1000 * 2 * np.pi]))
     assert slow["b"] == pytest.approx(1e-9 * 0.7 / (2 * np.pi), rel=2e-2)
+
+
+def test_a_column_asked_alone_has_its_numbers_and_errors():
+    both = dense(waves, [0.0, 1.0, 2.0], 20, Period(2.0, 0.0, 1e-12), 1e-13)
+    both = replace(both, errors={"b": 1e-10}, advances={"b": Advance(0.5, 0.0, 1e-15)})
+    times = np.array([0.3, 7.9, -1e6])
+    for k, name in enumerate(("a", "b")):
+        alone = both.only([name])
+        assert alone.columns == (name,)
+        assert np.array_equal(alone(times)[:, 0], both(times)[:, k])
+        assert alone.errors_at(times) == {name: both.errors_at(times)[name]}
+    assert np.array_equal(both.only(("b", "a"))(times), both(times)[:, ::-1])
+    assert both.only(())(times).shape == (3, 0)

@@ -21,6 +21,7 @@ from service.dynamics.orientation import (
     LOCAL_QUATERNION,
     QUATERNION,
     attitude,
+    evaluated_alone,
     orientation_columns,
     orientation_errors,
     quaternion_product,
@@ -193,6 +194,33 @@ def test_clients_see_the_variables_and_no_local_quaternion():
     assert list(errors) == list(columns)
     # The bound given, and four ulp of times of 2π at the rate of the spin.
     assert max(errors[name] for name in ("g1", "g2", "g3")) <= 1e-15 + (4 * 2 * math.pi + 2) * ULP
+
+
+@pytest.mark.parametrize(
+    ("names", "evaluated"),
+    [
+        (["t", "g1"], ["g1"]),
+        (["t"], []),
+        (["g3", "g2"], ["g2", "g3"]),
+        (["psi3", "g1"], ["g1", *LOCAL_QUATERNION, "psi1", "psi3"]),
+        (["q0"], [*LOCAL_QUATERNION, "psi1", "psi3"]),
+    ],
+)
+def test_no_column_is_evaluated_that_none_asked_for_is_made_of(names, evaluated):
+    dense = regular_precession()
+    alone = evaluated_alone(dense, names)
+    assert list(alone.columns) == evaluated
+    times = np.array([0.0, 1.0, 50.0])
+    every, some = trajectory_columns(dense, times), trajectory_columns(alone, times)
+    errors, own = trajectory_errors(dense, times), trajectory_errors(alone, times)
+    for name in set(names) - {"t"}:
+        assert np.array_equal(some[name], every[name])
+        assert own[name] == errors[name]
+
+
+def test_for_an_unknown_name_nothing_is_left_out():
+    dense = regular_precession()
+    assert evaluated_alone(dense, ["g1", "local_q0"]) is dense
 
 
 def test_without_orientation_there_is_none():

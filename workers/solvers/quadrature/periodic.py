@@ -1,20 +1,22 @@
 """Periodic planar motions, by the way that suits the tier.
 
-``draft`` and ``high`` are solved in compiled doubles where those have the
-motion; next, and for ``standard``, come closed forms, and last the quadrature of
-the orbit in balls, which has them all.
+``draft`` and ``high``, and tolerances looser than what ``standard`` promises, are
+solved in compiled doubles where those have the motion; next, and for
+``standard``, come closed forms, and last the quadrature of the orbit in balls,
+which has them all.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.accuracy import TIER_TOLERANCES
 from service.dynamics.dense_output import DenseOutput, Period
 from service.dynamics.motion import COLUMNS, Motion
-from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.problem import Accuracy, PlanarMotion, Problem
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
 from service.dynamics.sampling import sample_times
@@ -101,15 +103,25 @@ def solve_periodic(problem: Problem, window: Window, start: StartingPoint) -> Mo
     )
 
 
+def compiled_grade(accuracy: Accuracy) -> Literal["draft", "standard", "high"] | None:
+    """Return how finely the compiled solver resolves a motion of this accuracy, None if it is not for it.
+
+    Whoever states a tolerance looser than the promise of ``standard`` gets the cheapest that keeps it.
+    """
+    if accuracy.tier == "standard":
+        return "standard" if accuracy.tolerance > TIER_TOLERANCES["standard"] else None
+    return None if accuracy.tier == "certified" else accuracy.tier
+
+
 def _in_doubles(problem: Problem, window: Window) -> _Sampled | None:
-    """Return the motion of the compiled solver, if the tier wants it and it is the one in the window."""
-    tier = problem.accuracy.tier
-    if tier not in ("draft", "high") or not isinstance(problem.motion, PlanarMotion):
+    """Return the motion of the compiled solver, if it is for such and this is the one in the window."""
+    grade = compiled_grade(problem.accuracy)
+    if grade is None or not isinstance(problem.motion, PlanarMotion):
         return None
     # The compiler is loaded, and the first time run, only by those who need it.
     from workers.solvers.spectral.solve import solve_spectral  # noqa: PLC0415
 
-    found = solve_spectral(problem.body, problem.potential, problem.motion, tier=tier)
+    found = solve_spectral(problem.body, problem.potential, problem.motion, tier=grade)
     if found is None or found.ends != window.ends or not np.allclose(found.g1, window.g1, rtol=0, atol=SAME):
         return None
     period = found.period

@@ -53,3 +53,9 @@ def kernel(function: F) -> F:
     """Compile ``function`` at its first call; division by zero gives inf or NaN, sums keep their order."""
     compiler = numba.njit(cache=_FOLDER is not None, error_model="numpy", nogil=True)
     return cast("F", compiler(function))
+
+
+def inlined(function: F) -> F:
+    """Put ``function`` into the kernels that call it, which loops over several numbers at once need."""
+    compiler = numba.njit(inline="always", error_model="numpy", nogil=True)
+    return cast("F", compiler(function))

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.spectral.compiled import kernel
+from workers.solvers.spectral.compiled import inlined, kernel
 from workers.solvers.spectral.interpreter import derivative, derivative_with_bound
 
 FloatArray = NDArray[np.float64]
@@ -26,65 +26,78 @@ PERIOD_HI, PERIOD_LO, ORIGIN, BACKWARDS = range(15, 19)
 """Its period; the time from u = 0 (or from u = 1 back, if BACKWARDS) to the start."""
 ROOTS_MODE = 19
 """1.0 if P is known by its roots: the slots behind it: see :func:`factor_by_roots`."""
+ORIGIN_LO = 95
+"""What ORIGIN leaves out."""
 SLOTS = 96
 
 
+# Rows of a desk, on which many places of the loop are worked on together.
+SINE, COSINE, BELOW, ABOVE, SPEED, G1, G2, G3, C, VALUE, BOUND, WIDTH, TIME, SENSE = range(14)
+"""Of v; v − v₋, v₊ − v and |dv/du|; primed g1, g2, g3 and c = g2/cos v; P (or dt/du) and its bound.
+
+The last three are those of :mod:`.sampling`."""
+ROWS = 14
+
+
 @kernel
-def loop_point(loop: FloatArray, sine: float, cosine: float) -> tuple[float, float, float, float]:
-    """Return primed g1, g2, g3 and c = g2/cos v."""
-    square = cosine * cosine
-    alpha, size = loop[ALPHA], loop[G]
+def loop_points(loop: FloatArray, desk: FloatArray, count: int) -> None:
+    """Fill in primed g1, g2, g3 and c at places whose sines and cosines are on the desk."""
+    alpha, size, z, sign = loop[ALPHA], loop[G], loop[Z], loop[SIGN1]
     if alpha == 2.0:
-        g1 = size * sine * sine
-        c = math.sqrt(loop[Z] * loop[Z] + size * size * (1.0 + sine * sine))
-    else:
+        for k in range(count):
+            sine = desk[SINE, k]
+            c = math.sqrt(z * z + size * size * (1.0 + sine * sine))
+            desk[G1, k], desk[G2, k] = sign * (size * sine * sine), c * desk[COSINE, k]
+            desk[G3, k], desk[C, k] = z * sine, c
+        return
+    for k in range(count):
+        sine, cosine = desk[SINE, k], desk[COSINE, k]
+        square = cosine * cosine
         log_sine = 0.5 * math.log1p(-square) if square < 0.75 else math.log(abs(sine))
-        g1 = size * math.exp(alpha * log_sine)
         if square > 1e-24:
-            c = math.sqrt(loop[Z] * loop[Z] - size * size * math.expm1(2.0 * alpha * log_sine) / square)
+            c = math.sqrt(z * z - size * size * math.expm1(2.0 * alpha * log_sine) / square)
         else:
-            c = math.sqrt(loop[Z] * loop[Z] + size * size * alpha)
-    return loop[SIGN1] * g1, c * cosine, loop[Z] * sine, c
+            c = math.sqrt(z * z + size * size * alpha)
+        desk[G1, k], desk[G2, k] = sign * (size * math.exp(alpha * log_sine)), c * cosine
+        desk[G3, k], desk[C, k] = z * sine, c
 
 
 @kernel
-def radicand(
+def radicands(
     code: IntArray,
     result: int,
     constants: FloatArray,
     loop: FloatArray,
-    sine: float,
-    cosine: float,
+    desk: FloatArray,
+    count: int,
     work: FloatArray,
-) -> float:
-    """Return P at sin v and cos v."""
-    g1, g2, g3, _ = loop_point(loop, sine, cosine)
-    if loop[MIRRORED] != 0.0:
-        D = -derivative(code, result, constants, g3, g2, g1, work)
-    else:
-        D = derivative(code, result, constants, g1, g2, g3, work)
-    return float(loop[FACTOR] * g3 * D / g1)
+) -> None:
+    """Fill in P at places whose sines and cosines are on the desk."""
+    loop_points(loop, desk, count)
+    first, third, factor = (G3, G1, -loop[FACTOR]) if loop[MIRRORED] != 0.0 else (G1, G3, loop[FACTOR])
+    D = derivative(code, result, constants, desk, (first, G2, third), count, work)
+    for k in range(count):
+        desk[VALUE, k] = factor * desk[G3, k] * D[k] / desk[G1, k]
 
 
-@kernel
-def radicand_with_bound(
+@inlined
+def radicands_with_bounds(
     code: IntArray,
     result: int,
     constants: FloatArray,
     loop: FloatArray,
-    sine: float,
-    cosine: float,
+    desk: FloatArray,
+    count: int,
     work: FloatArray,
-) -> tuple[float, float]:
-    """Return P and the bound of its rounding."""
-    g1, g2, g3, _ = loop_point(loop, sine, cosine)
-    if loop[MIRRORED] != 0.0:
-        D, ulps = derivative_with_bound(code, result, constants, g3, g2, g1, work)
-        D = -D
-    else:
-        D, ulps = derivative_with_bound(code, result, constants, g1, g2, g3, work)
-    factor = loop[FACTOR] * g3 / g1
-    return factor * D, abs(factor) * (ulps + 6.0 * abs(D)) * 1.1102230246251565e-16
+) -> None:
+    """Fill in P and the bound of its rounding."""
+    loop_points(loop, desk, count)
+    first, third, sign = (G3, G1, -1.0) if loop[MIRRORED] != 0.0 else (G1, G3, 1.0)
+    D, ulps = derivative_with_bound(code, result, constants, desk, (first, G2, third), count, work)
+    for k in range(count):
+        factor = loop[FACTOR] * desk[G3, k] / desk[G1, k]
+        desk[VALUE, k] = factor * (sign * D[k])
+        desk[BOUND, k] = abs(factor) * (ulps[k] + 6.0 * abs(D[k])) * 1.1102230246251565e-16
 
 
 @kernel
@@ -168,23 +181,30 @@ def factor_by_roots(loop: FloatArray, below: float, above: float, sine: float, c
     return float(value)
 
 
-@kernel
-def rate(
+@inlined
+def rates(
     code: IntArray,
     result: int,
     constants: FloatArray,
     loop: FloatArray,
-    anchor: int,
-    w: float,
+    desk: FloatArray,
+    count: int,
     work: FloatArray,
-) -> float:
-    """Return dt/du at a place."""
-    below, above, sine, cosine, _ = place(loop, anchor, w)
-    _, _, _, c = loop_point(loop, sine, cosine)
+) -> None:
+    """Fill in dt/du at places that are on the desk as :func:`place` has them."""
     if loop[ROOTS_MODE] != 0.0:
-        K = factor_by_roots(loop, below, above, sine, cosine)
+        loop_points(loop, desk, count)
+        for k in range(count):
+            desk[VALUE, k] = factor_by_roots(
+                loop, desk[BELOW, k], desk[ABOVE, k], desk[SINE, k], desk[COSINE, k]
+            )
     else:
-        K = radicand(code, result, constants, loop, sine, cosine, work)
+        radicands(code, result, constants, loop, desk, count, work)
         if loop[ROTATES] == 0.0:
-            K /= below * above
-    return math.pi * loop[Z] / (c * math.sqrt(K)) if K > 0.0 else math.nan
+            for k in range(count):
+                desk[VALUE, k] /= desk[BELOW, k] * desk[ABOVE, k]
+    numerator = math.pi * loop[Z]
+    for k in range(count):
+        K = desk[VALUE, k]
+        rate = numerator / (desk[C, k] * math.sqrt(K))
+        desk[VALUE, k] = rate if K > 0.0 else math.nan

@@ -1,4 +1,9 @@
-"""V's derivative D = g1 V_3 − g3 V_1 of a program at one point, with a running bound of its rounding."""
+"""V's derivative D = g1 V_3 − g3 V_1 of a program at many points, with a running bound of its rounding.
+
+Every instruction is carried out at all points before the next: what it costs to read a
+program is shared, and plain arithmetic goes through several points at once. Each point
+has the digits it has alone.
+"""
 
 import math
 
@@ -9,6 +14,11 @@ from workers.solvers.spectral.compiled import kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+POINTS = 80
+"""Points that are gone through together."""
+VALUE, SLOPE, VALUE_ULPS, SLOPE_ULPS = range(4)
+"""Parts of the desk of an interpreter, shape (4, registers, POINTS)."""
 
 
 @kernel
@@ -51,105 +61,198 @@ def call(operation: int, x: float) -> tuple[float, float]:
 
 
 @kernel
+def new_desk(code: IntArray) -> FloatArray:
+    """Return the desk that the interpreter of a program works on."""
+    return np.empty((4, code.shape[0] + 3, POINTS))
+
+
+@kernel
 def derivative(
-    code: IntArray, result: int, constants: FloatArray, g1: float, g2: float, g3: float, work: FloatArray
-) -> float:
-    """Return D at a point; ``work`` has shape (4, registers)."""
-    v, d = work[0], work[1]
-    v[0], v[1], v[2] = g1, g2, g3
-    d[0], d[1], d[2] = -g3, 0.0, g1
+    code: IntArray,
+    result: int,
+    constants: FloatArray,
+    places: FloatArray,
+    rows: tuple[int, int, int],
+    count: int,
+    desk: FloatArray,
+) -> FloatArray:
+    """Return D, a row of the desk, at ``count`` ≤ POINTS points: g1, g2, g3 are ``rows`` of ``places``."""
+    v, d = desk[VALUE], desk[SLOPE]
+    first, second, third = rows
+    for m in range(count):
+        g1, g3 = places[first, m], places[third, m]
+        v[0, m], v[1, m], v[2, m] = g1, places[second, m], g3
+        d[0, m], d[1, m], d[2, m] = -g3, 0.0, g1
+    # No views of single registers: making them takes longer than the arithmetic.
     for k in range(code.shape[0]):
-        operation, i, j = code[k, 0], code[k, 1], code[k, 2]
-        n = 3 + k
-        if operation == 3:
-            v[n] = v[i] * v[j]
-            d[n] = v[i] * d[j] + d[i] * v[j]
-        elif operation == 0:
-            v[n], d[n] = constants[code[k, 3]], 0.0
-        elif operation == 1:
-            v[n], d[n] = v[i] + v[j], d[i] + d[j]
-        elif operation == 2:
-            v[n], d[n] = v[i] - v[j], d[i] - d[j]
-        elif operation == 4:
-            v[n] = v[i] / v[j]
-            d[n] = (d[i] - d[j] * v[n]) / v[j]
+        operation, i, j, slot, n = code[k, 0], code[k, 1], code[k, 2], code[k, 3], 3 + k
+        if operation == 0:
+            for m in range(count):
+                v[n, m], d[n, m] = constants[slot], 0.0
         elif operation == 5:
-            v[n], d[n] = -v[i], -d[i]
+            for m in range(count):
+                v[n, m], d[n, m] = -v[i, m], -d[i, m]
         elif operation == 6:
-            exponent = constants[code[k, 3]]
-            v[n] = power(v[i], exponent)
-            d[n] = 0.0 if d[i] == 0.0 else exponent * v[n] / v[i] * d[i]
-        elif operation == 7:
-            v[n] = v[i] ** v[j] if v[i] > 0.0 else math.nan
-            d[n] = v[n] * (d[j] * math.log(v[i]) + v[j] * d[i] / v[i])
+            _power(v, d, i, n, count, constants[slot])
+        elif operation >= 8:
+            for m in range(count):
+                value, rise = call(operation, v[i, m])
+                v[n, m], d[n, m] = value, rise * d[i, m]
         else:
-            value, slope = call(operation, v[i])
-            v[n], d[n] = value, slope * d[i]
-    return float(d[result])
+            _combine(operation, v, d, i, j, n, count)
+    D: FloatArray = d[result, :count]
+    return D
+
+
+@kernel
+def _combine(operation: int, v: FloatArray, d: FloatArray, i: int, j: int, n: int, count: int) -> None:
+    """Carry out what has two operands."""
+    if operation == 3:
+        for m in range(count):
+            v[n, m] = v[i, m] * v[j, m]
+            d[n, m] = v[i, m] * d[j, m] + d[i, m] * v[j, m]
+    elif operation == 1:
+        for m in range(count):
+            v[n, m], d[n, m] = v[i, m] + v[j, m], d[i, m] + d[j, m]
+    elif operation == 2:
+        for m in range(count):
+            v[n, m], d[n, m] = v[i, m] - v[j, m], d[i, m] - d[j, m]
+    elif operation == 4:
+        for m in range(count):
+            value = v[i, m] / v[j, m]
+            v[n, m], d[n, m] = value, (d[i, m] - d[j, m] * value) / v[j, m]
+    else:
+        for m in range(count):
+            x, y = v[i, m], v[j, m]
+            value = x**y if x > 0.0 else math.nan
+            v[n, m], d[n, m] = value, value * (d[j, m] * math.log(x) + y * d[i, m] / x)
+
+
+@kernel
+def _power(v: FloatArray, d: FloatArray, i: int, n: int, count: int, exponent: float) -> None:
+    if exponent == 2.0 or exponent == -2.0:
+        # As :func:`power` has it, several points at once.
+        for m in range(count):
+            square = v[i, m] * v[i, m]
+            inverse = 1.0 / square if square != 0.0 else math.nan
+            v[n, m] = square if exponent > 0.0 else inverse
+    else:
+        for m in range(count):
+            v[n, m] = power(v[i, m], exponent)
+    for m in range(count):
+        rise = exponent * v[n, m] / v[i, m] * d[i, m]
+        d[n, m] = 0.0 if d[i, m] == 0.0 else rise
 
 
 @kernel
 def derivative_with_bound(
-    code: IntArray, result: int, constants: FloatArray, g1: float, g2: float, g3: float, work: FloatArray
-) -> tuple[float, float]:
+    code: IntArray,
+    result: int,
+    constants: FloatArray,
+    places: FloatArray,
+    rows: tuple[int, int, int],
+    count: int,
+    desk: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
     """Return D and the bound of its rounding in units of 2^-53 (first order), inputs being a few ulp off."""
-    D = derivative(code, result, constants, g1, g2, g3, work)
-    v, d, ev, ed = work[0], work[1], work[2], work[3]
-    ev[0], ev[1], ev[2] = 2.0 * abs(g1), 2.0 * abs(g2), 2.0 * abs(g3)
-    ed[0], ed[1], ed[2] = 2.0 * abs(g3), 0.0, 2.0 * abs(g1)
+    D = derivative(code, result, constants, places, rows, count, desk)
+    v, d, ev, ed = desk[VALUE], desk[SLOPE], desk[VALUE_ULPS], desk[SLOPE_ULPS]
+    for m in range(count):
+        ev[0, m], ev[1, m], ev[2, m] = 2.0 * abs(v[0, m]), 2.0 * abs(v[1, m]), 2.0 * abs(v[2, m])
+        ed[0, m], ed[1, m], ed[2, m] = 2.0 * abs(v[2, m]), 0.0, 2.0 * abs(v[0, m])
     for k in range(code.shape[0]):
-        operation, i, j = code[k, 0], code[k, 1], code[k, 2]
-        n = 3 + k
-        if operation == 3:
-            ev[n] = abs(v[i]) * ev[j] + ev[i] * abs(v[j]) + abs(v[n])
-            ed[n] = (
-                abs(v[i]) * (ed[j] + abs(d[j]))
-                + ev[i] * abs(d[j])
-                + (ed[i] + abs(d[i])) * abs(v[j])
-                + abs(d[i]) * ev[j]
-                + abs(d[n])
-            )
-        elif operation == 0:
-            ev[n], ed[n] = abs(v[n]), 0.0
-        elif operation == 1 or operation == 2:
-            ev[n], ed[n] = ev[i] + ev[j] + abs(v[n]), ed[i] + ed[j] + abs(d[n])
-        elif operation == 4:
-            size = abs(v[j])
-            ev[n] = (ev[i] + abs(v[n]) * ev[j]) / size + abs(v[n])
-            ed[n] = (
-                ed[i] + (ed[j] + 2.0 * abs(d[j])) * abs(v[n]) + abs(d[j]) * ev[n] + abs(d[n]) * ev[j]
-            ) / size + 2.0 * abs(d[n])
+        operation, i, j, slot, n = code[k, 0], code[k, 1], code[k, 2], code[k, 3], 3 + k
+        if operation == 0:
+            for m in range(count):
+                ev[n, m], ed[n, m] = abs(v[n, m]), 0.0
         elif operation == 5:
-            ev[n], ed[n] = ev[i], ed[i]
-        elif operation == 6 or operation == 7:
-            exponent = constants[code[k, 3]] if operation == 6 else v[j]
-            relative = ev[i] / abs(v[i]) if v[i] != 0.0 else 0.0
-            size = abs(exponent)
-            own = (
-                size * relative
-                + min(size, 8.0)
-                + 2.0
-                + (size * abs(math.log(abs(v[i]))) if v[i] != 0.0 else 0.0)
-            )
-            ev[n] = abs(v[n]) * own
-            ed[n] = abs(d[n]) * (own + relative + 3.0)
-            if v[i] != 0.0:
-                ed[n] += abs(exponent * v[n] / v[i]) * ed[i]
-            if operation == 7 and v[i] > 0.0:
-                ev[n] += abs(v[n] * math.log(v[i])) * ev[j]
-                ed[n] += abs(v[n]) * (
-                    abs(math.log(v[i])) * (ed[j] + 3.0 * abs(d[j])) + abs(d[i] / v[i]) * ev[j]
+            for m in range(count):
+                ev[n, m], ed[n, m] = ev[i, m], ed[i, m]
+        elif operation == 6:
+            for m in range(count):
+                ev[n, m], ed[n, m] = _bound_power(
+                    constants[slot], v[i, m], ev[i, m], ed[i, m], v[n, m], d[n, m]
                 )
+        elif operation >= 8:
+            for m in range(count):
+                _bound_call(operation, v, d, ev, ed, i, n, m)
         else:
-            _, slope = call(operation, v[i])
-            # |f''| ≤ |f'| + |f| + … of these functions where they are smooth; log has 1/x² = f'².
-            bend = (
-                abs(slope) * abs(slope)
-                if operation == 9
-                else abs(slope) + abs(v[n]) * (1.0 + 2.0 * abs(slope))
+            _bound_combined(operation, v, d, ev, ed, i, j, n, count)
+    return D, ed[result, :count]
+
+
+@kernel
+def _bound_combined(
+    operation: int,
+    v: FloatArray,
+    d: FloatArray,
+    ev: FloatArray,
+    ed: FloatArray,
+    i: int,
+    j: int,
+    n: int,
+    count: int,
+) -> None:
+    if operation == 3:
+        for m in range(count):
+            x, y, dx, dy = abs(v[i, m]), abs(v[j, m]), abs(d[i, m]), abs(d[j, m])
+            ev[n, m] = x * ev[j, m] + ev[i, m] * y + abs(v[n, m])
+            ed[n, m] = (
+                x * (ed[j, m] + dy) + ev[i, m] * dy + (ed[i, m] + dx) * y + dx * ev[j, m] + abs(d[n, m])
             )
-            if operation >= 13:
-                bend = 0.0
-            ev[n] = abs(slope) * ev[i] + 2.0 * abs(v[n])
-            ed[n] = abs(slope) * ed[i] + abs(d[i]) * bend * ev[i] + 3.0 * abs(d[n])
-    return D, float(ed[result])
+    elif operation == 4:
+        for m in range(count):
+            size, dy, value, slope = abs(v[j, m]), abs(d[j, m]), abs(v[n, m]), abs(d[n, m])
+            ulps = (ev[i, m] + value * ev[j, m]) / size + value
+            ev[n, m] = ulps
+            ed[n, m] = (
+                ed[i, m] + (ed[j, m] + 2.0 * dy) * value + dy * ulps + slope * ev[j, m]
+            ) / size + 2.0 * slope
+    elif operation == 7:
+        for m in range(count):
+            x = v[i, m]
+            ev[n, m], ed[n, m] = _bound_power(v[j, m], x, ev[i, m], ed[i, m], v[n, m], d[n, m])
+            if x > 0.0:
+                logarithm = math.log(x)
+                ev[n, m] += abs(v[n, m] * logarithm) * ev[j, m]
+                ed[n, m] += abs(v[n, m]) * (
+                    abs(logarithm) * (ed[j, m] + 3.0 * abs(d[j, m])) + abs(d[i, m] / x) * ev[j, m]
+                )
+    else:
+        for m in range(count):
+            ev[n, m] = ev[i, m] + ev[j, m] + abs(v[n, m])
+            ed[n, m] = ed[i, m] + ed[j, m] + abs(d[n, m])
+
+
+@kernel
+def _bound_power(
+    exponent: float, x: float, ex: float, edx: float, value: float, slope: float
+) -> tuple[float, float]:
+    relative = ex / abs(x) if x != 0.0 else 0.0
+    size = abs(exponent)
+    own = size * relative + min(size, 8.0) + 2.0 + (size * abs(math.log(abs(x))) if x != 0.0 else 0.0)
+    ulps = abs(slope) * (own + relative + 3.0)
+    if x != 0.0:
+        ulps += abs(exponent * value / x) * edx
+    return abs(value) * own, ulps
+
+
+@kernel
+def _bound_call(
+    operation: int,
+    v: FloatArray,
+    d: FloatArray,
+    ev: FloatArray,
+    ed: FloatArray,
+    i: int,
+    n: int,
+    m: int,
+) -> None:
+    _, rise = call(operation, v[i, m])
+    size = abs(rise)
+    # |f''| ≤ |f'| + |f| + … of these functions where they are smooth; log has 1/x² = f'².
+    bend = size * size if operation == 9 else size + abs(v[n, m]) * (1.0 + 2.0 * size)
+    if operation >= 13:
+        bend = 0.0
+    ev[n, m] = size * ev[i, m] + 2.0 * abs(v[n, m])
+    ed[n, m] = size * ed[i, m] + abs(d[i, m]) * bend * ev[i, m] + 3.0 * abs(d[n, m])

@@ -72,14 +72,17 @@ class SpectralMotion:
     @property
     def g1(self) -> tuple[float, float]:
         """Return g1, with its sign, at the two ends."""
-        ends = self.loop[[curve.S_LOWER, curve.S_UPPER]], self.loop[[curve.C_LOWER, curve.C_UPPER]]
-        column = 2 if self.loop[curve.MIRRORED] else 0
-        values = [curve.loop_point(self.loop, float(s), float(c))[column] for s, c in zip(*ends, strict=True)]
-        sizes = sorted(abs(value) for value in values)
+        # Both ends, and the equator.
+        desk = np.empty((curve.ROWS, 3))
+        desk[curve.SINE] = *self.loop[[curve.S_LOWER, curve.S_UPPER]], 1.0
+        desk[curve.COSINE] = *self.loop[[curve.C_LOWER, curve.C_UPPER]], 0.0
+        curve.loop_points(self.loop, desk, 3)
+        values = np.abs(desk[curve.G3 if self.loop[curve.MIRRORED] else curve.G1]).tolist()
+        sizes = sorted(values[:2])
         if self.ends[0] == "pole":
             sizes[0] = 0.0
         if self.ends[1] == "equator":
-            sizes[1] = abs(curve.loop_point(self.loop, 1.0, 0.0)[column])
+            sizes[1] = values[2]
         sign = float(np.sign(self.columns(np.zeros(1), ("g1",))[0, 0]))
         return sign * sizes[0] + 0.0, sign * sizes[1]
 

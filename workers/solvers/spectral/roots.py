@@ -96,17 +96,18 @@ def rational_radicand(body: RigidBody, potential: Potential, motion: PlanarMotio
     expanded = potential.tape.evaluate(LaurentAlgebra(), inputs)
     if expanded is None or any(k or e or j % 2 for _, j, k, e in expanded):
         return None
-    terms: dict[int, Fraction] = {}
+    terms: dict[int, fmpq] = {}
+    exact_nu, unit = _exact(nu), _exact(1 / (2 * C))
     for (i, j, _, _), value in expanded.items():
-        weight = value * nu ** (j // 2) / (2 * C)
+        weight = _exact(value) * unit * exact_nu ** (j // 2)
         at = i + j // 2
-        terms[at] = terms.get(at, Fraction(0)) + weight * j
-        terms[at - 1] = terms.get(at - 1, Fraction(0)) - weight * i * nu
+        terms[at] = terms.get(at, fmpq(0)) + weight * j
+        terms[at - 1] = terms.get(at - 1, fmpq(0)) - weight * i * exact_nu
     terms = {power: value for power, value in terms.items() if value}
     if not terms or max(terms) - min(terms) > MAX_ROOTS:
         return None
     lowest = min(terms)
-    dense = [_exact(terms.get(lowest + k, Fraction(0))) for k in range(max(terms) - lowest + 1)]
+    dense = [terms.get(lowest + k, fmpq(0)) for k in range(max(terms) - lowest + 1)]
     return Radicand(fmpq_poly(dense), -lowest, nu, C)
 
 
@@ -146,10 +147,10 @@ def period_of_x(stretch: Stretch) -> Period | None:
     what is left is about its square.
     """
     integrand = _Integrand(stretch)
-    count, total = 4, arb(0)
+    count, total = 4, sum(integrand.at_ends(), arb(0)) / 2
     half_pi = arb.pi() / 2
-    for j in range(count + 1):
-        total += integrand(half_pi * j / count) / (2 if j in (0, count) else 1)
+    for j in range(1, count):
+        total += integrand(half_pi * j / count)
     mean = total / count
     while count < MAX_NODES:
         for j in range(count):
@@ -198,13 +199,21 @@ class _Integrand:
         b = (self._L1[1] * self._L2[0]).sqrt()
         self.mean = a.agm(b)
         self._is_swapped = bool(a > b)
-        self._steps = _landen(b / a if self._is_swapped else a / b)
+        self._steps = _gauss(b / a if self._is_swapped else a / b)
+        self._stretch = self._L1[0] / self._L1[1]
 
     def __call__(self, psi: arb) -> arb:
-        sine, cosine = self._chi(psi)
+        """Return the integrand at 0 < ψ < π/2."""
         # tan φ = √(L1(lo)/L1(hi)) tan χ.
-        s, c = sine * sine * self._L1[0], cosine * cosine * self._L1[1]
-        up, down = s / (s + c), c / (s + c)
+        ratio = self._tan_squared_chi(psi) * self._stretch
+        down = 1 / (1 + ratio)
+        return self._at(ratio * down, down)
+
+    def at_ends(self) -> tuple[arb, arb]:
+        """Return the integrand at 0 and at π/2."""
+        return self._at(arb(0), arb(1)), self._at(arb(1), arb(0))
+
+    def _at(self, up: arb, down: arb) -> arb:
         x = self._lo * down + self._hi * up
         k = self._constant
         for r in self._below:
@@ -217,25 +226,31 @@ class _Integrand:
             k *= x ** (-self._power)
         return 1 / k.sqrt()
 
-    def _chi(self, psi: arb) -> tuple[arb, arb]:
-        """Return sin χ and cos χ, with dχ/√(b² cos²χ + a² sin²χ) = dψ/M."""
-        turned = arb.pi() / 2 - psi if self._is_swapped else psi
-        angle = turned * 2 ** len(self._steps)
-        for step in reversed(self._steps):
-            angle = (angle + (step * angle.sin()).asin()) / 2
-        sine, cosine = angle.sin_cos()
-        return (cosine, sine) if self._is_swapped else (sine, cosine)
+    def _tan_squared_chi(self, psi: arb) -> arb:
+        """Return tan² χ, with dχ/√(b² cos²χ + a² sin²χ) = dψ/M, by Gauss's transformation of tan² ψ.
+
+        Sums of positive numbers lose no digit, however near a separatrix is.
+        """
+        sine, cosine = psi.sin_cos()
+        tangent = cosine / sine if self._is_swapped else sine / cosine
+        square = tangent * tangent
+        for growth, complement in self._steps:
+            square = growth * square * (1 + square) / (1 + complement * square)
+        return 1 / square if self._is_swapped else square
 
 
-def _landen(ratio: arb) -> list[arb]:
-    """Return c_n/a_n of the mean of 1 and ``ratio`` ≤ 1, down to the precision."""
-    a, b, steps = arb(1), ratio, []
+def _gauss(ratio: arb) -> list[tuple[arb, arb]]:
+    """Return (1 + κ)² and 1 − κ², κ = c_n/a_n, of the mean of 1 and ``ratio`` ≤ 1, from the precision up."""
+    a, b, steps = arb(1), ratio, list[tuple[arb, arb]]()
+    small = arb(2) ** (-ctx.prec // 2)
     while True:
-        c = (a - b) / 2
+        c, before = (a - b) / 2, a
         a, b = (a + b) / 2, (a * b).sqrt()
-        steps.append(c / a)
-        if abs(c) < a * arb(2) ** (-ctx.prec // 2) or len(steps) > 40:
-            return steps
+        # a + c is the a before, and a² − c² = b².
+        growth, complement = before / a, b / a
+        steps.append((growth * growth, complement * complement))
+        if abs(c) < a * small or len(steps) > 40:
+            return steps[::-1]
 
 
 def _zeros(radicand: Radicand) -> tuple[list[arb], tuple[tuple[arb, arb], ...]]:

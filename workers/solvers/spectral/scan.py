@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.spectral.compiled import kernel
-from workers.solvers.spectral.curve import radicand, radicand_with_bound
+from workers.solvers.spectral.curve import BOUND, COSINE, SINE, VALUE, radicands, radicands_with_bounds
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -23,9 +23,13 @@ BLOCKED, PASSABLE, OPEN = 0, 1, 2
 
 
 def scan_places() -> FloatArray:
-    """Return the y at which P is looked at: symmetric, with 0 among them."""
+    """Return the y at which P is looked at, with sin v and cos v there: symmetric, with 0 among them."""
     positive = np.concatenate([np.arange(1, 21) * 0.2, 4.0 + np.arange(1, 13) * 0.5, [11.0, 12.0, 13.0]])
-    return np.concatenate([-positive[::-1], [0.0], positive])
+    places = np.concatenate([-positive[::-1], [0.0], positive])
+    # One by one: digits of whole arrays may differ from those that the zeros are found with.
+    sines = [1.0 / math.cosh(y) for y in places.tolist()]
+    cosines = [-math.tanh(y) for y in places.tolist()]
+    return np.array([places, sines, cosines])
 
 
 @kernel
@@ -36,10 +40,13 @@ def radicand_at(
     loop: FloatArray,
     half: float,
     y: float,
+    desk: FloatArray,
     work: FloatArray,
 ) -> float:
     """Return P at y on the half of the loop with this sign of g3."""
-    return radicand(code, result, constants, loop, half / math.cosh(y), -math.tanh(y), work)
+    desk[SINE, 0], desk[COSINE, 0] = half / math.cosh(y), -math.tanh(y)
+    radicands(code, result, constants, loop, desk, 1, work)
+    return float(desk[VALUE, 0])
 
 
 @kernel
@@ -53,6 +60,7 @@ def _zero(
     b: float,
     fa: float,
     fb: float,
+    desk: FloatArray,
     work: FloatArray,
 ) -> float:
     """Return the zero between a and b, where the signs differ, by Anderson and Björck's rule."""
@@ -62,7 +70,7 @@ def _zero(
             x = 0.5 * (a + b)
         if x in (a, b):
             break
-        fx = radicand_at(code, result, constants, loop, half, x, work)
+        fx = radicand_at(code, result, constants, loop, half, x, desk, work)
         if fx == 0.0:
             return x
         if (fx > 0.0) == (fb > 0.0):
@@ -87,28 +95,28 @@ def _dips_below_zero(
     a: float,
     b: float,
     sign: float,
+    desk: FloatArray,
     work: FloatArray,
 ) -> bool:
     """Say whether sign · P may vanish between a and b, by golden section for its minimum."""
     ratio = 0.6180339887498949
     x, y = b - ratio * (b - a), a + ratio * (b - a)
-    fx = sign * radicand_at(code, result, constants, loop, half, x, work)
-    fy = sign * radicand_at(code, result, constants, loop, half, y, work)
+    fx = sign * radicand_at(code, result, constants, loop, half, x, desk, work)
+    fy = sign * radicand_at(code, result, constants, loop, half, y, desk, work)
     for _ in range(36):
         if not (fx > 0.0 and fy > 0.0):
             return True
         if fx < fy:
             b, y, fy = y, x, fx
             x = b - ratio * (b - a)
-            fx = sign * radicand_at(code, result, constants, loop, half, x, work)
+            fx = sign * radicand_at(code, result, constants, loop, half, x, desk, work)
         else:
             a, x, fx = x, y, fy
             y = a + ratio * (b - a)
-            fy = sign * radicand_at(code, result, constants, loop, half, y, work)
-    value, bound = radicand_with_bound(
-        code, result, constants, loop, half / math.cosh(x), -math.tanh(x), work
-    )
-    return not abs(value) > bound
+            fy = sign * radicand_at(code, result, constants, loop, half, y, desk, work)
+    desk[SINE, 0], desk[COSINE, 0] = half / math.cosh(x), -math.tanh(x)
+    radicands_with_bounds(code, result, constants, loop, desk, 1, work)
+    return not abs(desk[VALUE, 0]) > desk[BOUND, 0]
 
 
 @kernel
@@ -134,18 +142,22 @@ def scan_half(
     constants: FloatArray,
     loop: FloatArray,
     half: float,
-    places: FloatArray,
+    table: FloatArray,
     zeros: FloatArray,
+    desk: FloatArray,
     work: FloatArray,
 ) -> tuple[int, int, int, int]:
     """Return the number of zeros (−1: undecided), P's sign before the first, and its north and south pole.
 
-    The zeros y go into ``zeros``, growing.
+    ``table`` is that of :func:`scan_places`. The zeros y go into ``zeros``, growing.
     """
+    places = table[0]
     n = len(places)
-    values = np.empty(n)
     for k in range(n):
-        values[k] = radicand_at(code, result, constants, loop, half, places[k], work)
+        desk[SINE, k], desk[COSINE, k] = half * table[1, k], table[2, k]
+    radicands(code, result, constants, loop, desk, n, work)
+    values = desk[VALUE, :n].copy()
+    for k in range(n):
         if not (abs(values[k]) > 0.0 and abs(values[k]) < math.inf):
             return -1, 0, 0, 0
     north, south = _pole(values, places, -1), _pole(values, places, 1)
@@ -157,7 +169,9 @@ def scan_half(
         if (a > 0.0) != (b > 0.0):
             if count == MAX_ZEROS:
                 return -1, 0, 0, 0
-            zeros[count] = _zero(code, result, constants, loop, half, places[k], places[k + 1], a, b, work)
+            zeros[count] = _zero(
+                code, result, constants, loop, half, places[k], places[k + 1], a, b, desk, work
+            )
             count += 1
             continue
         sign = 1.0 if a > 0.0 else -1.0
@@ -168,7 +182,7 @@ def scan_half(
             left = sign * a - sign * (values[k - 1] - a) / (places[k] - places[k - 1]) * step
             right = sign * b - sign * (values[k + 2] - b) / (places[k + 2] - places[k + 1]) * step
             if min(left, right) <= 0.0 and _dips_below_zero(
-                code, result, constants, loop, half, places[k], places[k + 1], sign, work
+                code, result, constants, loop, half, places[k], places[k + 1], sign, desk, work
             ):
                 return -1, 0, 0, 0
     return count, 1 if values[0] > 0.0 else -1, north, south

@@ -151,7 +151,7 @@ def _with_rounded_start(found: SpectralMotion) -> SpectralMotion:
 def _time_of_one_ulp(panels: FloatArray, u: float) -> float:
     """Return the time in which the phase goes from ``u`` to a neighbouring double, the longer of both."""
     before, at, after = (
-        time_map.time_at(panels, len(panels), float(phase))
+        time_map.time_at(panels, len(panels), float(phase))[0]
         for phase in (np.nextafter(u, -math.inf), u, np.nextafter(u, math.inf))
     )
     return float(max(at - before, after - at))

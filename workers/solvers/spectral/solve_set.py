@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.spectral import curve
-from workers.solvers.spectral.compiled import kernel
+from workers.solvers.spectral.compiled import inlined, kernel
+from workers.solvers.spectral.interpreter import POINTS, new_desk
+from workers.solvers.spectral.map_error import map_error
 from workers.solvers.spectral.sampling import extent, sample
-from workers.solvers.spectral.time_map import build_time_map, largest_noise, time_at
+from workers.solvers.spectral.time_map import build_time_map, time_at
 from workers.solvers.spectral.windows import choose_start, find_arcs, number_windows, set_orbit
 
 FloatArray = NDArray[np.float64]
@@ -28,7 +30,7 @@ def equator_of(alpha: float, log_lambda: float) -> tuple[float, float]:
     return math.exp(u), math.exp(alpha * (u - log_lambda))
 
 
-@kernel
+@inlined
 def find_orbit(
     code: IntArray,
     result: int,
@@ -37,7 +39,8 @@ def find_orbit(
     half: float,
     window: int,
     wishes: FloatArray,
-    places: FloatArray,
+    table: FloatArray,
+    desk: FloatArray,
     work: FloatArray,
 ) -> tuple[float, float]:
     """Choose the window, describe the orbit; return u at the start (NaN: undecided) and the sense."""
@@ -50,7 +53,7 @@ def find_orbit(
         if loop[curve.MIRRORED] == 0.0:
             wishes[3] = math.exp(math.log(size / loop[curve.G]) / alpha)
     arcs = np.empty((64, 6))
-    number = find_arcs(code, result, constants, loop, half, is_smooth, places, arcs, work)
+    number = find_arcs(code, result, constants, loop, half, is_smooth, table, arcs, desk, work)
     if number == 0 and arcs[0, 0] == 1.0:
         kind, s = int(wishes[0]), wishes[1]
         if kind == 2 or window > 0:
@@ -82,7 +85,7 @@ def find_orbit(
     return u, sense * half
 
 
-@kernel
+@inlined
 def map_time(
     code: IntArray,
     result: int,
@@ -94,40 +97,39 @@ def map_time(
     matrix: FloatArray,
     points: FloatArray,
     panels: FloatArray,
-    work: FloatArray,
-) -> tuple[int, float]:
-    """Build the time map, set period and origin; return the number of panels and the period's error."""
-    number, length, error = build_time_map(
-        code, result, constants, loop, tolerance, matrix, points, panels, work
-    )
-    turns = 1.0 if loop[curve.ROTATES] != 0.0 else 2.0
-    loop[curve.PERIOD_HI], loop[curve.PERIOD_LO] = turns * length, 0.0
-    loop[curve.ORIGIN] = time_at(panels, number, start) if number else math.nan
-    loop[curve.BACKWARDS] = 1.0 if sense < 0.0 else 0.0
-    return number, turns * error
-
-
-@kernel
-def describe(
-    code: IntArray,
-    result: int,
-    constants: FloatArray,
-    loop: FloatArray,
-    panels: FloatArray,
-    number: int,
-    error: float,
+    desk: FloatArray,
     work: FloatArray,
     about: FloatArray,
-) -> None:
-    """Fill in (panels, period, its error, largest slope, largest |p| or |r|, relative error of dt/du)."""
+) -> int:
+    """Build the time map, set period and origin, and say what is known; return the number of panels.
+
+    ``about`` gets that number, the period, its error, the largest slope, the largest |p| or |r|, and
+    the relative error of dt/du. The number is 0 where any of them is not known.
+    """
     about[:] = math.nan
-    about[0] = float(number)
-    if number:
-        about[1], about[2] = loop[curve.PERIOD_HI], error
-        about[3], about[4] = extent(loop, panels, number)
-        about[5] = largest_noise(code, result, constants, loop, panels, number, work)
-        if not (about[2] < math.inf and about[3] < math.inf and about[5] < math.inf):
-            about[0] = 0.0
+    about[0] = 0.0
+    number, length = build_time_map(
+        code, result, constants, loop, tolerance, matrix, points, panels, desk, work
+    )
+    if number == 0:
+        return 0
+    turns = 1.0 if loop[curve.ROTATES] != 0.0 else 2.0
+    loop[curve.PERIOD_HI], loop[curve.PERIOD_LO] = turns * length, 0.0
+    loop[curve.ORIGIN], loop[curve.ORIGIN_LO] = time_at(panels, number, start)
+    loop[curve.BACKWARDS] = 1.0 if sense < 0.0 else 0.0
+    error, rate_error = map_error(code, result, constants, loop, panels, number, desk, work)
+    steepest, largest = extent(loop, panels, number)
+    about[1], about[2], about[3], about[4], about[5] = (
+        loop[curve.PERIOD_HI],
+        turns * error,
+        steepest,
+        largest,
+        rate_error,
+    )
+    if about[2] < math.inf and about[3] < math.inf and about[5] < math.inf:
+        about[0] = float(number)
+        return number
+    return 0
 
 
 @kernel
@@ -141,7 +143,7 @@ def solve_sets(
     window: int,
     wishes: FloatArray,
     tolerance: float,
-    places: FloatArray,
+    table: FloatArray,
     matrix: FloatArray,
     points: FloatArray,
     times: FloatArray,
@@ -153,25 +155,40 @@ def solve_sets(
     """Solve every row of ``constants`` and ``loops``, and sample it.
 
     ``given`` holds (log λ, -) of each set, or (u at the start, sense) where the loop
-    is known by its roots. ``about`` gets (panels, period, its error, largest slope,
-    largest |p| or |r|, relative error of dt/du); 0 panels where it was not decided.
-    ``keep`` is the last table of panels.
+    is known by its roots. ``about`` gets what :func:`map_time` says of each; 0 panels
+    where it was not decided. ``keep`` is the last table of panels.
     """
-    work = np.empty((4, code.shape[0] + 3))
+    work, desk = new_desk(code), np.empty((curve.ROWS, POINTS))
     for n in range(len(constants)):
         loop = loops[n]
         if loop[curve.ROOTS_MODE] != 0.0:
             start, sense = given[n, 0], given[n, 1]
         else:
             loop[curve.Z], loop[curve.G] = equator_of(loop[curve.ALPHA], given[n, 0])
-            start, sense = find_orbit(code, result, constants[n], loop, half, window, wishes, places, work)
-        number, error = 0, math.inf
-        if start == start:
-            number, error = map_time(
-                code, result, constants[n], loop, start, sense, tolerance, matrix, points, keep, work
+            start, sense = find_orbit(
+                code, result, constants[n], loop, half, window, wishes, table, desk, work
             )
-        describe(code, result, constants[n], loop, keep, number, error, work, about[n])
-        if about[n, 0] == 0.0:
+        number = 0
+        if start == start:
+            number = map_time(
+                code,
+                result,
+                constants[n],
+                loop,
+                start,
+                sense,
+                tolerance,
+                matrix,
+                points,
+                keep,
+                desk,
+                work,
+                about[n],
+            )
+        else:
+            about[n] = math.nan
+            about[n, 0] = 0.0
+        if number == 0:
             out[n] = math.nan
             continue
         sample(loop, keep, number, times, columns, out[n])

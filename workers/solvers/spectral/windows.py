@@ -46,8 +46,9 @@ def find_arcs(
     loop: FloatArray,
     half: float,
     is_smooth: bool,
-    places: FloatArray,
+    table: FloatArray,
     arcs: FloatArray,
+    desk: FloatArray,
     work: FloatArray,
 ) -> int:
     """Fill the table of arcs that meet the half of the loop; return their number, −1 if undecided.
@@ -55,7 +56,7 @@ def find_arcs(
     The number is 0 with a ROTATION in the first place of the table if P > 0 on the whole loop.
     """
     zeros, others = np.empty(MAX_ZEROS), np.empty(MAX_ZEROS)
-    count, sign, north, south = scan_half(code, result, constants, loop, half, places, zeros, work)
+    count, sign, north, south = scan_half(code, result, constants, loop, half, table, zeros, desk, work)
     arcs[0, 0] = 0.0
     if count < 0:
         return -1
@@ -65,14 +66,14 @@ def find_arcs(
         if not is_smooth:
             return -1
         other, _, other_north, other_south = scan_half(
-            code, result, constants, loop, -half, places, others, work
+            code, result, constants, loop, -half, table, others, desk, work
         )
         if other < 0 or (goes_north and other_north != PASSABLE) or (goes_south and other_south != PASSABLE):
             return -1
-        for end, goes in ((places[0], goes_north), (places[-1], goes_south)):
+        for end, goes in ((table[0, 0], goes_north), (table[0, -1], goes_south)):
             if goes:
-                here = radicand_at(code, result, constants, loop, half, end, work)
-                there = radicand_at(code, result, constants, loop, -half, end, work)
+                here = radicand_at(code, result, constants, loop, half, end, desk, work)
+                there = radicand_at(code, result, constants, loop, -half, end, desk, work)
                 # With another limit beyond the pole no motion goes on there.
                 if not abs(here - there) < SAME_LIMIT * abs(here):
                     return -1

@@ -91,6 +91,17 @@ def test_columns_are_those_of_the_sample():
     assert np.array_equal(found.columns(TIMES, names), every[:, [COLUMNS.index(name) for name in names]])
 
 
+@pytest.mark.parametrize("tier", ["standard", "high"])
+def test_the_digits_of_a_time_do_not_depend_on_the_others(tier):
+    found = solve(DOUBLE, "-g1 + 1/(20*g3^2)", PlanarMotion(None, nu=Fraction(1)), tier)
+    # More than two blocks of 1024; the single ones are at both sides of where a block ends.
+    times = np.random.default_rng(3).uniform(-1e4, 1e4, 2500)
+    together = found.sample(times)
+    for k in (0, 1, 1023, 1024, 2047, 2048, 2499):
+        assert np.array_equal(found.sample(times[k : k + 1])[0], together[k])
+    assert np.array_equal(found.sample(times[::-1]), together[::-1])
+
+
 def test_a_sweep_has_the_numbers_of_single_problems():
     values = [Fraction(k, 7) for k in range(3, 12)]
     potentials = [formula(f"-({value})*g1 + 1/(20*g3^2)", DOUBLE) for value in values]
