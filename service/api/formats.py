@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from service.api.arrow import arrow_stream
 from service.api.errors import ApiError
+from service.api.negotiation import preferred
 
 FloatArray = NDArray[np.float64]
 
@@ -38,14 +39,7 @@ def choose_format(accept: str | None) -> Writer:
     ApiError
         406 if it accepts none of ours.
     """
-    best, best_quality = None, 0.0
-    for media_type in _FORMATS:
-        quality = _quality(media_type, accept or "*/*")
-        if quality > best_quality:
-            best, best_quality = media_type, quality
-    if best is None:
-        detail = f"formats are {', '.join(_FORMATS)}"
-        raise ApiError(HTTPStatus.NOT_ACCEPTABLE, "not_acceptable", detail)
+    best = preferred(list(_FORMATS), accept)
     build = _FORMATS[best]
 
     def write(trajectory: Trajectory) -> Response:
@@ -60,31 +54,6 @@ def media_types() -> dict[str, object]:
     """Return the formats other than JSON, for the OpenAPI document."""
     binary = {"schema": {"type": "string", "format": "binary"}}
     return {name: binary for name in _FORMATS if name != "application/json"}
-
-
-def _quality(media_type: str, accept: str) -> float:
-    """Return how much a client likes a media type (RFC 9110, 12.5.1): the most special entry counts."""
-    kind = media_type.partition("/")[0]
-    ranks = {"*/*": 1, f"{kind}/*": 2, media_type: 3}
-    found, quality = 0, 0.0
-    for entry in accept.split(","):
-        name, *parameters = (part.strip().lower() for part in entry.split(";"))
-        rank = ranks.get(name, 0)
-        if rank > found:
-            found, quality = rank, _weight(parameters)
-    return quality
-
-
-def _weight(parameters: list[str]) -> float:
-    for parameter in parameters:
-        name, _, value = parameter.partition("=")
-        if name.strip() == "q":
-            try:
-                weight = float(value)
-            except ValueError:
-                return 0.0
-            return weight if 0.0 <= weight <= 1.0 else 0.0
-    return 1.0
 
 
 def _require_finite(trajectory: Trajectory) -> None:

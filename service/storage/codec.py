@@ -32,7 +32,7 @@ class CodecError(ValueError):
 
 def encode_arrays(arrays: Mapping[str, FloatArray]) -> bytes:
     """Return the arrays, of any shapes, as one packet; their order is kept."""
-    return _pack(arrays, {})
+    return pack_arrays(arrays, {})
 
 
 def decode_arrays(packet: bytes) -> dict[str, FloatArray]:
@@ -43,7 +43,7 @@ def decode_arrays(packet: bytes) -> dict[str, FloatArray]:
     CodecError
         The packet is not one, or is damaged.
     """
-    return _unpack(packet)[0]
+    return unpack_arrays(packet)[0]
 
 
 def encode_dense(dense: DenseOutput) -> bytes:
@@ -57,7 +57,7 @@ def encode_dense(dense: DenseOutput) -> bytes:
         arrays["advances"] = np.array([[a.hi, a.lo, a.error] for a in dense.advances.values()])
     names = {"errors": list(dense.errors), "advances": list(dense.advances)}
     given = {key: value for key, value in names.items() if value}
-    return _pack(arrays, {"columns": dense.columns, **given})
+    return pack_arrays(arrays, {"columns": dense.columns, **given})
 
 
 def decode_dense(packet: bytes) -> DenseOutput:
@@ -68,7 +68,7 @@ def decode_dense(packet: bytes) -> DenseOutput:
     CodecError
         The packet is not a dense output, or is damaged.
     """
-    arrays, header = _unpack(packet)
+    arrays, header = unpack_arrays(packet)
     columns = _names(header, "columns")
     if "columns" not in header or not {"breaks", "coefficients", "error"} <= arrays.keys():
         raise CodecError("the packet holds arrays, but not those of a dense output")
@@ -94,7 +94,8 @@ def _names(header: Mapping[str, object], key: str) -> tuple[str, ...]:
     return tuple(map(str, names)) if isinstance(names, list) else ()
 
 
-def _pack(arrays: Mapping[str, FloatArray], extra: Mapping[str, object]) -> bytes:
+def pack_arrays(arrays: Mapping[str, FloatArray], extra: Mapping[str, object]) -> bytes:
+    """Return the arrays and further fields of the header as one packet."""
     entries = [{"name": name, "shape": list(array.shape)} for name, array in arrays.items()]
     header = json.dumps({"arrays": entries, **extra}, separators=(",", ":")).encode()
     body = b"".join(_shuffle(array) for array in arrays.values())
@@ -102,7 +103,8 @@ def _pack(arrays: Mapping[str, FloatArray], extra: Mapping[str, object]) -> byte
     return _MAGIC + struct.pack("<I", len(header)) + header + frame
 
 
-def _unpack(packet: bytes) -> tuple[dict[str, FloatArray], dict[str, object]]:
+def unpack_arrays(packet: bytes) -> tuple[dict[str, FloatArray], dict[str, object]]:
+    """Return the arrays and the header of a packet; raises :class:`CodecError`."""
     if packet[:4] != _MAGIC:
         raise CodecError(f"a packet begins with {_MAGIC!r}, not with {packet[:4]!r}")
     try:

@@ -1,0 +1,110 @@
+"""GET /v1/sweeps/{id}/points: the points that are done, a page of JSON or a stream."""
+
+from dataclasses import replace
+from itertools import chain, islice
+from typing import Annotated
+
+import orjson
+from fastapi import APIRouter, Header, Query, Response
+from fastapi.responses import StreamingResponse
+
+from service.api.errors import invalid_request
+from service.api.negotiation import preferred
+from service.api.point_formats import CSV, JSON, STREAMS, rows
+from service.api.point_queries import (
+    DEFAULT_ROWS,
+    MOST_NUMBERS,
+    MOST_ROWS,
+    MOST_SORTED_NUMBERS,
+    PointsQuery,
+    Wish,
+    read_query,
+)
+from service.api.resources import Inside
+from service.api.responses import refusals
+from service.jobs.sweeps import SweepRecord
+from service.schemas.faults import Fault
+from service.schemas.sweep_out import PointPageOut
+from service.schemas.sweeps import read_sweep
+from service.storage.point_reader import PointReader
+
+router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
+
+POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
+"""Of the whole sweep, and of it done: what is not done yet is not in the answer."""
+
+
+@router.get(
+    "/{sweep_id}/points",
+    response_model=PointPageOut,
+    responses={
+        200: {
+            "model": PointPageOut,
+            "description": "The points that are done, as a page of JSON. NDJSON, CSV and Arrow have all of"
+            f" them, or `limit`, and the headers {POINTS_HEADER} and {DONE_HEADER}; CSV has no series.",
+            "content": {name: {"schema": {"type": "string", "format": "binary"}} for name in STREAMS},
+        },
+        **refusals(404, 406),
+    },
+)
+def get_points(
+    sweep_id: str,
+    query: Annotated[PointsQuery, Query()],
+    inside: Inside,
+    accept: Annotated[str | None, Header()] = None,
+) -> Response:
+    """Return the points that are done, with conditions, sorted, and only the columns that are wanted."""
+    media_type = preferred([JSON, *STREAMS], accept)
+    record = inside.sweeps.get(sweep_id)
+    sweep = read_sweep(record.document)
+    wish = read_query(query, sweep, has_lists=media_type != CSV)
+    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
+    if media_type == JSON:
+        return _page(record, wish, reader)
+    _check_size_of_sort(wish, reader)
+    told = {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
+    # The first block now: whatever goes wrong with it can still be told.
+    blocks = reader.blocks(wish.query)
+    first = list(islice(blocks, 1))
+    content = STREAMS[media_type](wish, chain(first, blocks), {"sweep": record.id, **told})
+    return StreamingResponse(content, media_type=media_type, headers={**told, "Vary": "Accept"})
+
+
+def _page(record: SweepRecord, wish: Wish, reader: PointReader) -> Response:
+    query = replace(wish.query, limit=_page_rows(wish.query.limit, reader))
+    items = [row for block in reader.blocks(query) for row in rows(wish, block)]
+    # Not by json_response: numbers that a point has not are NaN here, and null there is what is wanted.
+    content = orjson.dumps(
+        {
+            "items": items,
+            "total": reader.count(query),
+            "limit": query.limit,
+            "offset": query.offset,
+            "points": record.points,
+            "done": record.done,
+        },
+        option=orjson.OPT_SERIALIZE_NUMPY,
+    )
+    return Response(content, media_type=JSON, headers={"Vary": "Accept"})
+
+
+def _page_rows(asked: int | None, reader: PointReader) -> int:
+    most = max(1, min(MOST_ROWS, MOST_NUMBERS // reader.row_numbers))
+    if asked is not None and asked > most:
+        message = f"{asked} points on a page; 1 to {most} are accepted, NDJSON and Arrow have no limit"
+        raise invalid_request([Fault("?limit", "out_of_range", message)])
+    return min(most, DEFAULT_ROWS) if asked is None else asked
+
+
+def _check_size_of_sort(wish: Wish, reader: PointReader) -> None:
+    """Refuse to sort long series: every chunk would be read again and again."""
+    if wish.query.order is None or not wish.series:
+        return
+    points = reader.count(wish.query)
+    numbers = min(points, wish.query.limit or points) * reader.row_numbers
+    if numbers > MOST_SORTED_NUMBERS:
+        message = (
+            f"{numbers} numbers would be sorted with their series; at most {MOST_SORTED_NUMBERS} are, since"
+            " all are read again for each 64 MB. Accepted is a limit, or columns without series"
+        )
+        raise invalid_request([Fault("?order", "sort_too_large", message)])

@@ -1,0 +1,138 @@
+"""/v1/sweeps: submit, follow, cancel."""
+
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.api.documentation import request_body
+from service.api.requests import Body, read_json, without_query
+from service.api.resources import Inside
+from service.api.responses import json_response, refusals
+from service.api.security import Holder, check_owner
+from service.jobs.chunking import largest_chunk
+from service.jobs.states import JobState
+from service.jobs.sweeps import SweepProgress, SweepRecord
+from service.schemas.faults import Fault
+from service.schemas.sweep_out import SweepOut, SweepPageOut, SweepStateOut
+from service.schemas.sweeps import InvalidSweepError, read_sweep
+
+router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
+
+EXAMPLES: dict[str, object] = {
+    "grid": {
+        "value": {
+            "base": {
+                "body": {"A": 2, "B": "3/2", "C": 1},
+                "potential": {
+                    "type": "expression",
+                    "expression": "a*g1 + b/g3^2",
+                    "parameters": {"a": -1, "b": "1/20"},
+                },
+                "motion": {"type": "planar", "lambda": 1},
+                "time": {"stop": 10, "samples": 101},
+                "accuracy": {"tolerance": 1e-9},
+            },
+            "axes": [
+                {"pointer": "/potential/parameters/a", "values": [-2, -1]},
+                {"pointer": "/motion/lambda", "linspace": [0.1, 2, 1000]},
+            ],
+            "combine": "grid",
+            "keep": ["period", "energy", "error"],
+            "series": False,
+        }
+    }
+}
+
+
+class SweepsQuery(BaseModel):
+    """Which sweeps."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    state: JobState | None = None
+    limit: int = Field(default=50, ge=1, le=200)
+    offset: int = Field(default=0, ge=0, le=10**9)
+
+
+@router.post(
+    "",
+    response_model=SweepOut,
+    status_code=HTTPStatus.ACCEPTED,
+    responses=refusals(400, 413, 415, 503),
+    openapi_extra=request_body("SweepIn", EXAMPLES),
+    dependencies=[without_query],
+)
+def submit(content: Body, inside: Inside, holder: Holder) -> Response:
+    """Check a sweep and queue its first points; the others follow as those are done.
+
+    The base must be a problem with the first value of each axis. Whether a
+    point has a motion is told by the point.
+    """
+    document = read_json(content)
+    sweep = read_sweep(document, max_points=inside.settings.max_sweep_points)
+    assert isinstance(document, dict)
+    if sweep.samples > inside.settings.max_samples:
+        message = f"{sweep.samples} samples; 1 to {inside.settings.max_samples} are accepted here"
+        raise InvalidSweepError([Fault("/base/time", "out_of_range", message)])
+    inside.limits.reserve_jobs(holder)
+    record = inside.sweeps.submit(
+        document,
+        points=sweep.points,
+        most=largest_chunk(sweep.samples, len(sweep.series_columns)),
+        priority=document.get("priority", 0),
+        key_id=None if holder is None else holder.id,
+    )
+    inside.doorbell.ring()
+    headers = {"Location": f"/v1/sweeps/{record.id}"}
+    return json_response(_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
+
+
+@router.get("", response_model=SweepPageOut, responses=refusals())
+def list_sweeps(query: Annotated[SweepsQuery, Query()], inside: Inside) -> Response:
+    """List sweeps, newest first, without their documents."""
+    page = inside.sweeps.list_sweeps(state=query.state, limit=query.limit, offset=query.offset)
+    items = [SweepStateOut.model_validate(_state(record)) for record in page.sweeps]
+    return json_response(SweepPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset))
+
+
+@router.get("/{sweep_id}", response_model=SweepOut, responses=refusals(404), dependencies=[without_query])
+def get_sweep(sweep_id: str, inside: Inside) -> Response:
+    """Show a sweep and how far it has come."""
+    return json_response(_out(inside.sweeps.get(sweep_id)))
+
+
+@router.post(
+    "/{sweep_id}/cancel", response_model=SweepOut, responses=refusals(404, 409), dependencies=[without_query]
+)
+def cancel(sweep_id: str, inside: Inside, holder: Holder) -> Response:
+    """Cancel a queued or running sweep at once; the points that are done stay. Again changes nothing.
+
+    Of a sweep that was submitted with another key it takes the role operate.
+    """
+    check_owner(holder, inside.sweeps.get(sweep_id).key_id)
+    record = inside.sweeps.cancel(sweep_id)
+    inside.doorbell.ring()
+    return json_response(_out(record))
+
+
+def _out(record: SweepRecord) -> SweepOut:
+    return SweepOut.model_validate({**_state(record), "document": dict(record.document)})
+
+
+def _state(record: SweepProgress) -> dict[str, object]:
+    return {
+        "id": record.id,
+        "state": record.state.value,
+        "points": record.points,
+        "done": record.done,
+        "refused": record.refused,
+        "progress": record.done / record.points,
+        "point_seconds": record.point_seconds,
+        "remaining_seconds": record.remaining_seconds,
+        "priority": record.priority,
+        "created_at": record.created_at,
+        "started_at": record.started_at,
+        "finished_at": record.finished_at,
+    }

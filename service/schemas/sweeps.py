@@ -1,0 +1,170 @@
+"""From documents to sweeps, with every fault found."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Annotated
+
+from pydantic import (
+    AfterValidator,
+    Field,
+    GetJsonSchemaHandler,
+    TypeAdapter,
+    ValidationError,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema
+
+from service.dynamics.motion import COLUMNS
+from service.dynamics.orientation import PRECESSION, QUATERNION
+from service.dynamics.problem import Problem, TimeList
+from service.schemas import sweep_rules
+from service.schemas.choices import WireModel
+from service.schemas.faults import Fault, InvalidProblemError
+from service.schemas.numbers import Priority, refuse
+from service.schemas.parts import read_parts
+from service.schemas.pointers import split_pointer, with_values
+from service.schemas.problem import each_once, read_problem
+from service.schemas.sections import ProblemIn
+from service.schemas.sweep import Combine, Sweep, SweepAxis, json_number
+from service.schemas.sweep_axes import AxisIn, AxisModel
+from service.schemas.sweep_numbers import DEFAULT_KEEP, NUMBERS
+
+MAX_AXES = 16
+
+
+class InvalidSweepError(InvalidProblemError):
+    """A document that is not a sweep; ``faults`` holds everything that was found."""
+
+
+def _require_kept(name: str) -> str:
+    if name not in NUMBERS:
+        raise refuse("invalid_value", f"{name[:40]!r} cannot be kept; accepted are {', '.join(NUMBERS)}")
+    return name
+
+
+KeptName = Annotated[
+    str, AfterValidator(_require_kept), WithJsonSchema({"type": "string", "enum": list(NUMBERS)})
+]
+
+
+class _AsProblem:
+    """Describes a field as a problem, although it is read by other means."""
+
+    def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, object]:
+        return handler(ProblemIn.__pydantic_core_schema__)
+
+
+class SweepIn(WireModel):
+    """One problem, some of whose numbers vary: what ``POST /v1/sweeps`` takes."""
+
+    base: Annotated[dict[str, object], _AsProblem()] = Field(
+        description="A problem; the numbers it has at the axes' pointers are replaced."
+    )
+    axes: Annotated[list[AxisIn], Field(min_length=1, max_length=MAX_AXES)]
+    combine: Combine = Field(
+        default="grid",
+        description="`grid`: every value with every other, the last axis fastest;"
+        " `zip`: the n-th values of all axes with each other.",
+    )
+    keep: Annotated[list[KeptName], Field(max_length=len(NUMBERS))] = Field(
+        default_factory=lambda: list(DEFAULT_KEEP), description="Numbers to keep of each point."
+    )
+    series: bool = Field(default=False, description="Keep the samples of each point too.")
+    priority: Priority = Field(default=0, description="Larger ones are computed first.")
+
+
+def read_sweep(document: object, *, max_points: int | None = None) -> Sweep:
+    """Return the sweep that ``document`` states; ``max_points`` is the limit of the installation.
+
+    The base must be a problem with the first value of each axis; whether the
+    other points are problems is told by each of them.
+
+    Raises
+    ------
+    InvalidSweepError
+        Holds every fault that was found.
+    """
+    parts, faults = read_parts(document, SweepIn)
+    given = list(_readable_axes(document))
+    faults += sweep_rules.length_faults(given, parts.get("combine"), max_points)
+    axes, problem = _first_point(parts.get("base"), given, _pointers(document), faults)
+    match (problem, parts):
+        case (
+            Problem(),
+            {
+                "base": dict(base),
+                "combine": ("grid" | "zip") as combine,
+                "keep": list(keep),
+                "series": bool(series),
+            },
+        ) if axes:
+            columns = _series_columns(problem) if series else ()
+            sweep = Sweep(base, axes, combine, tuple(keep), columns, _samples(problem) if columns else 0)
+            faults += sweep_rules.kept_faults(keep, problem, has_series=series)
+            if series:
+                faults += sweep_rules.series_faults(sweep)
+            if not faults:
+                return sweep
+    raise InvalidSweepError(each_once(faults))
+
+
+def _readable_axes(document: object) -> Iterator[tuple[int, AxisModel]]:
+    """Yield the axes that can be read although others may be faulty, with their places."""
+    for place, axis in enumerate(_listed_axes(document)):
+        try:
+            yield place, _axis_reader().validate_python(axis)
+        except ValidationError:
+            continue  # its faults are told with those of the whole document
+
+
+def _pointers(document: object) -> dict[int, str]:
+    """Return the pointers of the axes, also of faulty ones, by their places."""
+    found = enumerate(
+        axis.get("pointer") if isinstance(axis, dict) else None for axis in _listed_axes(document)
+    )
+    return {place: pointer for place, pointer in found if isinstance(pointer, str)}
+
+
+def _listed_axes(document: object) -> list[object]:
+    listed = document.get("axes") if isinstance(document, dict) else None
+    return listed[:MAX_AXES] if isinstance(listed, list) else []
+
+
+@cache
+def _axis_reader() -> TypeAdapter[AxisModel]:
+    return TypeAdapter(AxisIn)
+
+
+def _first_point(
+    base: object, given: Sequence[tuple[int, AxisModel]], pointers: Mapping[int, str], faults: list[Fault]
+) -> tuple[tuple[SweepAxis, ...], Problem | None]:
+    """Return the axes that lead somewhere and the first point, if it is a problem; add the faults."""
+    if not isinstance(base, dict):
+        return (), None
+    misplaced = list(sweep_rules.pointer_faults(pointers, base))
+    bad = {fault.pointer for fault in misplaced}
+    axes = tuple(
+        SweepAxis(axis.pointer, split_pointer(axis.pointer), axis.to_domain(place))
+        for place, axis in given
+        if f"/axes/{place}/pointer" not in bad
+    )
+    faults += [*misplaced, *sweep_rules.budget_faults(base)]
+    first = with_values(base, {each.path: json_number(each.axis.value(0)) for each in axes})
+    try:
+        return axes, read_problem(first)
+    except InvalidProblemError as error:
+        faults += [replace(fault, pointer=f"/base{fault.pointer}") for fault in error.faults]
+        return axes, None
+
+
+def _series_columns(problem: Problem) -> tuple[str, ...]:
+    """Return ``t`` and the functions of time that the outputs ask for; empty if there are none."""
+    columns = [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in problem.outputs]
+    if "orientation" in problem.outputs:
+        columns += [*QUATERNION, *PRECESSION]
+    return ("t", *columns) if columns else ()
+
+
+def _samples(problem: Problem) -> int:
+    return len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples

@@ -1,0 +1,236 @@
+"""The points of a sweep that are done, read in blocks: memory does not grow with the sweep.
+
+Chunks are read a few at a time, in transactions of their own. A chunk that a
+condition excludes by its axes or its bounds is not read at all. Sorted points
+take two steps: only the sort key of each is held, and sorted; then the rows are
+gathered, as many at a time as memory may take, each time from all chunks that
+have any of them.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.schemas.sweep import Sweep
+from service.storage.chunk_codec import decode_points
+from service.storage.point_query import INDEX, BoolArray, Condition, FloatArray, PointQuery
+from service.storage.sweep_store import StoredChunk, SweepStore
+
+IntArray = NDArray[np.int64]
+WordArray = NDArray[np.object_]
+
+BLOCK_ROWS = 8192
+"""Points of a block at most."""
+BLOCK_NUMBERS = 1_000_000
+"""Numbers of a block at most, the samples of series among them, unless a single point has more."""
+GATHERED_NUMBERS = 8_000_000
+"""Numbers that are gathered at a time for sorted points: 64 MB."""
+_CHUNKS_AT_ONCE = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Some points in columns, in the order they were asked for."""
+
+    indices: IntArray
+    numbers: Mapping[str, FloatArray]
+    """The axes by their pointers, then the kept numbers; NaN where a point has none."""
+    outcomes: WordArray
+    series: Mapping[str, FloatArray]
+    """Of shape [points, samples]; NaN where a point has none."""
+
+    def column(self, name: str) -> FloatArray:
+        """Return the index, an axis or a kept number."""
+        return self.indices.astype(np.float64) if name == INDEX else self.numbers[name]
+
+    def taken(self, rows: IntArray | BoolArray | slice) -> "Block":
+        """Return some of the points."""
+        return Block(
+            self.indices[rows],
+            {name: values[rows] for name, values in self.numbers.items()},
+            self.outcomes[rows],
+            {name: values[rows] for name, values in self.series.items()},
+        )
+
+
+class PointReader:
+    """Reads the stored points of one sweep, if wished without their series."""
+
+    def __init__(self, store: SweepStore, sweep_id: str, sweep: Sweep, *, with_series: bool) -> None:
+        self._store, self._id, self._sweep = store, sweep_id, sweep
+        self._series = sweep.series_columns if with_series else ()
+        self.row_numbers = 2 + len(sweep.axes) + len(sweep.keep) + len(self._series) * sweep.samples
+        """Numbers that a point takes in memory."""
+        self.block_rows = max(1, min(BLOCK_ROWS, BLOCK_NUMBERS // self.row_numbers))
+
+    def count(self, query: PointQuery) -> int:
+        """Return how many of the stored points meet the conditions."""
+        if query.is_unconditional:
+            return sum(chunk.count for chunk in self._store.chunks(self._id))
+        return sum(len(block.indices) for block in self._matching(query, self._candidates(query), ()))
+
+    def blocks(self, query: PointQuery) -> Iterator[Block]:
+        """Yield the points that are asked for, some at a time."""
+        rows = self._by_index(query) if query.order is None else self._gathered(self.sorted(query))
+        for block in rows:
+            for start in range(0, len(block.indices), self.block_rows):
+                yield block.taken(slice(start, start + self.block_rows))
+
+    def sorted(self, query: PointQuery) -> IntArray:
+        """Return the indices of the points that are asked for, in the order of a column."""
+        if query.order is None:
+            raise ValueError("no order is asked for")
+        indices, keys = [np.empty(0, dtype=np.int64)], [np.empty(0)]
+        for block in self._matching(query, self._candidates(query), ()):
+            indices.append(block.indices)
+            keys.append(block.column(query.order))
+        key = np.concatenate(keys)
+        # NaN is sorted to the end; equal keys stay in the order of their indices.
+        order = np.argsort(-key if query.descending else key, kind="stable")
+        stop = None if query.limit is None else query.offset + query.limit
+        found: IntArray = np.concatenate(indices)[order[query.offset : stop]]
+        return found
+
+    def _by_index(self, query: PointQuery) -> Iterator[Block]:
+        skip, left, chunks = query.offset, query.limit, self._candidates(query)
+        if query.is_unconditional:
+            skip, chunks = _without_first(chunks, skip)
+        for block in self._matching(query, chunks, self._series):
+            rows = len(block.indices)
+            stop = rows if left is None else min(rows, skip + left)
+            if skip < stop:
+                yield block.taken(slice(skip, stop))
+                left = None if left is None else left - (stop - skip)
+            skip = max(0, skip - rows)
+            if left == 0:
+                return
+
+    def _candidates(self, query: PointQuery) -> Iterator[StoredChunk]:
+        """Yield the chunks that may have such points, by their bounds."""
+        kept = [each for each in query.conditions if each.column in self._sweep.keep]
+        for chunk in self._store.chunks(self._id):
+            if all(
+                each.column in chunk.bounds and each.may_admit(*chunk.bounds[each.column]) for each in kept
+            ):
+                yield chunk
+
+    def _matching(
+        self, query: PointQuery, chunks: Iterable[StoredChunk], series: Sequence[str]
+    ) -> Iterator[Block]:
+        """Yield the points of ``chunks`` that meet the conditions, by index."""
+        kept = [each for each in query.conditions if each.column in self._sweep.keep]
+        given = [each for each in query.conditions if each.column not in self._sweep.keep]
+        for batch in self._batches(chunks):
+            indices = _indices(batch)
+            axes = self._sweep.columns_at(indices)
+            mask = _all(given, {INDEX: indices.astype(np.float64), **axes}, len(indices))
+            if not mask.any():
+                continue
+            block = self._read(batch, indices, axes, series)
+            mask &= _all(kept, block.numbers, len(indices))
+            for outcome in query.outcomes:
+                mask &= block.outcomes == outcome
+            yield block if mask.all() else block.taken(mask)
+
+    def _gathered(self, wanted: IntArray) -> Iterator[Block]:
+        """Yield the points of the indices ``wanted``, in their order."""
+        at_once = max(1, GATHERED_NUMBERS // self.row_numbers)
+        for start in range(0, len(wanted), at_once):
+            yield self._gather(wanted[start : start + at_once])
+
+    def _gather(self, wanted: IntArray) -> Block:
+        places = np.argsort(wanted)
+        ordered, size = wanted[places], len(wanted)
+        found = Block(
+            wanted,
+            {name: np.empty(size) for name in (*self._sweep.pointers, *self._sweep.keep)},
+            np.empty(size, dtype=np.object_),
+            {name: np.empty((size, self._sweep.samples)) for name in self._series},
+        )
+        holding = (
+            chunk
+            for chunk in self._store.chunks(self._id)
+            if np.diff(np.searchsorted(ordered, [chunk.first, chunk.first + chunk.count]))[0]
+        )
+        for batch in self._batches(holding):
+            indices = _indices(batch)
+            block = self._read(batch, indices, self._sweep.columns_at(indices), self._series)
+            first, last = np.searchsorted(ordered, [indices[0], indices[-1] + 1])
+            rows, to = np.searchsorted(indices, ordered[first:last]), places[first:last]
+            for name, values in found.numbers.items():
+                values[to] = block.numbers[name][rows]
+            for name, values in found.series.items():
+                values[to] = block.series[name][rows]
+            found.outcomes[to] = block.outcomes[rows]
+        return found
+
+    def _batches(self, chunks: Iterable[StoredChunk]) -> Iterator[list[StoredChunk]]:
+        """Yield the chunks some at a time: small ones together, up to a block's rows."""
+        batch: list[StoredChunk] = []
+        rows = 0
+        for chunk in chunks:
+            if batch and (rows + chunk.count > self.block_rows or len(batch) == _CHUNKS_AT_ONCE):
+                yield batch
+                batch, rows = [], 0
+            batch.append(chunk)
+            rows += chunk.count
+        if batch:
+            yield batch
+
+    def _read(
+        self,
+        batch: Sequence[StoredChunk],
+        indices: IntArray,
+        axes: Mapping[str, FloatArray],
+        series: Sequence[str],
+    ) -> Block:
+        packets = self._store.data(self._id, [chunk.first for chunk in batch])
+        parts = [decode_points(packet, with_series=bool(series)) for packet in packets]
+        sizes = [chunk.count for chunk in batch]
+        samples = self._sweep.samples
+        return Block(
+            indices,
+            {
+                **axes,
+                **{name: _joined([part.numbers for part in parts], name, sizes) for name in self._sweep.keep},
+            },
+            np.array([outcome for part in parts for outcome in part.outcomes], dtype=np.object_),
+            {name: _joined([part.series for part in parts], name, sizes, samples) for name in series},
+        )
+
+
+def _indices(batch: Sequence[StoredChunk]) -> IntArray:
+    return np.concatenate(
+        [np.arange(chunk.first, chunk.first + chunk.count, dtype=np.int64) for chunk in batch]
+    )
+
+
+def _all(conditions: Sequence[Condition], columns: Mapping[str, FloatArray], rows: int) -> BoolArray:
+    mask = np.ones(rows, dtype=np.bool_)
+    for condition in conditions:
+        mask &= condition.admits(columns[condition.column])
+    return mask
+
+
+def _joined(
+    parts: Sequence[Mapping[str, FloatArray]], name: str, sizes: Sequence[int], *samples: int
+) -> FloatArray:
+    """Return one column of several chunks; a chunk whose points have no such number left it out."""
+    return np.concatenate(
+        [
+            part[name] if name in part else np.full((size, *samples), np.nan)
+            for part, size in zip(parts, sizes, strict=True)
+        ]
+    )
+
+
+def _without_first(chunks: Iterator[StoredChunk], rows: int) -> tuple[int, Iterator[StoredChunk]]:
+    """Drop the chunks that end within the first ``rows`` points; return how many are left to drop."""
+    for chunk in chunks:
+        if rows < chunk.count:
+            return rows, chain([chunk], chunks)
+        rows -= chunk.count
+    return 0, iter(())

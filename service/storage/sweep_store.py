@@ -1,0 +1,171 @@
+"""Sweeps in SQL, one transaction a method; how chunks move them is in :mod:`service.storage.sweep_moves`."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session, defer
+
+from service.jobs.chunking import PILOT_POINTS, Range
+from service.jobs.dispatch import Dispatcher
+from service.jobs.states import JobState
+from service.jobs.sweeps import (
+    SweepFinishedError,
+    SweepNotFoundError,
+    SweepPage,
+    SweepProgress,
+    SweepRecord,
+)
+from service.storage import sweep_moves
+from service.storage.base import Document
+from service.storage.clock import database_now
+from service.storage.database import Database
+from service.storage.ids import is_id, new_id
+from service.storage.records import delivery_of, instant, optional_instant
+from service.storage.sweep_tables import SweepChunkRow, SweepRow
+from service.storage.table_dispatcher import TableDispatcher
+
+_PAGE = 1000
+"""Chunks whose descriptions are read at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredChunk:
+    """Some neighbouring points that are done, without their data."""
+
+    first: int
+    count: int
+    bounds: Mapping[str, tuple[float, float]]
+    """Smallest and largest of each number that any point has."""
+
+
+class SweepStore:
+    """Writes and reads sweeps and their points."""
+
+    def __init__(self, database: Database, dispatcher: Dispatcher[Session] | None = None) -> None:
+        """Without a dispatcher, workers look at the table."""
+        self._database = database
+        self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
+
+    def submit(
+        self, document: Document, *, points: int, most: int, priority: int = 0, key_id: str | None = None
+    ) -> SweepRecord:
+        """Store a sweep and its first chunk, whatever the number of points.
+
+        ``most`` is the largest chunk that may be made of it.
+        """
+        pilot = Range(0, min(PILOT_POINTS, most, points))
+        with self._database.write() as session:
+            row = SweepRow(
+                id=new_id(),
+                state=JobState.QUEUED.value,
+                document=document,
+                points=points,
+                next_index=pilot.count,
+                done=0,
+                refused=0,
+                chunk_points=pilot.count,
+                priority=priority,
+                key_id=key_id,
+                created_at=database_now(session),
+            )
+            session.add(row)
+            session.flush()
+            jobs = sweep_moves.queue_chunks(session, row, [pilot], most)
+            session.flush()
+            self._dispatcher.dispatch(session, [delivery_of(job) for job in jobs])
+            return _record(row, row.created_at)
+
+    def get(self, sweep_id: str) -> SweepRecord:
+        """Return a sweep, or raise :class:`SweepNotFoundError`."""
+        with self._database.read() as session:
+            return _record(_row(session, sweep_id), database_now(session))
+
+    def list_sweeps(self, *, state: JobState | None = None, limit: int = 50, offset: int = 0) -> SweepPage:
+        """Return sweeps without their documents, newest first."""
+        condition = [] if state is None else [SweepRow.state == state.value]
+        statement = (
+            select(SweepRow).where(*condition).options(defer(SweepRow.document)).order_by(SweepRow.id.desc())
+        )
+        with self._database.read() as session:
+            now = database_now(session)
+            total = session.scalar(select(func.count()).select_from(SweepRow).where(*condition))
+            rows = session.scalars(statement.limit(limit).offset(offset))
+            return SweepPage(tuple(_progress(row, now) for row in rows), total or 0)
+
+    def cancel(self, sweep_id: str) -> SweepRecord:
+        """Cancel a live sweep and its chunks at once; cancelling again changes nothing.
+
+        The points that are done stay. Raises :class:`SweepFinishedError` if it
+        has succeeded, :class:`SweepNotFoundError`.
+        """
+        with self._database.write() as session:
+            row = sweep_moves.hold(session, sweep_id) if is_id(sweep_id) else None
+            if row is None:
+                raise SweepNotFoundError(sweep_id)
+            if not sweep_moves.cancel(session, row) and row.state != JobState.CANCELLED.value:
+                raise SweepFinishedError(row.id, JobState(row.state))
+            return _record(row, database_now(session))
+
+    def chunks(self, sweep_id: str) -> Iterator[StoredChunk]:
+        """Yield the stored chunks in the order of their points; no transaction is open in between."""
+        after = -1
+        columns = SweepChunkRow.first, SweepChunkRow.count, SweepChunkRow.bounds
+        while True:
+            further = SweepChunkRow.sweep_id == sweep_id, SweepChunkRow.first > after
+            statement = select(*columns).where(*further).order_by(SweepChunkRow.first).limit(_PAGE)
+            with self._database.read() as session:
+                found = session.execute(statement).all()
+            for first, count, bounds in found:
+                yield StoredChunk(first, count, _bounds(bounds))
+            if len(found) < _PAGE:
+                return
+            after = found[-1].first
+
+    def data(self, sweep_id: str, firsts: Sequence[int]) -> list[bytes]:
+        """Return the encoded points of the chunks that begin at ``firsts``, in that order."""
+        statement = select(SweepChunkRow.first, SweepChunkRow.data).where(
+            SweepChunkRow.sweep_id == sweep_id, SweepChunkRow.first.in_(firsts)
+        )
+        with self._database.read() as session:
+            found = {row.first: row.data for row in session.execute(statement)}
+        return [found[first] for first in firsts]
+
+
+def _row(session: Session, sweep_id: str) -> SweepRow:
+    row = session.get(SweepRow, sweep_id) if is_id(sweep_id) else None
+    if row is None:
+        raise SweepNotFoundError(sweep_id)
+    return row
+
+
+def _bounds(stored: Document) -> dict[str, tuple[float, float]]:
+    bounds = {}
+    for name, pair in stored.items():
+        assert isinstance(pair, list)
+        bounds[name] = float(pair[0]), float(pair[1])
+    return bounds
+
+
+def _record(row: SweepRow, now: float) -> SweepRecord:
+    return SweepRecord(**asdict(_progress(row, now)), document=row.document)
+
+
+def _progress(row: SweepRow, now: float) -> SweepProgress:
+    remaining = None
+    if row.state == JobState.RUNNING.value and row.started_at is not None and row.done:
+        remaining = (now - row.started_at) / row.done * (row.points - row.done)
+    return SweepProgress(
+        id=row.id,
+        state=JobState(row.state),
+        points=row.points,
+        done=row.done,
+        refused=row.refused,
+        point_seconds=row.point_seconds,
+        remaining_seconds=remaining,
+        priority=row.priority,
+        key_id=row.key_id,
+        created_at=instant(row.created_at),
+        started_at=optional_instant(row.started_at),
+        finished_at=optional_instant(row.finished_at),
+    )

@@ -1,0 +1,66 @@
+"""Sweeps whose points are known functions of their indices, done without any solver."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.jobs.job import Claim
+from service.storage.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
+from service.storage.job_store import SqlJobStore
+
+FloatArray = NDArray[np.float64]
+
+BASE = {
+    "body": {"A": 2, "B": "3/2", "C": 1},
+    "potential": {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/20"}},
+    "motion": {"type": "planar", "lambda": 1},
+    "time": {"stop": 10, "samples": 3},
+}
+AXES = [
+    {"pointer": "/potential/parameters/a", "values": [-2, "-1/3"]},
+    {"pointer": "/motion/lambda", "linspace": [0.1, 2, 50]},
+]
+SWEEP = {"base": BASE, "axes": AXES, "keep": ["period", "energy"]}
+POINTS = 100
+REFUSED_EVERY = 7
+"""Points whose index this divides have no motion; the first has one."""
+
+
+def is_refused(indices: NDArray[np.int64]) -> NDArray[np.bool_]:
+    return (indices % REFUSED_EVERY == 0) & (indices > 0)
+
+
+def period_of(indices: NDArray[np.int64]) -> FloatArray:
+    """Neither growing nor falling, and never twice the same."""
+    return np.where(is_refused(indices), np.nan, np.sin(indices + 1.0))
+
+
+def energy_of(indices: NDArray[np.int64]) -> FloatArray:
+    """Often the same."""
+    return np.where(is_refused(indices), np.nan, -(indices // 10 % 3) / 4.0)
+
+
+def finish_chunk(
+    jobs: SqlJobStore, claim: Claim, *, series: Mapping[str, Callable[[NDArray[np.int64]], FloatArray]] = {}
+) -> None:
+    """Do a worker's work for a chunk."""
+    first, count = claim.problem["first"], claim.problem["count"]
+    assert isinstance(first, int)
+    assert isinstance(count, int)
+    indices = np.arange(first, first + count)
+    outcomes = ["no_motion" if refused else SOLVED for refused in is_refused(indices)]
+    numbers = {"period": period_of(indices), "energy": energy_of(indices)}
+    points = ChunkPoints(outcomes, numbers, {name: of(indices) for name, of in series.items()})
+    assert jobs.finish_chunk(claim, chunk_outcome(points, seconds=0.05 * count))
+
+
+def finish_sweep(jobs: SqlJobStore, chunks: int | None = None, **series: object) -> None:
+    """Do the work of all chunks there are, or of the first few."""
+    done = 0
+    while chunks is None or done < chunks:
+        claim = jobs.claim("test", lease_seconds=60.0)
+        if claim is None:
+            return
+        finish_chunk(jobs, claim, **series)  # type: ignore[arg-type]
+        done += 1

@@ -1,0 +1,159 @@
+"""A chunk of a sweep in, its points in columns out."""
+
+import json
+import time
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.jobs.outcome import ChunkOutcome
+from service.schemas.sweep import Sweep
+from service.schemas.sweeps import read_sweep
+from service.storage.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
+from workers.sweeping.plan import Plan, make_plan
+from workers.sweeping.pointwise import Point, solve_point
+
+FloatArray = NDArray[np.float64]
+
+ENOUGH_SECONDS = 2.0
+"""After which a chunk ends with the points it has."""
+BLOCK_POINTS = 256
+BLOCK_NUMBERS = 400_000
+"""Numbers of a block's series at most."""
+
+_NOTHING = np.empty(0)
+
+
+def compute_chunk(document_json: str) -> ChunkOutcome:
+    """Solve neighbouring points of a sweep: of ``count`` from ``first`` the first so many as time allows.
+
+    The document is ``{"sweep": …, "first": …, "count": …}``. The numbers and
+    samples of a point are, to the last bit, those of the job of
+    ``sweep.document(index)``, and its outcome is how that job would end, also
+    by what is refused before there is a job. :func:`.plan.make_plan` says which
+    sweeps are solved in blocks by compiled code; the others, and the points it
+    does not decide, go one by one.
+    """
+    began = time.perf_counter()
+    document = json.loads(document_json)
+    solver = _solver_of(json.dumps(document["sweep"]))
+    points = solver.solve(document["first"], document["count"], began + ENOUGH_SECONDS)
+    return chunk_outcome(points, time.perf_counter() - began)
+
+
+class ChunkSolver:
+    """Solves chunks of one sweep."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._blocks = None
+        if plan.quick is not None:
+            # The compiler is loaded only by those who need it.
+            from workers.sweeping.block import BlockSolver  # noqa: PLC0415
+
+            self._blocks = BlockSolver(plan.sweep, plan.quick)
+        self._is_compared = False
+
+    def solve(self, first: int, count: int, until: float) -> ChunkPoints:
+        """Solve points in turn until ``time.perf_counter()`` is ``until``, at least one."""
+        found = _Chunk(self._plan.sweep, count)
+        while found.count < count and (not found.count or time.perf_counter() < until):
+            start = first + found.count
+            size = min(self._block_points, count - found.count)
+            if not self._solve_block(found, start, size, until):
+                break
+        return found.points()
+
+    @property
+    def _block_points(self) -> int:
+        sweep = self._plan.sweep
+        if self._blocks is None:
+            return 1
+        return max(1, min(BLOCK_POINTS, BLOCK_NUMBERS // max(sweep.samples * len(sweep.series_columns), 1)))
+
+    def _solve_block(self, found: "_Chunk", first: int, count: int, until: float) -> bool:
+        """Add a block to what is found; False if time was up before its end."""
+        decided = np.zeros(count, dtype=np.bool_)
+        if self._blocks is not None:
+            block = self._blocks.solve(first, count)
+            decided = block.decided
+            if not self._is_compared and decided.any():
+                decided = self._compared(decided, block.numbers, block.series, first)
+            found.add_block(block.numbers, block.series, count)
+        for place in np.flatnonzero(~decided).tolist():
+            if (found.count or place) and time.perf_counter() >= until:
+                found.count += place
+                return False
+            found.set_point(found.count + place, self._alone(first + place))
+        found.count += count
+        return True
+
+    def _compared(
+        self,
+        decided: NDArray[np.bool_],
+        numbers: Mapping[str, FloatArray],
+        series: Mapping[str, FloatArray],
+        first: int,
+    ) -> NDArray[np.bool_]:
+        """Compare the first decided point of all with the same point alone; none counts if they differ."""
+        place = int(np.flatnonzero(decided)[0])
+        alone = self._alone(first + place)
+        same = alone.outcome == SOLVED and all(
+            np.array_equal(numbers[name][place], number, equal_nan=True)
+            for name, number in zip(self._plan.sweep.keep, alone.numbers, strict=True)
+        )
+        same = same and all(np.array_equal(series[name][place], alone.series[name]) for name in series)
+        if not same:
+            self._blocks = None
+            return np.zeros_like(decided)
+        self._is_compared = True
+        return decided
+
+    def _alone(self, index: int) -> Point:
+        return solve_point(self._plan.sweep, index, is_judged=self._plan.is_judged)
+
+
+class _Chunk:
+    """The columns of a chunk, filled in from the first point on."""
+
+    def __init__(self, sweep: Sweep, size: int) -> None:
+        self.count = 0
+        self._outcomes = [SOLVED] * size
+        self._numbers = {name: np.full(size, np.nan) for name in sweep.keep}
+        self._series = {name: np.full((size, sweep.samples), np.nan) for name in sweep.series_columns}
+
+    def add_block(
+        self, numbers: Mapping[str, FloatArray], series: Mapping[str, FloatArray], count: int
+    ) -> None:
+        """Set the columns of the next ``count`` points."""
+        here = slice(self.count, self.count + count)
+        for name, column in numbers.items():
+            self._numbers[name][here] = column
+        for name, rows in series.items():
+            self._series[name][here] = rows
+
+    def set_point(self, place: int, point: Point) -> None:
+        """Set the columns of one point."""
+        self._outcomes[place] = point.outcome
+        for name, number in zip(self._numbers, point.numbers, strict=True):
+            self._numbers[name][place] = number
+        for name, row in self._series.items():
+            samples = point.series.get(name, _NOTHING)
+            # A motion that ends has only the samples before.
+            row[place, : len(samples)], row[place, len(samples) :] = samples, np.nan
+
+    def points(self) -> ChunkPoints:
+        """Return what there is."""
+        return ChunkPoints(
+            self._outcomes[: self.count],
+            {name: column[: self.count] for name, column in self._numbers.items()},
+            {name: rows[: self.count] for name, rows in self._series.items()},
+        )
+
+
+@lru_cache(maxsize=8)
+def _solver_of(sweep_json: str) -> ChunkSolver:
+    # Proofs and programs are the same for all chunks of a sweep.
+    return ChunkSolver(make_plan(read_sweep(json.loads(sweep_json))))

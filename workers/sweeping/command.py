@@ -1,0 +1,192 @@
+"""``python -m workers sweep FILE``: a sweep, here and now, without a database."""
+
+import argparse
+import json
+import os
+import signal
+import sys
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from service.jobs.chunking import Range
+from service.sandbox import Sandbox
+from service.schemas.faults import InvalidProblemError
+from service.schemas.strict_json import InvalidJsonError, parse_json
+from service.schemas.sweep import Sweep
+from service.schemas.sweeps import read_sweep
+from service.settings import Settings
+from service.storage.chunk_codec import SOLVED, ChunkPoints, bounds_of
+from workers.sweeping.crew import Crew
+from workers.sweeping.files import SUFFIXES, WITH_LISTS, PointFile, open_points, table_of
+
+_DONE, _FAILED, _WRONG_USAGE = 0, 1, 2
+
+
+@dataclass(slots=True)
+class Tally:
+    """What is known of the points that were handed out."""
+
+    outcomes: Counter[str] = field(default_factory=Counter)
+    bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def add(self, points: ChunkPoints) -> None:
+        """Count points."""
+        self.outcomes.update(points.outcomes)
+        for name, (low, high) in bounds_of(points.numbers).items():
+            known = self.bounds.get(name, (low, high))
+            self.bounds[name] = min(low, known[0]), max(high, known[1])
+
+    @property
+    def done(self) -> int:
+        """How many points there are."""
+        return self.outcomes.total()
+
+    @property
+    def refused(self) -> int:
+        """How many of them were not solved."""
+        return self.done - self.outcomes[SOLVED]
+
+
+def sweep(options: argparse.Namespace) -> int:
+    """Compute the sweep of a file; 0 if all of its points are done, solved or not, 1 if some are missing."""
+    out: Path | None = options.out
+    if out is not None and out.suffix not in SUFFIXES:
+        return _fail(f"{out}: unknown kind of file; accepted are {', '.join(SUFFIXES)}", _WRONG_USAGE)
+    try:
+        document = parse_json(options.file.read_bytes())
+        found = read_sweep(document, max_points=Settings().max_sweep_points)
+    except OSError as fault:
+        return _fail(f"{options.file}: {fault.strerror}", _FAILED)
+    except InvalidJsonError as fault:
+        return _fail(f"{options.file}: {fault}", _FAILED)
+    except InvalidProblemError as refused:
+        lines = (f"{fault.pointer or '/'}: {fault.message} ({fault.code})" for fault in refused.faults)
+        return _fail("\n".join(lines), _FAILED)
+    if out is not None and found.series_columns and out.suffix not in WITH_LISTS:
+        return _fail(f"{out}: {out.suffix} has no series; {', '.join(WITH_LISTS)} have", _WRONG_USAGE)
+    try:
+        file = None if out is None else open_points(out, found)
+    except OSError as fault:
+        return _fail(f"{out}: {fault.strerror}", _FAILED)
+    return _run(options, found, document, file)
+
+
+def _run(options: argparse.Namespace, found: Sweep, document: object, file: PointFile | None) -> int:
+    settings, workers = Settings(), options.workers or os.cpu_count() or 1
+    sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.block"])
+    crew = Crew(found, document, sandbox, workers=workers, seconds=settings.job_seconds)
+    stop, tally, began = _Stop(), Tally(), time.monotonic()
+    try:
+        with stop, _progress() as progress:
+            task = progress.add_task("", total=found.points, refused=0)
+            for computed in crew.points(lambda: stop.is_asked):
+                if computed is not None:
+                    first, points = computed
+                    tally.add(points)
+                    if file is not None:
+                        file.write_table(table_of(found, first, points))
+                progress.update(task, completed=crew.computed, refused=tally.refused)
+    finally:
+        if file is not None:
+            file.close()
+        sandbox.close()
+    seconds = time.monotonic() - began
+    sys.stdout.write(_as_json(found, tally, options.out, seconds) if options.json else "")
+    sys.stdout.write("" if options.json else _described(found, tally, options.out, seconds))
+    missing = crew.missing()
+    return _fail(_told_missing(found, missing), _FAILED) if missing else _DONE
+
+
+class _Stop:
+    """Notes SIGINT and SIGTERM instead of being torn out of the writing of a file."""
+
+    def __init__(self) -> None:
+        self.is_asked = False
+
+    def __enter__(self) -> None:
+        self._before = {
+            number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)
+        }
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _note(self, _: int, __: FrameType | None) -> None:
+        self.is_asked = True
+
+
+class _RateColumn(ProgressColumn):
+    """Points a second."""
+
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:,.0f}/s")
+
+
+def _progress() -> Progress:
+    """Return a bar on stderr, which shows nothing where that is not a terminal."""
+    console = Console(stderr=True)
+    return Progress(
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[refused]} refused"),
+        _RateColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+def _as_json(found: Sweep, tally: Tally, out: Path | None, seconds: float) -> str:
+    answer = {
+        "points": found.points,
+        "done": tally.done,
+        "refused": tally.refused,
+        "outcomes": dict(tally.outcomes),
+        "bounds": tally.bounds,
+        "seconds": seconds,
+        "out": None if out is None else str(out),
+    }
+    return json.dumps(answer, allow_nan=False) + "\n"
+
+
+def _described(found: Sweep, tally: Tally, out: Path | None, seconds: float) -> str:
+    """Return the outcomes counted, the range of each kept number, and where the points are."""
+    rate = tally.done / max(seconds, 1e-9)
+    lines = [f"{tally.done:,} of {found.points:,} points in {seconds:,.3g} s ({rate:,.0f}/s)"]
+    lines += [f"  {count:>12,}  {outcome}" for outcome, count in tally.outcomes.most_common()]
+    width = max(map(len, tally.bounds), default=0)
+    lines += [f"{name:<{width}}  {low!r} to {high!r}" for name, (low, high) in tally.bounds.items()]
+    if out is not None:
+        lines.append(f"written to {out} ({out.stat().st_size / 1e6:,.3g} MB)")
+    return "\n".join(lines) + "\n"
+
+
+def _told_missing(found: Sweep, missing: list[Range]) -> str:
+    shown = ", ".join(f"{gap.first} to {gap.first + gap.count - 1}" for gap in missing[:10])
+    count = sum(gap.count for gap in missing)
+    return f"stopped: {count:,} of {found.points:,} points are missing, those with index {shown}" + (
+        "" if len(missing) <= 10 else f" and {len(missing) - 10} more ranges"
+    )
+
+
+def _fail(reason: str, code: int) -> int:
+    sys.stderr.write(reason + "\n")
+    return code

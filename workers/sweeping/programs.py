@@ -1,0 +1,194 @@
+"""The constants of a formula's program at every point of a sweep, without compiling the formula anew.
+
+A formula affine in its parameters compiles to one program whose constants are
+affine in them too, with exact coefficients: they are read off from a few
+formulas compiled at numbers that make nothing vanish. Where a constant becomes
+0, 1 or -1, or meets another one, the compiler would write a shorter program;
+such points are compiled one by one, and so are those of the other families.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from flint import fmpq
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.tape import Tape
+from service.schemas.pointers import with_values
+from workers.solvers.spectral.program import Program, make_program
+from workers.sweeping.family import Path, potential_of
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+_PROBE, _STEP = Fraction(1_000_003, 7919), Fraction(104_729, 611_953)
+"""Ratios of primes, far from any number that a formula would fold."""
+
+
+@dataclass(frozen=True, slots=True)
+class Affine:
+    """A constant ``at_zero`` + Σ ``slopes``_k p_k."""
+
+    at_zero: Fraction
+    slopes: tuple[Fraction, ...]
+
+    @property
+    def is_constant(self) -> bool:
+        """Say whether no parameter is in it."""
+        return not any(self.slopes)
+
+    @property
+    def sign_and_place(self) -> tuple[int, int] | None:
+        """Return (±1, k) if this is ± the parameter k, whose double is known."""
+        at = [k for k, slope in enumerate(self.slopes) if slope]
+        if len(at) == 1 and not self.at_zero and abs(self.slopes[at[0]]) == 1:
+            return int(self.slopes[at[0]]), at[0]
+        return None
+
+    def doubles(self, parameters: Sequence[Sequence[fmpq]]) -> list[float]:
+        """Return the constant at each row of parameters, rounded once."""
+        slopes = [(k, _ratio(slope)) for k, slope in enumerate(self.slopes) if slope]
+        at_zero, found = _ratio(self.at_zero), list[float]()
+        for row in parameters:
+            value = sum((slope * row[k] for k, slope in slopes), at_zero)
+            found.append(_nearest_double(int(value.p), int(value.q)))
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class AffineProgram:
+    """One program for all parameters that leave its structure as it is."""
+
+    program: Program
+    constants: FloatArray
+    """With those that no parameter is in."""
+    varying: Mapping[int, Affine]
+    """The others by their places."""
+
+    def rows(self, doubles: FloatArray, exact: Sequence[Sequence[fmpq]] | None) -> FloatArray:
+        """Return the constants, shape (points, constants), at ``doubles`` (points, parameters).
+
+        ``exact`` are the same parameters exactly; None where :attr:`needs_exact` is False.
+        """
+        rows = np.repeat(self.constants[None, :], len(doubles), axis=0)
+        for slot, affine in self.varying.items():
+            known = affine.sign_and_place
+            if known is not None:
+                sign, k = known
+                rows[:, slot] = sign * doubles[:, k]
+            elif exact is not None:
+                rows[:, slot] = affine.doubles(exact)
+        return rows
+
+    @property
+    def needs_exact(self) -> bool:
+        """Say whether doubles of the parameters do not tell the constants."""
+        return any(affine.sign_and_place is None for affine in self.varying.values())
+
+    def are_generic(self, rows: FloatArray) -> BoolArray:
+        """Say for each row whether the formula compiles to this very program there."""
+        generic: BoolArray = np.asarray(np.isfinite(rows).all(axis=1))
+        for slot in self.varying:
+            column = rows[:, slot]
+            generic &= ~np.isin(column, (0.0, 1.0, -1.0))
+            for other in range(rows.shape[1]):
+                if other != slot:
+                    generic &= column != rows[:, other]
+        return generic
+
+
+def affine_program(
+    body: RigidBody, document: Mapping[str, object], paths: Sequence[Path]
+) -> AffineProgram | None:
+    """Return the program of an expression that is affine in the parameters at ``paths``.
+
+    None for other potentials, and where the probes do not share one program.
+    """
+    if document.get("type") != "expression":
+        return None
+    start = [_PROBE + 1_009 * k * _STEP for k in range(len(paths))]
+    try:
+        origin = _tape(body, document, paths, start)
+        steps = [
+            _tape(body, document, paths, [p + _STEP * (k == j) for j, p in enumerate(start)])
+            for k in range(len(paths))
+        ]
+    except (DynamicsError, ValueError):
+        return None
+    program, constants = make_program(origin)
+    if any(make_program(tape)[0].key != program.key for tape in steps):
+        return None
+    numbers, moved = _numbers(origin), [_numbers(tape) for tape in steps]
+    varying: dict[int, Affine] = {}
+    for slot, number in enumerate(numbers):
+        if number is None:
+            continue
+        slopes = tuple(((other[slot] or number) - number) / _STEP for other in moved)
+        at_zero = number - sum((s * p for s, p in zip(slopes, start, strict=True)), Fraction(0))
+        affine = Affine(at_zero, slopes)
+        if not affine.is_constant:
+            varying[slot] = affine
+    return AffineProgram(program, constants, varying)
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Points that share a program."""
+
+    program: Program
+    rows: FloatArray
+    places: IntArray
+    """Of the points in their block."""
+
+
+def grouped(body: RigidBody, documents: Mapping[int, object]) -> list[Group]:
+    """Compile the potential of each place's document; what has no program is in no group."""
+    programs: dict[bytes, Program] = {}
+    rows: dict[bytes, list[FloatArray]] = {}
+    places: dict[bytes, list[int]] = {}
+    for place, document in documents.items():
+        try:
+            program, constants = make_program(potential_of(body, document).tape)
+        except (DynamicsError, ValueError):
+            continue
+        programs.setdefault(program.key, program)
+        rows.setdefault(program.key, []).append(constants)
+        places.setdefault(program.key, []).append(place)
+    return [
+        Group(program, np.array(rows[key]), np.array(places[key], dtype=np.int64))
+        for key, program in programs.items()
+    ]
+
+
+def _tape(
+    body: RigidBody, document: Mapping[str, object], paths: Sequence[Path], numbers: Sequence[Fraction]
+) -> Tape:
+    values: dict[Path, object] = dict(zip(paths, map(str, numbers), strict=True))
+    return potential_of(body, with_values(document, values)).tape
+
+
+def _numbers(tape: Tape) -> list[Fraction | None]:
+    """Return the constants of a tape in the order of :func:`make_program`, None for π."""
+    return [
+        instruction.number
+        for instruction in tape.instructions
+        if instruction.operation == "pi" or instruction.number is not None
+    ]
+
+
+def _ratio(value: Fraction) -> fmpq:
+    return fmpq(value.numerator, value.denominator)
+
+
+def _nearest_double(numerator: int, denominator: int) -> float:
+    """Return the double nearest to a ratio, NaN where it is too large."""
+    try:
+        return numerator / denominator
+    except OverflowError:
+        return math.nan
