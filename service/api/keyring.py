@@ -1,0 +1,84 @@
+"""The keys, as a serving process knows them: read every other second, so that requests need no query."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from sqlalchemy.exc import SQLAlchemyError
+from starlette.concurrency import run_in_threadpool
+
+from service.jobs.keys import ApiKey
+from service.storage.key_store import USED_SECONDS, KeyStore
+
+_log = logging.getLogger(__name__)
+
+FRESH_SECONDS = 2.0
+"""How long a process may go on without noticing that a key was made or revoked."""
+SECOND_LOOK_SECONDS = 0.2
+"""How old the keys must be to be read again because somebody comes with an unknown one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """All keys by their prefixes, as read at one instant."""
+
+    keys: Mapping[str, ApiKey]
+    now: datetime
+    """By the database's clock."""
+    read_at: float
+    """By the process's own clock."""
+
+
+class KeyRing:
+    """Looks keys up, and notes their use. Safe between threads."""
+
+    def __init__(self, store: KeyStore, clock: Callable[[], float] = time.monotonic) -> None:
+        self._store, self._clock = store, clock
+        self._lock = threading.Lock()
+        self._known: Known | None = None
+        self._noted: dict[str, float] = {}
+        self._notes = ThreadPoolExecutor(max_workers=1, thread_name_prefix="keys")
+
+    async def known(self, max_age: float = FRESH_SECONDS) -> Known:
+        """Return the keys as they were at most ``max_age`` seconds ago."""
+        known = self._fresh(max_age)
+        return known if known is not None else await run_in_threadpool(self._look, max_age)
+
+    def now(self, known: Known) -> datetime:
+        """Return the instant by the database's clock, which is not asked for it."""
+        return known.now + timedelta(seconds=self._clock() - known.read_at)
+
+    def note_use(self, key: ApiKey) -> None:
+        """Have the use of a key written down, once a minute, by a thread that nobody waits for."""
+        now = self._clock()
+        if now - self._noted.get(key.id, -USED_SECONDS) >= USED_SECONDS:
+            self._noted[key.id] = now
+            self._notes.submit(self._touch, key)
+
+    def close(self) -> None:
+        """Write down what is being written, and no more."""
+        self._notes.shutdown(wait=True, cancel_futures=True)
+
+    def _fresh(self, max_age: float) -> Known | None:
+        known = self._known
+        return known if known is not None and self._clock() - known.read_at <= max_age else None
+
+    def _look(self, max_age: float) -> Known:
+        with self._lock:
+            known = self._fresh(max_age)
+            if known is None:
+                began = self._clock()
+                found = self._store.all()
+                known = Known({key.prefix: key for key in found.keys}, found.now, began)
+                self._known = known
+            return known
+
+    def _touch(self, key: ApiKey) -> None:
+        try:
+            self._store.touch(key.id)
+        except SQLAlchemyError:
+            _log.warning("the last use of key %s could not be noted", key.prefix)

@@ -1,0 +1,131 @@
+"""The guard in front of all endpoints: who asks, how often, and may they."""
+
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import Depends, Request
+from sqlalchemy.exc import SQLAlchemyError
+from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.websockets import WebSocketClose
+
+from service.api.access import OPEN, Access
+from service.api.errors import ApiError
+from service.api.handlers import respond
+from service.api.keyring import SECOND_LOOK_SECONDS
+from service.api.resources import Resources
+from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
+
+_CHALLENGE = "WWW-Authenticate"
+_STATE = "key"
+_PAST = {KeyStanding.EXPIRED: "expired", KeyStanding.REVOKED: "been revoked"}
+
+
+class Guard:
+    """Lets a request through to the endpoints, with its key, or refuses it."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._access = Access()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Judge a request before anything of it is read but its headers."""
+        if scope["type"] == "websocket":  # there are none
+            await WebSocketClose()(scope, receive, send)
+            return
+        if scope["type"] == "http":
+            try:
+                key = await self._admit(scope)
+            except (ApiError, HTTPException, SQLAlchemyError) as error:
+                await respond(Request(scope), error)(scope, receive, send)
+                return
+            scope.setdefault("state", {})[_STATE] = key
+        await self._app(scope, receive, send)
+
+    async def _admit(self, scope: Scope) -> ApiKey | None:
+        place = scope["method"], scope["path"]
+        if self._is_open(*place):
+            return None
+        resources: Resources = scope["app"].state.resources
+        key = await _identify(Headers(scope=scope).get("authorization"), resources)
+        resources.limits.admit(key)
+        needed = self._access.needed(*place)
+        if key is not None and needed is not OPEN and not key.role.may(needed):
+            raise _role_insufficient(key, needed)
+        return key
+
+    def _is_open(self, method: str, path: str) -> bool:
+        try:
+            return self._access.needed(method, path) is OPEN
+        except HTTPException:
+            # Whether there is such a place is only told to those with a key.
+            return False
+
+
+def _holder(request: Request) -> ApiKey | None:
+    key = request.scope["state"][_STATE]
+    assert key is None or isinstance(key, ApiKey)
+    return key
+
+
+Holder = Annotated[ApiKey | None, Depends(_holder)]
+"""The type of an endpoint's parameter that receives the key of the request; None where there are no keys."""
+
+
+def check_owner(holder: ApiKey | None, key_id: str | None) -> None:
+    """Make sure that the holder may end what was submitted with a key.
+
+    Raises
+    ------
+    ApiError
+        403: it was another key's, and the role is below operate.
+    """
+    if holder is not None and holder.id != key_id and not holder.role.may(Role.OPERATE):
+        raise _role_insufficient(holder, Role.OPERATE, "it was not submitted with this key; ")
+
+
+def _role_insufficient(key: ApiKey, needed: Role, why: str = "") -> ApiError:
+    detail = f"{why}the role {needed} is needed, and key {key.prefix} has the role {key.role}"
+    return ApiError(
+        HTTPStatus.FORBIDDEN,
+        "role_insufficient",
+        detail,
+        extras={"needed_role": needed.value},
+        headers={_CHALLENGE: 'Bearer error="insufficient_scope"'},
+    )
+
+
+async def _identify(header: str | None, resources: Resources) -> ApiKey | None:
+    """Return the key of a request; None where there are no keys and only this machine is served."""
+    ring = resources.keys
+    known = await ring.known()
+    if not known.keys and resources.settings.is_loopback:
+        return None
+    text = _bearer(header)
+    prefix = key_prefix(text)
+    if prefix is not None and prefix not in known.keys:
+        known = await ring.known(SECOND_LOOK_SECONDS)  # it may have been made a moment ago
+    key = None if prefix is None else known.keys.get(prefix)
+    if key is None or not key.opens_with(text):
+        raise _unauthorized("key_unknown", "there is no such key here")
+    now = ring.now(known)
+    if (standing := key.standing(now)) is not KeyStanding.LIVE:
+        raise _unauthorized(f"key_{standing}", f"key {key.prefix} has {_PAST[standing]}; ask for a new one")
+    ring.note_use(key)
+    return key
+
+
+def _bearer(header: str | None) -> str:
+    scheme, _, text = (header or "").strip().partition(" ")
+    if scheme.lower() != "bearer" or not text:
+        detail = "a key is needed: Authorization: Bearer plh_…; `polhode keys create` makes one"
+        raise ApiError(
+            HTTPStatus.UNAUTHORIZED, "key_missing", detail, headers={_CHALLENGE: 'Bearer realm="polhode"'}
+        )
+    return text.strip()
+
+
+def _unauthorized(code: str, detail: str) -> ApiError:
+    challenge = 'Bearer realm="polhode", error="invalid_token"'
+    return ApiError(HTTPStatus.UNAUTHORIZED, code, detail, headers={_CHALLENGE: challenge})

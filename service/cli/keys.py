@@ -1,0 +1,174 @@
+"""``polhode keys``: who may use the service, and how much."""
+
+import json
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from service.cli.common import (
+    REFUSED,
+    WRONG_USAGE,
+    AsJson,
+    DatabaseUrl,
+    fail,
+    migrate_database,
+    say,
+    settings_of,
+)
+from service.jobs.keys import ApiKey, KeyNotFoundError, KeyStanding, Role, key_prefix
+from service.settings import Settings
+
+if TYPE_CHECKING:
+    from service.storage.key_store import KeyStore
+
+MEGABYTE = 10**6
+
+_SPAN = re.compile(r"([1-9][0-9]{0,5})([dhm])", re.ASCII)
+_SECONDS = {"d": 86400, "h": 3600, "m": 60}
+
+app = typer.Typer(help="Who may use the service, and how much.", no_args_is_help=True)
+
+
+def seconds_of(text: str) -> float:
+    """Return the seconds of a span such as 90d, 12h or 30m."""
+    match = _SPAN.fullmatch(text)
+    if match is None:
+        raise typer.BadParameter(f"{text!r}; accepted are days, hours and minutes, such as 90d, 12h, 30m")
+    return float(int(match[1]) * _SECONDS[match[2]])
+
+
+@app.command()
+def create(
+    role: Annotated[Role, typer.Option(help="each may do all that those before it may", show_default=False)],
+    name: Annotated[str, typer.Option(help="whose it is, or what for; up to 128 characters")] = "",
+    expires: Annotated[
+        float | None,
+        typer.Option(parser=seconds_of, metavar="SPAN", help="from now, such as 90d; never if left out"),
+    ] = None,
+    requests_per_second: Annotated[
+        float | None, typer.Option(min=0.001, help="POLHODE_REQUESTS_PER_SECOND if left out")
+    ] = None,
+    queued_jobs: Annotated[
+        int | None, typer.Option(min=0, max=2**31 - 1, help="POLHODE_MAX_QUEUED_JOBS if left out")
+    ] = None,
+    stored_megabytes: Annotated[
+        int | None, typer.Option(min=0, max=10**12, help="POLHODE_MAX_STORED_MB if left out")
+    ] = None,
+    database_url: DatabaseUrl = None,
+) -> None:
+    """Make a key and print it. It is shown this once: only its hash is kept.
+
+    From the first key on, every request needs one.
+    """
+    from service.storage.key_store import KeyLimits  # noqa: PLC0415
+
+    if len(name) > 128 or not name.isprintable():
+        raise typer.BadParameter("up to 128 printable characters are accepted", param_hint="--name")
+    limits = KeyLimits(
+        requests_per_second=requests_per_second,
+        queued_jobs=queued_jobs,
+        stored_bytes=None if stored_megabytes is None else stored_megabytes * MEGABYTE,
+    )
+    with _store(settings_of(database_url=database_url)) as store:
+        key, text = store.create(role, name=name, seconds=expires, limits=limits)
+    until = "never expires" if key.expires_at is None else f"expires {_instant(key.expires_at)}"
+    say(f"key {key.prefix}, role {key.role}, {until}; this is the only time it is shown:")
+    sys.stdout.write(f"{text}\n")
+
+
+@app.command("list")
+def list_keys(as_json: AsJson = False, database_url: DatabaseUrl = None) -> None:
+    """Show all keys, good or not, oldest first."""
+    with _store(settings_of(database_url=database_url)) as store:
+        found = store.all()
+    if as_json:
+        sys.stdout.write(json.dumps([_document(key, found.now) for key in found.keys]) + "\n")
+        return
+    rows: list[tuple[str, ...]] = [
+        ("PREFIX", "ROLE", "STATE", "CREATED", "EXPIRES", "REVOKED", "LAST USED", "STORED", "NAME")
+    ]
+    rows += [_row(key, found.now) for key in found.keys]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        line = "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        sys.stdout.write(f"{line.rstrip()}\n")
+
+
+@app.command()
+def revoke(
+    prefix: Annotated[str, typer.Argument(help="as `polhode keys list` shows it", show_default=False)],
+    database_url: DatabaseUrl = None,
+) -> None:
+    """Make a key useless for ever; a running service notices within two seconds."""
+    with _store(settings_of(database_url=database_url)) as store:
+        try:
+            key = store.revoke(key_prefix(prefix) or prefix)
+        except KeyNotFoundError as fault:
+            fail(str(fault), REFUSED)
+    say(f"key {key.prefix} is revoked")
+
+
+def require_key(settings: Settings) -> None:
+    """End unless there is a live key: without one nobody but this machine may be served."""
+    with _store(settings) as store:
+        found = store.all()
+    if not any(key.standing(found.now) is KeyStanding.LIVE for key in found.keys):
+        fail(
+            f"host {settings.host}: other machines could reach the service, and there is no key that says "
+            "who may; `polhode keys create --role ROLE` makes one. Without keys 127.0.0.1, ::1 and "
+            "localhost are accepted",
+            WRONG_USAGE,
+        )
+
+
+@contextmanager
+def _store(settings: Settings) -> Iterator["KeyStore"]:
+    from service.storage.database import Database  # noqa: PLC0415
+    from service.storage.key_store import KeyStore  # noqa: PLC0415
+
+    migrate_database(settings)
+    database = Database(settings.database_url)
+    try:
+        yield KeyStore(database)
+    finally:
+        database.close()
+
+
+def _document(key: ApiKey, now: datetime) -> dict[str, object]:
+    return {
+        "prefix": key.prefix,
+        "role": key.role.value,
+        "state": key.standing(now).value,
+        "name": key.name,
+        "created_at": key.created_at.isoformat(),
+        "expires_at": key.expires_at and key.expires_at.isoformat(),
+        "revoked_at": key.revoked_at and key.revoked_at.isoformat(),
+        "last_used_at": key.last_used_at and key.last_used_at.isoformat(),
+        "requests_per_second": key.requests_per_second,
+        "max_queued_jobs": key.max_queued_jobs,
+        "max_stored_bytes": key.max_stored_bytes,
+        "stored_bytes": key.stored_bytes,
+    }
+
+
+def _row(key: ApiKey, now: datetime) -> tuple[str, ...]:
+    return (
+        key.prefix,
+        key.role.value,
+        key.standing(now).value,
+        _instant(key.created_at),
+        _instant(key.expires_at),
+        _instant(key.revoked_at),
+        _instant(key.last_used_at),
+        f"{key.stored_bytes / MEGABYTE:.1f} MB",
+        key.name or "-",
+    )
+
+
+def _instant(instant: datetime | None) -> str:
+    return "-" if instant is None else instant.strftime("%Y-%m-%d %H:%MZ")
