@@ -1,0 +1,134 @@
+"""The metrics of the service in the words of Prometheus.
+
+Requests are counted by this process. Whatever concerns jobs is read from the
+database, since workers are other processes and other hosts: every process of
+the service tells the same about them.
+"""
+
+import logging
+from collections.abc import Iterator
+
+from prometheus_client import CollectorRegistry, Histogram, ProcessCollector, generate_latest
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
+from prometheus_client.registry import Collector
+from sqlalchemy.exc import SQLAlchemyError
+
+from service.jobs.states import AttemptOutcome, JobKind
+from service.storage.statistics import BOUNDS, LIVE, Durations, Figures, Statistics
+
+logger = logging.getLogger(__name__)
+
+TEXT_FORMAT = CONTENT_TYPE_PLAIN_0_0_4
+REQUEST_BOUNDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)
+"""Upper ends of the classes of request durations, in seconds. The longest wait for a job is 60 s."""
+
+
+class Metrics:
+    """The metrics of one application, in a registry of its own."""
+
+    def __init__(self, statistics: Statistics, *, version: str) -> None:
+        self._registry = CollectorRegistry()
+        self._requests = Histogram(
+            "polhode_http_request_seconds",
+            "Durations of requests, by the route's template.",
+            ["method", "route", "status"],
+            buckets=REQUEST_BOUNDS,
+            registry=self._registry,
+        )
+        self._database = _DatabaseCollector(statistics, version)
+        self._registry.register(self._database)
+        ProcessCollector(registry=self._registry)
+
+    def observe(self, method: str, route: str, status: int, seconds: float) -> None:
+        """Count a request that was answered."""
+        self._requests.labels(method, route, str(status)).observe(seconds)
+
+    def text(self) -> bytes:
+        """Return all metrics in the Prometheus text format."""
+        return generate_latest(self._registry)
+
+
+class _DatabaseCollector(Collector):
+    """Reads the database when asked."""
+
+    def __init__(self, statistics: Statistics, version: str) -> None:
+        self._statistics = statistics
+        self._version = version
+
+    def describe(self) -> list[Metric]:
+        """Return nothing: registering must not ask the database."""
+        return []
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield the metrics; without the database only that it is away."""
+        yield InfoMetricFamily("polhode", "What serves here.", {"version": self._version})
+        try:
+            figures = self._statistics.current()
+        except SQLAlchemyError as fault:
+            logger.warning("no metrics of the database: %s", type(fault).__name__)
+            yield GaugeMetricFamily("polhode_database_up", "The database answers.", 0)
+            return
+        yield GaugeMetricFamily("polhode_database_up", "The database answers.", 1)
+        yield from _state(figures)
+        yield from _work(figures)
+
+
+def _state(figures: Figures) -> Iterator[Metric]:
+    jobs = GaugeMetricFamily("polhode_jobs", "Jobs that are not finished.", labels=["state", "kind"])
+    for state in LIVE:
+        for kind in JobKind:
+            jobs.add_metric([state, kind.value], figures.live.get((state, kind.value), 0))
+    yield jobs
+    yield GaugeMetricFamily(
+        "polhode_oldest_queued_seconds",
+        "Age of the job that has waited longest.",
+        figures.oldest_queued_seconds,
+    )
+    workers = GaugeMetricFamily("polhode_workers", "Workers seen lately.", labels=["engine"])
+    slots = GaugeMetricFamily("polhode_worker_slots", "Jobs they can do at once.", labels=["engine"])
+    for engine, seen in figures.workers.items():
+        workers.add_metric([engine], seen.count)
+        slots.add_metric([engine], seen.slots)
+    yield workers
+    yield slots
+    sweeps = GaugeMetricFamily("polhode_sweeps", "Sweeps that are not finished.", labels=["state"])
+    for state in LIVE:
+        sweeps.add_metric([state], figures.sweeps.get(state, 0))
+    yield sweeps
+    yield GaugeMetricFamily("polhode_database_bytes", "Size of the database.", figures.database_bytes)
+    yield GaugeMetricFamily(
+        "polhode_measured_age_seconds", "How old the numbers from the database are.", figures.age()
+    )
+    yield GaugeMetricFamily("polhode_measuring_seconds", "What measuring them took.", figures.seconds)
+
+
+def _work(figures: Figures) -> Iterator[Metric]:
+    attempts = CounterMetricFamily("polhode_attempts", "Attempts at jobs that ended.", labels=["outcome"])
+    for outcome in AttemptOutcome:
+        attempts.add_metric([outcome.value], figures.ended.attempts[outcome.value])
+    yield attempts
+    seconds = HistogramMetricFamily(
+        "polhode_job_seconds",
+        "Time from claim to stored solution, of jobs that were computed.",
+        labels=["method", "tier"],
+    )
+    for labels, durations in figures.ended.durations.items():
+        seconds.add_metric(labels, _buckets(durations), durations.seconds)
+    yield seconds
+    done, refused = figures.points
+    points = CounterMetricFamily("polhode_sweep_points", "Points of sweeps done.", labels=["outcome"])
+    points.add_metric(["solved"], done - refused)
+    points.add_metric(["refused"], refused)
+    yield points
+
+
+def _buckets(durations: Durations) -> list[tuple[str, float]]:
+    bounded = [(repr(bound), float(count)) for bound, count in zip(BOUNDS, durations.below, strict=True)]
+    return [*bounded, ("+Inf", float(durations.count))]

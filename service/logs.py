@@ -1,0 +1,171 @@
+"""Logs of all processes: lines for people, or one JSON object a line for programs.
+
+What a record is about (a request, a job) is said once by :func:`about` and put
+into every record made meanwhile. Passwords in URLs and keys are masked in
+whatever is written, wherever it came from.
+"""
+
+import json
+import logging
+import re
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from types import MappingProxyType, TracebackType
+from typing import Literal, TypeVar, TypeVarTuple, get_args
+
+LogFormat = Literal["json", "text"]
+LogLevel = Literal["critical", "error", "warning", "info", "debug"]
+LOG_LEVELS: tuple[LogLevel, ...] = get_args(LogLevel)
+
+OURS = ("service", "workers")
+"""Loggers with the chosen level; of libraries only warnings and worse are written."""
+
+T = TypeVar("T")
+Arguments = TypeVarTuple("Arguments")
+_Details = tuple[type[BaseException], BaseException, TracebackType | None]
+
+_SECRETS = (
+    (re.compile(r"(://[^\s:/@]*):[^\s@]+@"), r"\1:***@"),
+    # A key keeps its public part, by which it is called.
+    (re.compile(r"\b(plh_[0-9A-Za-z]{8}_)[0-9A-Za-z]+"), r"\1***"),
+    (re.compile(r"(?i)\b(bearer)\s+(?!plh_)\S+"), r"\1 ***"),
+)
+_context: ContextVar[Mapping[str, object]] = ContextVar("about", default=MappingProxyType({}))
+
+
+@dataclass(frozen=True, slots=True)
+class Logging:
+    """How a process writes its log."""
+
+    format: LogFormat
+    level: LogLevel
+
+
+@contextmanager
+def about(**fields: object) -> Iterator[None]:
+    """Put these fields into every record made within, in this thread or task."""
+    token = _context.set({**_context.get(), **fields})
+    try:
+        yield
+    finally:
+        _context.reset(token)
+
+
+def call_about(
+    fields: Mapping[str, object], function: Callable[[*Arguments], T], *arguments: *Arguments
+) -> T:
+    """Call a function within :func:`about`; a module's function, so that children can be asked for it."""
+    with about(**fields):
+        return function(*arguments)
+
+
+def start_logging(chosen: LogFormat | None, level: LogLevel) -> Logging:
+    """Write this process's log to stderr from now on: as text on a terminal, else as JSON, if not chosen."""
+    form: LogFormat = chosen or ("text" if sys.stderr.isatty() else "json")
+    handler = _Handler(Logging(form, level))
+    root = logging.getLogger()
+    root.handlers[:] = [handler]
+    number = logging.getLevelNamesMapping()[level.upper()]
+    root.setLevel(max(number, logging.WARNING))
+    for name in OURS:
+        logging.getLogger(name).setLevel(number)
+    logging.captureWarnings(True)
+    sys.excepthook = _uncaught
+    threading.excepthook = _uncaught_in_thread
+    return handler.logging
+
+
+def current_logging() -> Logging | None:
+    """Return what :func:`start_logging` was told in this process, so that children can be told the same."""
+    found = [handler.logging for handler in logging.getLogger().handlers if isinstance(handler, _Handler)]
+    return found[0] if found else None
+
+
+def announce(line: str) -> None:
+    """Write a line for whoever started this process; where the log is JSON, as one of its records."""
+    how = current_logging()
+    if how is not None and how.format == "json":
+        record = logging.LogRecord(OURS[0], logging.INFO, "", 0, line, None, None)
+        line = _JsonFormatter().format(record)
+    sys.stderr.write(f"{line}\n")
+
+
+def mask(text: str) -> str:
+    """Return ``text`` without the passwords of URLs and without keys."""
+    for pattern, replacement in _SECRETS:
+        text = pattern.sub(replacement, text)
+    return text
+
+
+class _Handler(logging.Handler):
+    def __init__(self, how: Logging) -> None:
+        super().__init__()
+        self.logging = how
+        self.setFormatter(_JsonFormatter() if how.format == "json" else _TextFormatter())
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one piece, so that lines of processes that share the stream are not mixed."""
+        try:
+            sys.stderr.write(self.format(record) + "\n")
+            sys.stderr.flush()
+        except Exception:  # a log that cannot be written stops nobody's work
+            self.handleError(record)
+
+
+class _JsonFormatter(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        """Return one line of JSON."""
+        line: dict[str, object] = {
+            "time": _instant(record),
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": mask(record.getMessage()),
+            **_fields(record),
+        }
+        if record.exc_info:
+            line["exception"] = mask(self.formatException(record.exc_info))
+        # Escaped to ASCII: half of a surrogate pair could not be encoded otherwise.
+        return json.dumps(line, default=str)
+
+
+class _TextFormatter(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        """Return a line, and those of the exception below it."""
+        fields = "".join(f" {name}={value}" for name, value in _fields(record).items())
+        line = f"{_instant(record)} {record.levelname} {record.name}: {record.getMessage()}{fields}"
+        if record.exc_info:
+            line += f"\n{self.formatException(record.exc_info)}"
+        return mask(line)
+
+
+def _fields(record: logging.LogRecord) -> dict[str, object]:
+    """Return the fields of the context and those given with ``extra={"fields": …}``."""
+    given: Mapping[str, object] = getattr(record, "fields", {})
+    fields = {**_context.get(), **given}
+    return {name: mask(value) if isinstance(value, str) else value for name, value in fields.items()}
+
+
+def _instant(record: logging.LogRecord) -> str:
+    moment = datetime.fromtimestamp(record.created, UTC)
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _uncaught(kind: type[BaseException], fault: BaseException, trace: TracebackType | None) -> None:
+    if issubclass(kind, KeyboardInterrupt):
+        sys.__excepthook__(kind, fault, trace)
+        return
+    details: _Details = (kind, fault, trace)
+    logging.getLogger(OURS[0]).critical("the process ends: %s", kind.__name__, exc_info=details)
+
+
+def _uncaught_in_thread(given: threading.ExceptHookArgs) -> None:
+    if given.exc_value is None or isinstance(given.exc_value, SystemExit):
+        return
+    details: _Details = (given.exc_type, given.exc_value, given.exc_traceback)
+    name = given.thread.name if given.thread else "?"
+    logging.getLogger(OURS[0]).critical("the thread %s ends", name, exc_info=details)

@@ -1,0 +1,100 @@
+"""Backups of a database that is in use, checked before they get their name; and the way back.
+
+SQLite is copied by its own backup interface, Postgres by pg_dump and
+pg_restore: a dump of our own would be one more format to trust.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from sqlalchemy import make_url
+from sqlalchemy.exc import ArgumentError
+
+from service.storage import postgres_backup, sqlite_backup
+from service.storage.backup_checks import BackupError, Contents, known_revisions
+from service.storage.migration import migrate
+
+
+def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:
+    """Write a backup of the database to ``file``, and return what is in it.
+
+    The file appears under its name when it is complete and has been read back.
+
+    Raises
+    ------
+    BackupError
+        The reason why there is none; an older file of that name is untouched.
+    """
+    if file.exists() and not replace:
+        raise BackupError(f"{file} exists already; another name, or --force")
+    with _part_of(file) as part:
+        if _is_postgres(url):
+            contents = postgres_backup.dump(url, part)
+        else:
+            contents = sqlite_backup.copy(_database_file(url), part)
+        _sync(part)
+        part.replace(file)
+        _sync(file.parent)
+    return contents
+
+
+def restore(url: str, file: Path, *, force: bool = False) -> Contents:
+    """Make the database what ``file`` holds, and bring it to this version; return what is in it.
+
+    Raises
+    ------
+    BackupError
+        The file is no backup or of a later version, or the database has jobs
+        and ``force`` is not given. The database is as it was.
+    """
+    if not file.is_file():
+        raise BackupError(f"{file}: there is no such file")
+    revision = postgres_backup.revision(file) if _is_postgres(url) else sqlite_backup.revision(file)
+    if revision not in known_revisions():
+        raise BackupError(
+            f"{file} has the schema {revision}, which this version does not know; restore it with a later one"
+        )
+    if _is_postgres(url):
+        contents = postgres_backup.load(url, file, force=force)
+    else:
+        contents = sqlite_backup.load(_database_file(url), file, force=force)
+    migrate(url)
+    return contents
+
+
+def _is_postgres(url: str) -> bool:
+    try:
+        return make_url(url).get_backend_name() == "postgresql"
+    except ArgumentError as fault:
+        raise BackupError(str(fault)) from fault
+
+
+def _database_file(url: str) -> Path:
+    name = make_url(url).database
+    if name is None or name == ":memory:":
+        raise BackupError("a database in memory has no backup")
+    return Path(name)
+
+
+@contextmanager
+def _part_of(file: Path) -> Iterator[Path]:
+    """Give a name beside ``file``; whatever is left under it at the end is removed."""
+    part = file.with_name(f"{file.name}.part")
+    try:
+        part.unlink(missing_ok=True)
+        yield part
+    except OSError as fault:
+        raise BackupError(f"{file}: {fault.strerror or fault}") from fault
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _sync(path: Path) -> None:
+    """Make sure that the disk has it."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,245 @@
+"""Numbers about the database's work, for monitoring, at a price that does not grow with what has been done.
+
+What is live now is counted in the index of states. What has ended is counted
+from the start of this object on, by index, each piece once: sums over all that
+ever ended would read the whole tables.
+"""
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from sqlalchemy import ColumnElement, case, func, or_, select, text
+from sqlalchemy.orm import Session
+
+from service.jobs.states import FINISHED, AttemptOutcome, JobState
+from service.storage.clock import database_now
+from service.storage.database import Database
+from service.storage.operation_tables import WorkerRow
+from service.storage.sweep_tables import SweepRow
+from service.storage.tables import AttemptRow, JobRow, SolutionRow
+
+BOUNDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0, 300.0)
+"""Upper ends of the classes of job durations, in seconds."""
+SETTLED_SECONDS = 10.0
+"""After this what a transaction has written down as ended is committed, or never will be."""
+SHARE = 0.05
+"""Part of the time that may be spent on measuring: costly numbers are measured less often."""
+YOUNG_SECONDS = 1.0
+"""A measurement younger than this is not repeated."""
+LIVE = tuple(state.value for state in JobState if state not in FINISHED)
+
+
+@dataclass(slots=True)
+class Durations:
+    """Times of successful attempts, in classes."""
+
+    below: list[int] = field(default_factory=lambda: [0] * len(BOUNDS))
+    """How many took at most each of BOUNDS."""
+    count: int = 0
+    seconds: float = 0.0
+
+    def __add__(self, other: "Durations") -> "Durations":
+        """Return both together."""
+        below = [mine + theirs for mine, theirs in zip(self.below, other.below, strict=True)]
+        return Durations(below, self.count + other.count, self.seconds + other.seconds)
+
+
+@dataclass(slots=True)
+class Ended:
+    """What has ended."""
+
+    attempts: Counter[str] = field(default_factory=Counter)
+    """By outcome."""
+    durations: dict[tuple[str, str], Durations] = field(default_factory=dict)
+    """By method and tier of the solution."""
+
+    def __add__(self, other: "Ended") -> "Ended":
+        """Return both together."""
+        none = Durations()
+        keys = sorted(self.durations.keys() | other.durations.keys())
+        durations = {key: self.durations.get(key, none) + other.durations.get(key, none) for key in keys}
+        return Ended(self.attempts + other.attempts, durations)
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """Workers with one engine that were seen lately."""
+
+    count: int
+    slots: int
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """The state of the database at one moment."""
+
+    live: Mapping[tuple[str, str], int]
+    """Jobs by state and kind, where there are any."""
+    oldest_queued_seconds: float
+    """Age of the job that has waited longest; 0 if none waits."""
+    workers: Mapping[str, Workers]
+    """By engine."""
+    sweeps: Mapping[str, int]
+    """Live sweeps by state."""
+    points: tuple[int, int]
+    """Points of sweeps done since the start, and the refused ones among them."""
+    ended: Ended
+    """Since the start."""
+    database_bytes: int
+    measured_at: float
+    """By this process's monotonic clock."""
+    seconds: float
+    """What the measurement took."""
+
+    def age(self) -> float:
+        """Return how many seconds ago it was."""
+        return time.monotonic() - self.measured_at
+
+
+class Statistics:
+    """Measures, and remembers the last measurement for a while. Safe between threads.
+
+    Parameters
+    ----------
+    database
+        What is measured.
+    seen_seconds
+        A worker that has been silent for longer is not counted.
+    """
+
+    def __init__(self, database: Database, *, seen_seconds: float) -> None:
+        self._database = database
+        self._seen_seconds = seen_seconds
+        self._lock = threading.Lock()
+        self._settled, self._settled_until = Ended(), time.time()
+        self._sweeps = _SweepProgress()
+        self._last: Figures | None = None
+
+    def current(self) -> Figures:
+        """Return the last figures if they are young enough for what they cost, else new ones.
+
+        Raises
+        ------
+        sqlalchemy.exc.SQLAlchemyError
+            The database is away.
+        """
+        with self._lock:
+            if self._last is None or self._is_due(self._last):
+                self._last = self._measure()
+            return self._last
+
+    def _is_due(self, last: Figures) -> bool:
+        return last.age() >= max(YOUNG_SECONDS, last.seconds / SHARE)
+
+    def _measure(self) -> Figures:
+        began = time.monotonic()
+        with self._database.read() as session:
+            now = database_now(session)
+            ended = self._ended(session, now)
+            live = _live_jobs(session)
+            oldest = _oldest_queued(session, now)
+            workers = _workers(session, now - self._seen_seconds)
+            sweeps = self._sweeps.look(session)
+            size = _database_bytes(session)
+        points = self._sweeps.done, self._sweeps.refused
+        took = time.monotonic() - began
+        return Figures(live, oldest, workers, sweeps, points, ended, size, began + took, took)
+
+    def _ended(self, session: Session, now: float) -> Ended:
+        """Count what is settled for good, and anew each time the little that is not."""
+        until = max(now - SETTLED_SECONDS, self._settled_until)
+        self._settled += _ended_within(session, self._settled_until, until)
+        self._settled_until = until
+        return self._settled + _ended_within(session, until, None)
+
+
+class _SweepProgress:
+    """Sums up by how much the sweeps have advanced from look to look."""
+
+    def __init__(self) -> None:
+        self.done, self.refused = 0, 0
+        self._known: dict[str, tuple[int, int]] | None = None
+        self._newest = ""
+
+    def look(self, session: Session) -> Counter[str]:
+        """Add what has been done since the last look; return the live sweeps by state."""
+        known = self._known or {}
+        # The live ones, those that were live, and those that have come and gone in between.
+        interesting: list[ColumnElement[bool]] = [SweepRow.state.in_(LIVE)]
+        if known:
+            interesting.append(SweepRow.id.in_(known))
+        if self._newest:
+            interesting.append(SweepRow.id > self._newest)
+        columns = SweepRow.id, SweepRow.state, SweepRow.done, SweepRow.refused
+        rows = session.execute(select(*columns).where(or_(*interesting))).all()
+        newest = session.scalar(select(SweepRow.id).order_by(SweepRow.id.desc()).limit(1))
+        if self._known is not None:
+            for sweep_id, _, done, refused in rows:
+                done_before, refused_before = known.get(sweep_id, (0, 0))
+                self.done += done - done_before
+                self.refused += refused - refused_before
+        live = [row for row in rows if row.state in LIVE]
+        self._known = {row.id: (row.done, row.refused) for row in live}
+        self._newest = newest or self._newest
+        return Counter(row.state for row in live)
+
+
+def _live_jobs(session: Session) -> dict[tuple[str, str], int]:
+    statement = (
+        select(JobRow.state, JobRow.kind, func.count())
+        .where(JobRow.state.in_(LIVE))
+        .group_by(JobRow.state, JobRow.kind)
+    )
+    return {(state, kind): count for state, kind, count in session.execute(statement)}
+
+
+def _oldest_queued(session: Session, now: float) -> float:
+    # Ids grow with time, and lead there by index.
+    queued = select(JobRow.created_at).where(JobRow.state == JobState.QUEUED.value)
+    created_at = session.scalar(queued.order_by(JobRow.id).limit(1))
+    return 0.0 if created_at is None else max(now - created_at, 0.0)
+
+
+def _workers(session: Session, since: float) -> dict[str, Workers]:
+    statement = (
+        select(WorkerRow.engine, func.count(), func.sum(WorkerRow.slots))
+        .where(WorkerRow.seen_at >= since)
+        .group_by(WorkerRow.engine)
+    )
+    return {engine: Workers(count, int(slots)) for engine, count, slots in session.execute(statement)}
+
+
+def _ended_within(session: Session, since: float, until: float | None) -> Ended:
+    within = [AttemptRow.ended_at > since]
+    if until is not None:
+        within.append(AttemptRow.ended_at <= until)
+    by_outcome = select(AttemptRow.outcome, func.count()).where(*within).group_by(AttemptRow.outcome)
+    took = AttemptRow.ended_at - AttemptRow.started_at
+    by_way = (
+        select(
+            SolutionRow.method,
+            SolutionRow.tier,
+            func.count(),
+            func.sum(took),
+            *(func.sum(case((took <= bound, 1), else_=0)) for bound in BOUNDS),
+        )
+        .join(AttemptRow, AttemptRow.job_id == SolutionRow.job_id)
+        .where(AttemptRow.outcome == AttemptOutcome.SUCCEEDED.value, *within)
+        .group_by(SolutionRow.method, SolutionRow.tier)
+    )
+    durations = {
+        (method or "", tier or ""): Durations(list(map(int, below)), count, float(seconds))
+        for method, tier, count, seconds, *below in session.execute(by_way)
+    }
+    counts = {str(outcome): count for outcome, count in session.execute(by_outcome)}
+    return Ended(Counter(counts), durations)
+
+
+def _database_bytes(session: Session) -> int:
+    if session.get_bind().dialect.name == "sqlite":
+        pages = session.scalar(text("PRAGMA page_count")) or 0
+        return int(pages) * int(session.scalar(text("PRAGMA page_size")) or 0)
+    return int(session.scalar(text("SELECT pg_database_size(current_database())")) or 0)

@@ -1,0 +1,21 @@
+"""A computation that complains, and a worker of its own that writes JSON about it."""
+
+import warnings
+
+from service.jobs.outcome import SolveOutcome
+from service.jobs.states import JobKind
+from service.logs import start_logging
+from service.settings import Settings
+from workers.engines.worker import run_worker
+
+
+def complain(document: str) -> SolveOutcome:
+    """Warn, then fail."""
+    warnings.warn("odd", stacklevel=1)
+    raise RuntimeError("a fault of ours")
+
+
+def run() -> None:
+    """Work until stopped."""
+    start_logging("json", "info")
+    run_worker({JobKind.SOLVE: complain}, Settings(), slots=1, wake_fd=None)
