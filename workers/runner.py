@@ -6,30 +6,37 @@ happened, from one thread. No transaction is open while a child computes.
 
 import json
 import logging
-import os
-import secrets
-import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import CancelledError, Future
 from dataclasses import dataclass
+from typing import TypedDict
 
-from sqlalchemy.exc import OperationalError
-
-from service.jobs.job import Claim
-from service.jobs.outcome import SolveOutcome
+from service.jobs.job import Claim, Taken
+from service.jobs.outcome import Outcome
+from service.jobs.states import JobKind
 from service.jobs.store import JobStore
+from service.logs import about, call_about
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
+from service.storage.availability import is_away
 
 logger = logging.getLogger(__name__)
 
-Computation = Callable[[str], SolveOutcome]
-"""A module's function from a canonical problem document, as JSON text, to its outcome."""
+Computation = Callable[[str], Outcome]
+"""A module's function from what a job computes, :attr:`Claim.payload` as JSON text, to its outcome."""
+Computations = Mapping[JobKind, Computation]
 
 START_SECONDS = 20.0
 """In which a child takes a job it was given; a new child has then been started many times over."""
+WATCH_SECONDS = 0.2
+"""How often cancellations are looked for while a job runs."""
 RECONCILE_SECONDS = 1.0
 """How often expired leases are looked for."""
+
+
+class _Retries(TypedDict):
+    max_attempts: int
+    retry_seconds: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +47,11 @@ class Limits:
     job_seconds: float
     memory_mb: int
     max_attempts: int
+    retry_seconds: float
+
+    def retries(self) -> _Retries:
+        """Return those of lost jobs, for the store."""
+        return {"max_attempts": self.max_attempts, "retry_seconds": self.retry_seconds}
 
 
 @dataclass(slots=True)
@@ -47,7 +59,7 @@ class _Run:
     """A claimed job at work in a child."""
 
     claim: Claim
-    future: Future[SolveOutcome]
+    future: Future[Outcome]
     heartbeat_at: float
     started_by: float
     """When a child should have taken it at the latest."""
@@ -60,8 +72,10 @@ class Runner:
     ----------
     store, sandbox
         Where jobs come from, and where they run. The sandbox has ``slots`` children.
-    computation
-        What a job computes.
+    computations
+        What a job of each kind computes.
+    name
+        Of the worker; no other has it.
     wake
         Called, from another thread, when a child is done: time for :meth:`collect`.
     """
@@ -70,21 +84,22 @@ class Runner:
         self,
         store: JobStore,
         sandbox: Sandbox,
-        computation: Computation,
+        computations: Computations,
         *,
+        name: str,
         slots: int,
         limits: Limits,
         wake: Callable[[], None],
     ) -> None:
-        self.name = f"{socket.gethostname()[:64]}:{os.getpid()}:{secrets.token_hex(4)}"
+        self._name = name
         self._store = store
         self._sandbox = sandbox
-        self._computation = computation
+        self._computations = computations
         self._slots = slots
         self._limits = limits
         self._wake = wake
         self._runs: dict[str, _Run] = {}
-        self._reconcile_at = 0.0
+        self._reconcile_at = self._watch_at = 0.0
 
     @property
     def is_busy(self) -> bool:
@@ -92,33 +107,35 @@ class Runner:
         return bool(self._runs)
 
     def fill(self) -> list[str]:
-        """Claim jobs for the free slots; return the ids of those that need no computing any more."""
-        finished = []
-        while len(self._runs) < self._slots:
-            claim = self._store.claim(self.name, lease_seconds=self._limits.lease_seconds)
-            if claim is None:
+        """Take jobs for the free slots; return the ids of those that need no computing any more."""
+        finished: list[str] = []
+        while free := self._slots - len(self._runs):
+            taken = self._store.take(self._name, free, lease_seconds=self._limits.lease_seconds)
+            if taken == Taken():
                 break
-            if self._store.reuse(claim):
-                finished.append(claim.job_id)
-                continue
-            document = json.dumps(claim.problem)
-            future = self._sandbox.submit(self._computation, document, seconds=self._limits.job_seconds)
-            deadline = time.monotonic() + START_SECONDS
-            self._runs[claim.job_id] = _Run(claim, future, self._next_heartbeat(), deadline)
-            future.add_done_callback(lambda _: self._wake())
+            finished += self._begin(taken)
         return finished
 
-    def collect(self) -> list[str]:
-        """Store what the children have finished; return the ids of those jobs."""
+    def collect(self, *, refill: bool) -> list[str]:
+        """Store what the children have finished; return the ids of those jobs.
+
+        With ``refill`` each child gets another job by the same transaction.
+        """
         done = [job_id for job_id, run in self._runs.items() if run.future.done()]
+        finished = list(done)
         for job_id in done:
             # Removed only afterwards: if the database is away, the result waits here.
-            self._finish(self._runs[job_id])
+            with about(**_fields(self._runs[job_id].claim)):
+                taken = self._finish(self._runs[job_id], int(refill))
             del self._runs[job_id]
-        return done
+            finished += self._begin(taken)
+        return finished
 
     def keep_leases(self) -> None:
-        """Send the heartbeats that are due; kill the children of claims that are lost or cancelled."""
+        """Now and then, send the heartbeats that are due; kill the children of claims lost or cancelled."""
+        if time.monotonic() < self._watch_at:
+            return
+        self._watch_at = time.monotonic() + WATCH_SECONDS
         held = self._store.held([run.claim for run in self._runs.values()])
         for job_id, run in list(self._runs.items()):
             holds = job_id in held
@@ -126,21 +143,30 @@ class Runner:
                 holds = self._store.heartbeat(run.claim, lease_seconds=self._limits.lease_seconds)
                 run.heartbeat_at = self._next_heartbeat()
             if not holds:
-                logger.info("job %s attempt %d: the claim is gone, stopping", job_id, run.claim.attempt)
+                extra = {"fields": _fields(run.claim)}
+                logger.info(
+                    "job %s attempt %d: the claim is gone, stopping", job_id, run.claim.attempt, extra=extra
+                )
                 run.future.cancel()
                 del self._runs[job_id]
             elif not run.future.running() and not run.future.done() and time.monotonic() > run.started_by:
-                logger.warning("job %s attempt %d: no child has taken it", job_id, run.claim.attempt)
+                extra = {"fields": _fields(run.claim)}
+                logger.warning(
+                    "job %s attempt %d: no child has taken it", job_id, run.claim.attempt, extra=extra
+                )
                 self._sandbox.renew(run.future)
-                self._store.lose(run.claim, "no child took it", max_attempts=self._limits.max_attempts)
+                self._store.lose(run.claim, "no child took it", **self._limits.retries())
                 del self._runs[job_id]
 
     def reconcile(self) -> None:
         """Now and then, queue again the jobs of workers that are gone, whoever they were."""
         if time.monotonic() < self._reconcile_at:
             return
-        for job_id in self._store.reconcile(max_attempts=self._limits.max_attempts):
-            logger.warning("job %s: its worker is gone", job_id)
+        for job_id in self._store.reconcile(**self._limits.retries()):
+            logger.warning("job %s: its worker is gone", job_id, extra={"fields": {"job": job_id}})
+        repaired = self._store.repair()
+        if repaired:
+            logger.warning("%d deliveries were lost; delivered again", repaired)
         self._reconcile_at = time.monotonic() + RECONCILE_SECONDS
 
     def give_back(self) -> None:
@@ -150,16 +176,36 @@ class Runner:
             self._store.give_back(run.claim)
         self._runs.clear()
 
+    def _start(self, claim: Claim) -> None:
+        document, compute = json.dumps(claim.payload), self._computations[claim.kind]
+        fields = {**_fields(claim), "worker": self._name}
+        future = self._sandbox.submit(call_about, fields, compute, document, seconds=self._limits.job_seconds)
+        deadline = time.monotonic() + START_SECONDS
+        self._runs[claim.job_id] = _Run(claim, future, self._next_heartbeat(), deadline)
+        future.add_done_callback(lambda _: self._wake())
+
     def _next_heartbeat(self) -> float:
         return time.monotonic() + self._limits.lease_seconds / 3
 
-    def _finish(self, run: _Run) -> None:
+    def _begin(self, taken: Taken) -> tuple[str, ...]:
+        """Begin with the jobs to compute; return the ids of the others."""
+        for claim in taken.claims:
+            self._start(claim)
+        return taken.reused
+
+    def _finish(self, run: _Run, then_take: int) -> Taken:
         try:
             outcome = result_of(run.future)
-            self._store_outcome(run.claim, outcome)
+            kept, taken = self._store.finish(
+                run.claim, outcome, then_take=then_take, lease_seconds=self._limits.lease_seconds
+            )
+            if not kept:
+                detail = "finished too late, thrown away"
+                logger.info("job %s attempt %d: %s", run.claim.job_id, run.claim.attempt, detail)
+            return taken
         except SandboxCrashError as fault:
             logger.warning("job %s attempt %d: %s", run.claim.job_id, run.claim.attempt, fault)
-            self._store.lose(run.claim, str(fault), max_attempts=self._limits.max_attempts)
+            self._store.lose(run.claim, str(fault), **self._limits.retries())
         except SandboxTimeoutError:
             detail = f"not finished after {self._limits.job_seconds:g} s, the limit for one job"
             self._fail(run.claim, "time_limit", detail)
@@ -168,24 +214,18 @@ class Runner:
             self._fail(run.claim, "memory_limit", detail)
         except CancelledError:
             logger.info("job %s attempt %d: stopped", run.claim.job_id, run.claim.attempt)
-        except OperationalError:
-            raise  # the database is away: try again later
         except Exception as fault:
+            if is_away(fault):
+                raise  # the result waits here until the database is back
             # A fault of ours. It would only repeat itself, hence no other attempt.
             logger.exception("job %s attempt %d", run.claim.job_id, run.claim.attempt)
             self._fail(run.claim, "internal_error", f"{type(fault).__name__}: {fault}")
-
-    def _store_outcome(self, claim: Claim, outcome: SolveOutcome) -> None:
-        if outcome.error is not None:
-            kept = self._store.finish_failure(claim, outcome.error)
-        elif outcome.summary is not None:
-            kept = self._store.finish_success(
-                claim, outcome.summary, dense=outcome.dense, samples=outcome.samples
-            )
-        else:
-            raise ValueError("the computation returned neither a summary nor an error")
-        if not kept:
-            logger.info("job %s attempt %d: finished too late, thrown away", claim.job_id, claim.attempt)
+        return Taken()
 
     def _fail(self, claim: Claim, code: str, detail: str) -> None:
         self._store.finish_failure(claim, {"code": code, "detail": detail})
+
+
+def _fields(claim: Claim) -> dict[str, object]:
+    """Return what the log says of a claim."""
+    return {"job": claim.job_id, "attempt": claim.attempt}

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.states import AttemptOutcome, JobKind, JobState
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,6 +13,8 @@ class Job:
 
     id: str
     state: JobState
+    priority: int
+    """Larger first."""
     attempt: int
     """Number of times it was claimed; 0 if never."""
     progress: float
@@ -28,6 +30,8 @@ class Job:
     started_at: datetime | None
     """When the last attempt began."""
     finished_at: datetime | None
+    key_id: str | None
+    """Of the key that submitted it; None if there were no keys."""
 
     @property
     def is_finished(self) -> bool:
@@ -43,6 +47,28 @@ class Claim:
     attempt: int
     worker: str
     problem: Mapping[str, object]
+    digest: str
+    key_id: str | None
+    """Of the key on whose account it was submitted."""
+    kind: JobKind = JobKind.SOLVE
+    sweep: Mapping[str, object] | None = None
+    """Of a chunk: the document of the sweep that it belongs to."""
+    sweep_id: str | None = None
+
+    @property
+    def payload(self) -> Mapping[str, object]:
+        """What the computation gets: the problem, or {"sweep", "first", "count"} of a chunk."""
+        return self.problem if self.sweep is None else {"sweep": self.sweep, **self.problem}
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """Jobs that a worker has got."""
+
+    claims: tuple[Claim, ...] = ()
+    """To be computed, in the order of the queue."""
+    reused: tuple[str, ...] = ()
+    """Ids of those that have succeeded already, with the solution of an equal problem."""
 
 
 @dataclass(frozen=True, slots=True)

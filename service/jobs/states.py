@@ -61,3 +61,18 @@ class AttemptOutcome(StrEnum):
 def after_loss(losses: int, max_attempts: int) -> JobState:
     """Return where a job goes that has lost ``losses`` workers, this one included."""
     return JobState.QUEUED if losses < max_attempts else JobState.FAILED
+
+
+LONGEST_PAUSE_SECONDS = 60.0
+JITTER = 0.2
+"""Part of a pause by which it is shorter or longer, so that jobs lost together do not come back together."""
+
+
+def pause_after(losses: int, first_seconds: float, spread: float) -> float:
+    """Return how long a job waits that has lost ``losses`` workers: twice as long each time.
+
+    ``spread`` is a random number from -1 to 1.
+    """
+    # The exponent is bounded: 2**losses could be too large for a double.
+    pause = min(first_seconds * 2.0 ** min(losses - 1, 60), LONGEST_PAUSE_SECONDS)
+    return pause * (1.0 + JITTER * spread)

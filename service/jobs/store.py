@@ -9,19 +9,32 @@ cancellation.
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-from service.jobs.job import Attempt, Claim, Job, JobPage
+from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
+from service.jobs.outcome import Outcome
 from service.jobs.states import JobState
 
 
 class JobStore(Protocol):
     """Jobs and their results. Instants and leases are by the database's clock."""
 
-    def submit(self, problem: Mapping[str, object], digest: str) -> Job:
-        """Store a job for a canonical problem document.
+    def submit(
+        self, problem: Mapping[str, object], digest: str, *, priority: int = 0, key_id: str | None = None
+    ) -> Job:
+        """Store a job for a canonical problem document, on the account of a key.
 
         If a solution of the same digest is stored, the job is born succeeded
         with that solution and ``reused``.
         """
+        ...
+
+    def submit_many(
+        self,
+        problems: Sequence[tuple[Mapping[str, object], str]],
+        *,
+        priority: int = 0,
+        key_id: str | None = None,
+    ) -> tuple[Job, ...]:
+        """Do the same for several problems with their digests: all of them are stored, or none."""
         ...
 
     def get(self, job_id: str) -> Job:
@@ -44,8 +57,11 @@ class JobStore(Protocol):
         """
         ...
 
-    def claim(self, worker: str, *, lease_seconds: float) -> Claim | None:
-        """Take the oldest queued job, or None. No two workers get the same one."""
+    def take(self, worker: str, count: int, *, lease_seconds: float) -> Taken:
+        """Take up to ``count`` queued jobs, of larger priority first, then the older.
+
+        No two workers get the same one.
+        """
         ...
 
     def heartbeat(self, claim: Claim, *, lease_seconds: float) -> bool:
@@ -56,28 +72,39 @@ class JobStore(Protocol):
         """Return the ids of those jobs whose claims still hold; writes nothing."""
         ...
 
-    def reuse(self, claim: Claim) -> bool:
-        """Finish with an equal problem's solution, if one has been stored meanwhile."""
-        ...
+    def finish(
+        self, claim: Claim, outcome: Outcome, *, then_take: int = 0, lease_seconds: float = 0.0
+    ) -> tuple[bool, Taken]:
+        """Store what a job has come to, mark it finished and take so many others, in one transaction.
 
-    def finish_success(
-        self, claim: Claim, summary: Mapping[str, object], *, dense: bytes, samples: bytes
-    ) -> bool:
-        """Store the solution and mark the job succeeded, in one transaction."""
+        Of a chunk that did not come back as a whole, the other points are
+        queued again. Returns whether the claim held, and what was taken.
+        """
         ...
 
     def finish_failure(self, claim: Claim, error: Mapping[str, object]) -> bool:
-        """Mark the job failed for good."""
+        """Mark the job failed for good.
+
+        A chunk is queued again in smaller ones; if it is a single point, that
+        point is stored as refused with the error's code.
+        """
         ...
 
-    def lose(self, claim: Claim, detail: str, *, max_attempts: int) -> bool:
-        """Record that the child died: queue the job again, or give it up as ``lost_worker``."""
+    def lose(self, claim: Claim, detail: str, *, max_attempts: int, retry_seconds: float) -> bool:
+        """Record that the child died: queue the job again, or give it up as ``lost_worker``.
+
+        It is not claimed for ``retry_seconds``, and twice as long each further time.
+        """
         ...
 
     def give_back(self, claim: Claim) -> bool:
         """Queue the job again because its worker stops; this is not counted as a loss."""
         ...
 
-    def reconcile(self, *, max_attempts: int) -> tuple[str, ...]:
+    def repair(self) -> int:
+        """Deliver anew the jobs that are due and whose delivery was lost; return their number."""
+        ...
+
+    def reconcile(self, *, max_attempts: int, retry_seconds: float) -> tuple[str, ...]:
         """Do the same as :meth:`lose` to every job whose lease has ended; return their ids."""
         ...

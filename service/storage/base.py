@@ -7,9 +7,9 @@ can be compared and prolonged with plain arithmetic in either.
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import ClassVar
+from typing import ClassVar, cast
 
-from sqlalchemy import JSON, Double, LargeBinary, MetaData, String
+from sqlalchemy import JSON, Double, LargeBinary, MetaData, String, Table
 from sqlalchemy.orm import DeclarativeBase
 
 Document = Mapping[str, object]
@@ -33,6 +33,15 @@ class Base(DeclarativeBase):
         bytes: LargeBinary(),
         Document: JSON(),
     }
+
+
+def table_of(row: type[Base]) -> Table:
+    """Return the table of a mapped class.
+
+    What every job costs is said by statements on tables that are built once:
+    they take a tenth of the time of those that are built anew on mapped classes.
+    """
+    return cast(Table, row.__table__)
 
 
 def one_of(column: str, words: type[StrEnum]) -> str:

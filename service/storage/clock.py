@@ -4,8 +4,9 @@ Leases are granted and judged by one clock, so that workers on machines whose
 clocks differ agree on when a lease has ended.
 """
 
-from sqlalchemy import Double
+from sqlalchemy import Double, select
 from sqlalchemy.ext.compiler import compiles
+from sqlalchemy.orm import Session
 from sqlalchemy.sql.compiler import SQLCompiler
 from sqlalchemy.sql.functions import FunctionElement
 
@@ -15,6 +16,11 @@ class DatabaseNow(FunctionElement[float]):
 
     type = Double()
     inherit_cache = True
+
+
+def database_now(session: Session) -> float:
+    """Return what the database's clock says."""
+    return session.scalars(select(DatabaseNow())).one()
 
 
 @compiles(DatabaseNow, "sqlite")

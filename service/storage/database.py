@@ -15,11 +15,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from sqlite3 import Connection as SqliteConnection
 
-from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
+from service.storage.faults import chosen_fault
+
 _BEGIN = "sqlite_begin"
+
+BUSY_SECONDS = 30.0
+"""How long one waits for another writer of SQLite; ``?timeout=…`` in the URL says otherwise."""
+CONNECT_SECONDS = 10
+"""How long a server of Postgres may take to answer; ``?connect_timeout=…`` in the URL says otherwise."""
 
 
 class Database:
@@ -28,6 +35,7 @@ class Database:
     def __init__(self, url: str) -> None:
         self.engine = make_engine(url)
         self._writer = self.engine.execution_options(**{_BEGIN: "BEGIN IMMEDIATE"})
+        self._fault = chosen_fault()
 
     @contextmanager
     def read(self) -> Iterator[Session]:
@@ -38,8 +46,13 @@ class Database:
     @contextmanager
     def write(self) -> Iterator[Session]:
         """Open a transaction that is committed at the end, or rolled back by any exception."""
-        with Session(self._writer, expire_on_commit=False) as session, session.begin():
-            yield session
+        with Session(self._writer, expire_on_commit=False) as session:
+            with session.begin():
+                yield session
+                if self._fault is not None:
+                    self._fault.reach("before")
+            if self._fault is not None:
+                self._fault.reach("after")
 
     def close(self) -> None:
         """Close every pooled connection."""
@@ -48,11 +61,22 @@ class Database:
 
 def make_engine(url: str) -> Engine:
     """Return an engine for ``url`` (SQLite or Postgres) with this project's settings."""
-    engine = create_engine(url, json_serializer=_strict_json)
+    engine = create_engine(url, json_serializer=_strict_json, connect_args=_patience(url))
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _configure_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
     return engine
+
+
+def _patience(url: str) -> dict[str, float]:
+    """Return the time limits of a new connection, but for those that the URL has itself."""
+    asked = make_url(url)
+    limits: dict[str, dict[str, float]] = {
+        "sqlite": {"timeout": BUSY_SECONDS},
+        "postgresql": {"connect_timeout": CONNECT_SECONDS},
+    }
+    ours = limits.get(asked.get_backend_name(), {})
+    return {name: seconds for name, seconds in ours.items() if name not in asked.query}
 
 
 def _strict_json(document: object) -> str:
@@ -63,8 +87,6 @@ def _strict_json(document: object) -> str:
 def _configure_sqlite(connection: SqliteConnection, _: ConnectionPoolEntry) -> None:
     # sqlite3 must not begin transactions by itself: it would do so too late.
     connection.isolation_level = None
-    # First of all, since the pragmas themselves may have to wait for a lock.
-    connection.execute("PRAGMA busy_timeout = 30000")
     connection.execute("PRAGMA foreign_keys = ON")
     connection.execute("PRAGMA synchronous = FULL")
 

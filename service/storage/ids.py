@@ -33,6 +33,11 @@ class IdSource:
 new_id = IdSource()
 
 
+def first_id(at: float) -> str:
+    """Return the least id that could be made at an instant, in seconds since 1970, or later."""
+    return str(uuid.UUID(int=int(at * 1000.0) << 80))
+
+
 def is_id(text: str) -> bool:
     """Tell whether ``text`` could be an id, so that databases with a UUID type are not asked nonsense."""
     try:

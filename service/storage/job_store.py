@@ -2,47 +2,62 @@
 
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import func, or_, select, update
+from sqlalchemy import bindparam, func, select, update
 from sqlalchemy.orm import Session
 
+from service.jobs.dispatch import Dispatcher
 from service.jobs.errors import JobFinishedError, JobNotFoundError
-from service.jobs.job import Attempt, Claim, Job, JobPage
-from service.jobs.states import AttemptOutcome, JobState, sources
+from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
+from service.jobs.outcome import ChunkOutcome, Outcome, SolveOutcome
+from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.storage import sweep_moves
+from service.storage.base import table_of
+from service.storage.claiming import take_jobs
 from service.storage.clock import DatabaseNow
 from service.storage.database import Database
-from service.storage.ids import is_id, new_id
-from service.storage.moves import all_of, end_attempt, fence, history, lose, move, succeed
-from service.storage.records import claim_of, job_of
-from service.storage.summary import summary_columns
-from service.storage.tables import AttemptRow, DenseOutputRow, JobRow, SamplesRow, SolutionRow
+from service.storage.finishing import store_solution
+from service.storage.ids import is_id
+from service.storage.key_store import charge
+from service.storage.moves import end_attempt, fence, history, lose, move
+from service.storage.records import delivery_of, job_of
+from service.storage.submitting import insert_jobs
+from service.storage.sweep_tables import SweepRow
+from service.storage.table_dispatcher import TableDispatcher
+from service.storage.tables import JobRow
+
+_JOBS = table_of(JobRow)
+_HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
+    _JOBS.c.id.in_(bindparam("ids", expanding=True)), _JOBS.c.state == JobState.RUNNING.value
+)
 
 
 class SqlJobStore:
     """The :class:`~service.jobs.store.JobStore` in SQLite or Postgres."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, dispatcher: Dispatcher[Session] | None = None) -> None:
+        """Without a dispatcher, workers look at the table."""
         self._database = database
+        self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
 
-    def submit(self, problem: Mapping[str, object], digest: str) -> Job:
+    def submit(
+        self, problem: Mapping[str, object], digest: str, *, priority: int = 0, key_id: str | None = None
+    ) -> Job:
         """Store a job; born succeeded if an equal problem has been solved."""
+        (job,) = self.submit_many([(problem, digest)], priority=priority, key_id=key_id)
+        return job
+
+    def submit_many(
+        self,
+        problems: Sequence[tuple[Mapping[str, object], str]],
+        *,
+        priority: int = 0,
+        key_id: str | None = None,
+    ) -> tuple[Job, ...]:
+        """Store a job for each problem and its digest, all of them or none."""
         with self._database.write() as session:
-            now = _now(session)
-            solution_id = _solved(session, digest)
-            reused = solution_id is not None
-            row = JobRow(
-                id=new_id(),
-                state=(JobState.SUCCEEDED if reused else JobState.QUEUED).value,
-                attempt=0,
-                progress=1.0 if reused else 0.0,
-                reused=reused,
-                solution_id=solution_id,
-                problem=problem,
-                digest=digest,
-                created_at=now,
-                finished_at=now if reused else None,
-            )
-            session.add(row)
-            return job_of(row)
+            rows = insert_jobs(session, problems, priority=priority, key_id=key_id)
+            self._deliver(session, [row for row in rows if row.state == JobState.QUEUED.value])
+            return tuple(job_of(row) for row in rows)
 
     def get(self, job_id: str) -> Job:
         """Return a job, or raise :class:`JobNotFoundError`."""
@@ -51,7 +66,9 @@ class SqlJobStore:
 
     def list_jobs(self, *, state: JobState | None = None, limit: int = 50, offset: int = 0) -> JobPage:
         """Return jobs, newest first."""
-        condition = [] if state is None else [JobRow.state == state.value]
+        condition = [JobRow.kind == JobKind.SOLVE.value]
+        if state is not None:
+            condition.append(JobRow.state == state.value)
         statement = select(JobRow).where(*condition).order_by(JobRow.id.desc()).limit(limit).offset(offset)
         with self._database.read() as session:
             total = session.scalar(select(func.count()).select_from(JobRow).where(*condition))
@@ -75,35 +92,21 @@ class SqlJobStore:
             return job_of(row)
 
     def claim(self, worker: str, *, lease_seconds: float) -> Claim | None:
-        """Take the oldest queued job by one compare-and-set."""
-        oldest = (
-            select(JobRow.id)
-            .where(JobRow.state.in_(sources(JobState.RUNNING)))
-            .order_by(JobRow.id)
-            .limit(1)
-            # Postgres: workers step over each other's rows. SQLite has one writer at a time and ignores it.
-            .with_for_update(skip_locked=True)
-            .scalar_subquery()
-        )
-        statement = (
-            update(JobRow)
-            .where(JobRow.id == oldest, JobRow.state.in_(sources(JobState.RUNNING)))
-            .values(
-                state=JobState.RUNNING.value,
-                owner=worker,
-                attempt=JobRow.attempt + 1,
-                started_at=DatabaseNow(),
-                lease_until=DatabaseNow() + lease_seconds,
-            )
-            .returning(JobRow)
-        )
-        with self._database.write() as session:
-            row = session.scalar(statement)
-            if row is None:
-                return None
-            started_at = row.started_at if row.started_at is not None else _now(session)
-            session.add(AttemptRow(job_id=row.id, number=row.attempt, worker=worker, started_at=started_at))
-            return claim_of(row)
+        """Take the first job of the queue that has to be computed."""
+        while (taken := self.take(worker, 1, lease_seconds=lease_seconds)) != Taken():
+            for claim in taken.claims:
+                return claim
+        return None
+
+    def take(self, worker: str, count: int, *, lease_seconds: float) -> Taken:
+        """Take the first jobs of the queue, in its order."""
+        while True:
+            with self._database.write() as session:
+                taken = take_jobs(session, self._dispatcher, worker, count, lease_seconds)
+            if taken is None:
+                return Taken()
+            if taken != Taken():
+                return taken
 
     def heartbeat(self, claim: Claim, *, lease_seconds: float) -> bool:
         """Prolong the lease, if the claim still holds."""
@@ -115,64 +118,55 @@ class SqlJobStore:
         """Return the ids of those jobs whose claims still hold."""
         if not claims:
             return frozenset()
-        fences = [all_of(*fence(claim)) for claim in claims]
         with self._database.read() as session:
-            return frozenset(session.scalars(select(JobRow.id).where(or_(*fences))))
+            rows = session.execute(_HOLDERS, {"ids": [claim.job_id for claim in claims]})
+            holders = {(row.id, row.owner, row.attempt) for row in rows}
+        return frozenset(
+            claim.job_id for claim in claims if (claim.job_id, claim.worker, claim.attempt) in holders
+        )
 
-    def reuse(self, claim: Claim) -> bool:
-        """Finish with the solution of an equal problem, if one was stored since the job was submitted."""
-        digest = select(JobRow.digest).where(JobRow.id == claim.job_id).scalar_subquery()
-        with self._database.read() as session:
-            solution_id = session.scalar(select(SolutionRow.id).where(SolutionRow.digest == digest).limit(1))
-        if solution_id is None:
-            return False
+    def finish(
+        self, claim: Claim, outcome: Outcome, *, then_take: int = 0, lease_seconds: float = 0.0
+    ) -> tuple[bool, Taken]:
+        """Finish a job and take others by one commit."""
         with self._database.write() as session:
-            return succeed(session, claim, solution_id, reused=True)
+            if isinstance(outcome, ChunkOutcome):
+                kept = self._finish_chunk(session, claim, outcome)
+            elif outcome.error is not None:
+                kept = self._fail(session, claim, outcome.error)
+            elif outcome.summary is not None:
+                kept = store_solution(session, claim, outcome.summary, outcome.dense, outcome.samples)
+                if kept:
+                    charge(session, claim.key_id, len(outcome.dense) + len(outcome.samples))
+            else:
+                raise ValueError("the computation returned neither a summary nor an error")
+            taken = take_jobs(session, self._dispatcher, claim.worker, then_take, lease_seconds)
+            return kept, taken or Taken()
 
     def finish_success(
         self, claim: Claim, summary: Mapping[str, object], *, dense: bytes, samples: bytes
     ) -> bool:
         """Store the solution and the success together, or neither."""
-        with self._database.write() as session:
-            digest = session.scalar(select(JobRow.digest).where(*fence(claim)))
-            if digest is None:
-                return False
-            solution_id = new_id()
-            columns = summary_columns(claim.problem, summary)
-            session.add(
-                SolutionRow(
-                    id=solution_id,
-                    job_id=claim.job_id,
-                    digest=digest,
-                    problem=claim.problem,
-                    summary=summary,
-                    created_at=_now(session),
-                    **columns,
-                )
-            )
-            session.flush()  # the arrays refer to it
-            session.add(DenseOutputRow(solution_id=solution_id, data=dense))
-            session.add(SamplesRow(solution_id=solution_id, data=samples))
-            session.flush()
-            if succeed(session, claim, solution_id, reused=False):
-                return True
-            session.rollback()
-            return False
+        return self.finish(claim, SolveOutcome(dict(summary), dense, samples, None))[0]
+
+    def finish_chunk(self, claim: Claim, outcome: ChunkOutcome) -> bool:
+        """Store the points, the success and the further chunks together, or none of them."""
+        return self.finish(claim, outcome)[0]
 
     def finish_failure(self, claim: Claim, error: Mapping[str, object]) -> bool:
-        """Mark the job failed for good."""
+        """Mark the job failed for good; the points of a chunk are tried in smaller ones."""
         with self._database.write() as session:
-            if not move(session, JobState.FAILED, *fence(claim), error=dict(error)):
-                return False
-            end_attempt(
-                session, claim.job_id, claim.attempt, AttemptOutcome.FAILED, str(error.get("code", ""))
-            )
-            return True
+            return self._fail(session, claim, error)
 
-    def lose(self, claim: Claim, detail: str, *, max_attempts: int) -> bool:
+    def lose(self, claim: Claim, detail: str, *, max_attempts: int, retry_seconds: float = 0.0) -> bool:
         """Queue the job again after the loss of its child, or give it up."""
         with self._database.write() as session:
-            return lose(session, fence(claim), (claim.job_id, claim.attempt), detail, max_attempts)
+            sweep = sweep_moves.hold(session, claim.sweep_id)
+            attempt = claim.job_id, claim.attempt
+            if not lose(session, fence(claim), attempt, detail, max_attempts, retry_seconds):
+                return False
+            self._deliver_after_loss(session, sweep, claim.job_id)
+            return True
 
     def give_back(self, claim: Claim) -> bool:
         """Queue the job again because its worker stops."""
@@ -180,38 +174,61 @@ class SqlJobStore:
             if not move(session, JobState.QUEUED, *fence(claim)):
                 return False
             end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.RETURNED, "the worker stopped")
+            self._deliver(session, [session.get_one(JobRow, claim.job_id)])
             return True
 
-    def reconcile(self, *, max_attempts: int) -> tuple[str, ...]:
+    def repair(self) -> int:
+        """Deliver anew the jobs that are due and whose delivery was lost."""
+        with self._database.write() as session:
+            return self._dispatcher.repair(session)
+
+    def reconcile(self, *, max_attempts: int, retry_seconds: float = 0.0) -> tuple[str, ...]:
         """Queue again, or give up, every job whose lease has ended."""
         expired = JobRow.state == JobState.RUNNING.value, JobRow.lease_until < DatabaseNow()
         # Look first without the writer's lock: almost always nothing is found.
         with self._database.read() as session:
-            found = session.execute(select(JobRow.id, JobRow.attempt).where(*expired)).all()
+            columns = JobRow.id, JobRow.attempt, JobRow.sweep_id
+            found = session.execute(select(*columns).where(*expired)).all()
         changed: list[str] = []
-        for job_id, attempt in found:
+        for job_id, attempt, sweep_id in found:
             # A transaction each; the conditions are judged again inside it.
             still = (JobRow.id == job_id, JobRow.attempt == attempt, *expired)
             with self._database.write() as session:
-                if lose(
-                    session, still, (job_id, attempt), "the lease ended without a heartbeat", max_attempts
-                ):
+                sweep = sweep_moves.hold(session, sweep_id)
+                detail = "the lease ended without a heartbeat"
+                if lose(session, still, (job_id, attempt), detail, max_attempts, retry_seconds):
+                    self._deliver_after_loss(session, sweep, job_id)
                     changed.append(job_id)
         return tuple(changed)
+
+    def _finish_chunk(self, session: Session, claim: Claim, outcome: ChunkOutcome) -> bool:
+        queued = sweep_moves.finish(session, claim, outcome)
+        self._deliver(session, queued or ())
+        return queued is not None
+
+    def _fail(self, session: Session, claim: Claim, error: Mapping[str, object]) -> bool:
+        sweep = sweep_moves.hold(session, claim.sweep_id)
+        if not move(session, JobState.FAILED, *fence(claim), error=dict(error)):
+            return False
+        code = str(error.get("code", ""))
+        end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.FAILED, code)
+        self._deliver(session, sweep_moves.replace_failed(session, sweep, claim.job_id))
+        return True
+
+    def _deliver(self, session: Session, queued: Sequence[JobRow]) -> None:
+        session.flush()
+        self._dispatcher.dispatch(session, [delivery_of(row) for row in queued])
+
+    def _deliver_after_loss(self, session: Session, sweep: SweepRow | None, job_id: str) -> None:
+        """Deliver the job that is queued again, or what takes the place of a chunk that is given up."""
+        further = sweep_moves.replace_failed(session, sweep, job_id)
+        job = session.get_one(JobRow, job_id, populate_existing=True)
+        self._deliver(session, [job, *further] if job.state == JobState.QUEUED.value else further)
 
 
 def _row(session: Session, job_id: str) -> JobRow:
     row = session.get(JobRow, job_id) if is_id(job_id) else None
-    if row is None:
+    # A chunk is its sweep's affair: cancelled by itself, it would leave a gap.
+    if row is None or row.kind != JobKind.SOLVE.value:
         raise JobNotFoundError(job_id)
     return row
-
-
-def _now(session: Session) -> float:
-    return session.scalars(select(DatabaseNow())).one()
-
-
-def _solved(session: Session, digest: str) -> str | None:
-    """Return the first solution of that digest. One exists only if its job succeeded."""
-    statement = select(SolutionRow.id).where(SolutionRow.digest == digest).order_by(SolutionRow.id).limit(1)
-    return session.scalar(statement)

@@ -5,6 +5,7 @@ from pathlib import Path
 from alembic import command
 from alembic.config import Config
 
+from service.storage import procrastinate_schema
 from service.storage.database import make_engine
 
 
@@ -14,8 +15,11 @@ def migrations_folder() -> Path:
     return packaged if packaged.is_dir() else Path(__file__).parents[2] / "migrations"
 
 
-def migrate(url: str) -> None:
-    """Create or upgrade the tables; harmless if nothing is left to do, or if several do it at once."""
+def migrate(url: str, *, engine_name: str = "local") -> None:
+    """Create or upgrade the tables; harmless if nothing is left to do, or if several do it at once.
+
+    ``engine_name`` is that of the settings: some engines have tables of their own.
+    """
     config = Config()
     # Alembic's options interpolate %, which a folder's name may contain.
     config.set_main_option("script_location", str(migrations_folder()).replace("%", "%%"))
@@ -23,5 +27,7 @@ def migrate(url: str) -> None:
     config.attributes["engine"] = engine
     try:
         command.upgrade(config, "head")
+        if engine_name == "procrastinate":
+            procrastinate_schema.install(engine)
     finally:
         engine.dispose()

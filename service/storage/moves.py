@@ -5,24 +5,17 @@ is fenced by its claim besides. Whether the UPDATE changed a row decides what
 happened; nothing is read first and written afterwards.
 """
 
+import random
 from collections.abc import Mapping, Sequence
 
 from sqlalchemy import ColumnElement, func, select, update
 from sqlalchemy.orm import Session
 
 from service.jobs.job import Attempt, Claim
-from service.jobs.states import FINISHED, AttemptOutcome, JobState, after_loss, sources
-from service.storage.clock import DatabaseNow
+from service.jobs.states import FINISHED, AttemptOutcome, JobState, after_loss, pause_after, sources
+from service.storage.clock import DatabaseNow, database_now
 from service.storage.records import attempt_of
 from service.storage.tables import AttemptRow, JobRow
-
-
-def all_of(*conditions: ColumnElement[bool]) -> ColumnElement[bool]:
-    """Return the conjunction of at least one condition."""
-    first, *rest = conditions
-    for condition in rest:
-        first = first & condition
-    return first
 
 
 def fence(claim: Claim) -> tuple[ColumnElement[bool], ...]:
@@ -49,24 +42,24 @@ def move(session: Session, target: JobState, *guard: ColumnElement[bool], **valu
     return session.scalar(statement) is not None
 
 
-def succeed(session: Session, claim: Claim, solution_id: str, *, reused: bool) -> bool:
-    """Mark the job of ``claim`` succeeded with a stored solution, if the claim holds."""
-    moved = move(
-        session, JobState.SUCCEEDED, *fence(claim), solution_id=solution_id, reused=reused, progress=1.0
-    )
-    if moved:
-        end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.SUCCEEDED)
-    return moved
-
-
 def end_attempt(
-    session: Session, job_id: str, number: int, outcome: AttemptOutcome, detail: str | None = None
+    session: Session,
+    job_id: str,
+    number: int,
+    outcome: AttemptOutcome,
+    detail: str | None = None,
+    *,
+    at: float | None = None,
 ) -> None:
-    """Write how a running attempt ended; an attempt that has ended is left alone."""
+    """Write how a running attempt ended, now or ``at`` an instant; one that has ended is left alone."""
     session.execute(
         update(AttemptRow)
         .where(AttemptRow.job_id == job_id, AttemptRow.number == number, AttemptRow.ended_at.is_(None))
-        .values(ended_at=DatabaseNow(), outcome=outcome.value, detail=detail and detail[:512])
+        .values(
+            ended_at=DatabaseNow() if at is None else at,
+            outcome=outcome.value,
+            detail=detail and detail[:512],
+        )
         .execution_options(synchronize_session=False)
     )
 
@@ -77,18 +70,22 @@ def lose(
     attempt: tuple[str, int],
     detail: str,
     max_attempts: int,
+    retry_seconds: float,
 ) -> bool:
     """Queue again a job whose worker or child died, or give it up with its history as the error.
 
-    ``attempt`` is the job's id and the number of the attempt; ``guard`` says when it is lost.
+    ``attempt`` is the job's id and the number of the attempt; ``guard`` says
+    when it is lost. It waits ``retry_seconds`` after the first loss.
     """
     job_id, number = attempt
     lost = AttemptRow.job_id == job_id, AttemptRow.outcome == AttemptOutcome.LOST.value
     losses = 1 + (session.scalar(select(func.count()).select_from(AttemptRow).where(*lost)) or 0)
     target = after_loss(losses, max_attempts)
-    if not move(session, target, *guard):
+    pause = pause_after(losses, retry_seconds, random.uniform(-1.0, 1.0))
+    now = database_now(session)
+    if not move(session, target, *guard, ready_at=now + pause):
         return False
-    end_attempt(session, job_id, number, AttemptOutcome.LOST, detail)
+    end_attempt(session, job_id, number, AttemptOutcome.LOST, detail, at=now)
     if target is JobState.FAILED:
         error = _lost_worker_error(history(session, job_id), losses)
         session.execute(update(JobRow).where(JobRow.id == job_id).values(error=error))

@@ -2,7 +2,8 @@
 
 from datetime import UTC, datetime
 
-from service.jobs.job import Attempt, Claim, Job
+from service.jobs.dispatch import Delivery
+from service.jobs.job import Attempt, Job
 from service.jobs.states import AttemptOutcome, JobState
 from service.storage.tables import AttemptRow, JobRow
 
@@ -22,6 +23,7 @@ def job_of(row: JobRow) -> Job:
     return Job(
         id=row.id,
         state=JobState(row.state),
+        priority=row.priority,
         attempt=row.attempt,
         progress=row.progress,
         error=row.error,
@@ -32,14 +34,13 @@ def job_of(row: JobRow) -> Job:
         created_at=instant(row.created_at),
         started_at=optional_instant(row.started_at),
         finished_at=optional_instant(row.finished_at),
+        key_id=row.key_id,
     )
 
 
-def claim_of(row: JobRow) -> Claim:
-    """Return the claim that a running job's row stands for."""
-    if row.owner is None:
-        raise ValueError(f"job {row.id} is {row.state}: nobody holds a claim on it")
-    return Claim(job_id=row.id, attempt=row.attempt, worker=row.owner, problem=row.problem)
+def delivery_of(row: JobRow) -> Delivery:
+    """Return what says that a queued job may be claimed."""
+    return Delivery(row.id, row.attempt, row.priority, row.ready_at)
 
 
 def attempt_of(row: AttemptRow) -> Attempt:

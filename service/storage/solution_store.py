@@ -107,8 +107,15 @@ class SolutionStore:
         return self._data(DenseOutputRow, solution_id)
 
     def samples(self, solution_id: str) -> bytes:
-        """Return the encoded samples, or raise :class:`SolutionNotFoundError`."""
+        """Return the encoded samples, or raise :class:`SolutionNotFoundError`; retention may delete them."""
         return self._data(SamplesRow, solution_id)
+
+    def samples_if_kept(self, solution_id: str) -> bytes | None:
+        """Return the encoded samples; None if there are none any more."""
+        try:
+            return self._data(SamplesRow, solution_id)
+        except SolutionNotFoundError:
+            return None
 
     def _data(self, table: type[DenseOutputRow] | type[SamplesRow], solution_id: str) -> bytes:
         if not is_id(solution_id):

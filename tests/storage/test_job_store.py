@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from sqlalchemy import func, select
 
 from service.jobs.errors import JobFinishedError, JobNotFoundError, SolutionNotFoundError
+from service.jobs.job import Taken
 from service.jobs.states import ALLOWED, AttemptOutcome, JobState
 from service.storage.ids import new_id
 from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
@@ -154,7 +155,6 @@ def test_a_cancelled_job_never_becomes_succeeded(jobs, database):
     assert jobs.held([claimed]) == frozenset()
     assert not jobs.heartbeat(claimed, lease_seconds=60)
     assert not succeed(jobs, claimed)
-    assert not jobs.reuse(claimed)
     assert jobs.get(job.id).state is JobState.CANCELLED
     assert count_results(database) == [0, 0, 0]
     assert [a.outcome for a in jobs.attempts(job.id)] == [AttemptOutcome.CANCELLED]
@@ -199,10 +199,8 @@ def test_nothing_but_a_success_is_reused(jobs, end):
 
 def test_equal_jobs_that_wait_together_are_computed_once(jobs, database):
     first, second = jobs.submit(PROBLEM, "digest"), jobs.submit(PROBLEM, "digest")
-    claimed = claim(jobs)
-    assert not jobs.reuse(claimed)
-    succeed(jobs, claimed)
-    assert jobs.reuse(claim(jobs))
+    succeed(jobs, claim(jobs))
+    assert jobs.take("worker", 2, lease_seconds=60) == Taken(reused=(second.id,))
     done = jobs.get(second.id)
     assert (done.state, done.reused) == (JobState.SUCCEEDED, True)
     assert done.solution_id == jobs.get(first.id).solution_id

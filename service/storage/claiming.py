@@ -1,0 +1,88 @@
+"""How jobs pass into the hands of a worker, within somebody's transaction."""
+
+from collections.abc import Sequence
+
+from sqlalchemy import bindparam, insert, update
+from sqlalchemy.orm import Session
+
+from service.jobs.dispatch import Dispatcher
+from service.jobs.job import Claim, Taken
+from service.jobs.states import JobKind, JobState, sources
+from service.storage import sweep_moves
+from service.storage.base import table_of
+from service.storage.clock import DatabaseNow
+from service.storage.finishing import solved, succeed
+from service.storage.tables import AttemptRow, JobRow
+
+_JOBS = table_of(JobRow)
+_CLAIM = (
+    update(_JOBS)
+    .where(_JOBS.c.id.in_(bindparam("ids", expanding=True)), _JOBS.c.state.in_(sources(JobState.RUNNING)))
+    .values(
+        state=JobState.RUNNING.value,
+        owner=bindparam("worker"),
+        attempt=_JOBS.c.attempt + 1,
+        started_at=DatabaseNow(),
+        lease_until=DatabaseNow() + bindparam("lease_seconds"),
+    )
+    .returning(
+        _JOBS.c.id,
+        _JOBS.c.kind,
+        _JOBS.c.attempt,
+        _JOBS.c.priority,
+        _JOBS.c.problem,
+        _JOBS.c.digest,
+        _JOBS.c.key_id,
+        _JOBS.c.sweep_id,
+        _JOBS.c.started_at,
+    )
+)
+_BEGIN = insert(table_of(AttemptRow))
+
+
+def take_jobs(
+    session: Session, dispatcher: Dispatcher[Session], worker: str, count: int, lease_seconds: float
+) -> Taken | None:
+    """Claim the next jobs, and finish at once those whose problems have been solved meanwhile.
+
+    None if nothing is delivered; what is delivered may all be out of date.
+    """
+    ids = dispatcher.take(session, count) if count else None
+    if ids is None:
+        return None
+    claims = _claim(session, ids, worker, lease_seconds)
+    solutions = solved(session, sorted({claim.digest for claim in claims}))
+    reused = [
+        claim
+        for claim in claims
+        if claim.digest in solutions and succeed(session, claim, solutions[claim.digest], reused=True)
+    ]
+    return Taken(
+        tuple(claim for claim in claims if claim not in reused), tuple(claim.job_id for claim in reused)
+    )
+
+
+def _claim(session: Session, ids: Sequence[str], worker: str, lease_seconds: float) -> list[Claim]:
+    """Claim those of the jobs that are queued, in one compare-and-set; in the order of the queue."""
+    rows = session.execute(_CLAIM, {"ids": ids, "worker": worker, "lease_seconds": lease_seconds}).all()
+    if not rows:
+        return []
+    attempts = [
+        {"job_id": row.id, "number": row.attempt, "worker": worker, "started_at": row.started_at}
+        for row in rows
+    ]
+    session.execute(_BEGIN, attempts)
+    return [
+        Claim(
+            job_id=row.id,
+            attempt=row.attempt,
+            worker=worker,
+            problem=row.problem,
+            digest=row.digest,
+            key_id=row.key_id,
+            kind=JobKind(row.kind),
+            sweep=None if row.sweep_id is None else sweep_moves.begin(session, row.sweep_id),
+            sweep_id=row.sweep_id,
+        )
+        for row in sorted(rows, key=lambda row: (-row.priority, row.id))
+    ]

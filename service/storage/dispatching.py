@@ -1,0 +1,13 @@
+"""Which dispatcher an installation has."""
+
+from sqlalchemy.orm import Session
+
+from service.jobs.dispatch import Dispatcher
+from service.settings import Settings
+from service.storage.procrastinate_dispatcher import ProcrastinateDispatcher
+from service.storage.table_dispatcher import TableDispatcher
+
+
+def dispatcher_of(settings: Settings) -> Dispatcher[Session]:
+    """Return the dispatcher of the chosen engine."""
+    return ProcrastinateDispatcher() if settings.engine == "procrastinate" else TableDispatcher()

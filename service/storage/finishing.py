@@ -1,0 +1,101 @@
+"""How jobs succeed, within somebody's transaction."""
+
+from collections.abc import Mapping, Sequence
+
+from sqlalchemy import bindparam, insert, select, update
+from sqlalchemy.orm import Session
+
+from service.jobs.job import Claim
+from service.jobs.states import AttemptOutcome, JobState, sources
+from service.storage.base import table_of
+from service.storage.clock import DatabaseNow
+from service.storage.ids import new_id
+from service.storage.summary import summary_columns
+from service.storage.tables import AttemptRow, DenseOutputRow, JobRow, SamplesRow, SolutionRow
+
+_JOBS, _ATTEMPTS, _SOLUTIONS = table_of(JobRow), table_of(AttemptRow), table_of(SolutionRow)
+
+_INSERT_SOLUTION = insert(_SOLUTIONS).values(created_at=DatabaseNow())
+_INSERT_DENSE = insert(table_of(DenseOutputRow))
+_INSERT_SAMPLES = insert(table_of(SamplesRow))
+_FENCE = (
+    _JOBS.c.id == bindparam("job"),
+    _JOBS.c.state.in_(sources(JobState.SUCCEEDED)),
+    _JOBS.c.owner == bindparam("worker"),
+    _JOBS.c.attempt == bindparam("number"),
+)
+_HOLD = select(_JOBS.c.id).where(*_FENCE).with_for_update()
+_SUCCEED = (
+    update(_JOBS)
+    .where(*_FENCE)
+    .values(
+        state=JobState.SUCCEEDED.value,
+        solution_id=bindparam("solution"),
+        reused=bindparam("is_reused"),
+        progress=1.0,
+        owner=None,
+        lease_until=None,
+        finished_at=DatabaseNow(),
+    )
+    .returning(_JOBS.c.id)
+)
+_END_ATTEMPT = (
+    update(_ATTEMPTS)
+    .where(_ATTEMPTS.c.job_id == bindparam("job"), _ATTEMPTS.c.number == bindparam("try"))
+    .values(ended_at=DatabaseNow(), outcome=AttemptOutcome.SUCCEEDED.value)
+)
+_SOLVED = (
+    select(_SOLUTIONS.c.digest, _SOLUTIONS.c.id)
+    .where(_SOLUTIONS.c.digest.in_(bindparam("digests", expanding=True)))
+    .order_by(_SOLUTIONS.c.id.desc())
+)
+_DIGESTS = 500
+"""Looked up by one statement: databases limit its parameters."""
+
+
+def store_solution(
+    session: Session, claim: Claim, summary: Mapping[str, object], dense: bytes, samples: bytes
+) -> bool:
+    """Insert the solution of a claimed job and its arrays, and mark the job, if the claim holds."""
+    if session.scalar(_HOLD, _fenced(claim)) is None:
+        return False
+    solution_id = new_id()
+    session.execute(
+        _INSERT_SOLUTION,
+        {
+            "id": solution_id,
+            "job_id": claim.job_id,
+            "digest": claim.digest,
+            "problem": claim.problem,
+            "summary": summary,
+            **summary_columns(claim.problem, summary),
+        },
+    )
+    session.execute(_INSERT_DENSE, {"solution_id": solution_id, "data": dense})
+    session.execute(_INSERT_SAMPLES, {"solution_id": solution_id, "data": samples})
+    return succeed(session, claim, solution_id, reused=False)
+
+
+def succeed(session: Session, claim: Claim, solution_id: str, *, reused: bool) -> bool:
+    """Mark the job of ``claim`` succeeded with a stored solution, if the claim holds."""
+    moved = session.scalar(_SUCCEED, {**_fenced(claim), "solution": solution_id, "is_reused": reused})
+    if moved is None:
+        return False
+    session.execute(_END_ATTEMPT, {"job": claim.job_id, "try": claim.attempt})
+    return True
+
+
+def solved(session: Session, digests: Sequence[str]) -> dict[str, str]:
+    """Return the first solution of each digest that has one: then a job of it succeeded."""
+    found: dict[str, str] = {}
+    for start in range(0, len(digests), _DIGESTS):
+        # The first comes last, and stays.
+        found.update(
+            (row.digest, row.id)
+            for row in session.execute(_SOLVED, {"digests": digests[start : start + _DIGESTS]})
+        )
+    return found
+
+
+def _fenced(claim: Claim) -> dict[str, object]:
+    return {"job": claim.job_id, "worker": claim.worker, "number": claim.attempt}

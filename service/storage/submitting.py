@@ -1,0 +1,55 @@
+"""How jobs come into being, within somebody's transaction."""
+
+from collections.abc import Mapping, Sequence
+
+from sqlalchemy import insert
+from sqlalchemy.orm import Session
+
+from service.jobs.states import JobKind, JobState
+from service.storage.base import table_of
+from service.storage.clock import database_now
+from service.storage.finishing import solved
+from service.storage.ids import new_id
+from service.storage.tables import JobRow
+
+_INSERT = insert(table_of(JobRow))
+
+
+def insert_jobs(
+    session: Session,
+    problems: Sequence[tuple[Mapping[str, object], str]],
+    *,
+    priority: int,
+    key_id: str | None,
+) -> list[JobRow]:
+    """Insert a job for each problem and its digest; born succeeded if an equal one has been solved.
+
+    The rows that are returned do not belong to the session.
+    """
+    now = database_now(session)
+    solutions = solved(session, sorted({digest for _, digest in problems}))
+    values: list[dict[str, object]] = []
+    for problem, digest in problems:
+        solution_id = solutions.get(digest)
+        reused = solution_id is not None
+        values.append(
+            {
+                "id": new_id(),
+                "kind": JobKind.SOLVE.value,
+                "state": (JobState.SUCCEEDED if reused else JobState.QUEUED).value,
+                "priority": priority,
+                "ready_at": 0.0,
+                "attempt": 0,
+                "progress": 1.0 if reused else 0.0,
+                "reused": reused,
+                "solution_id": solution_id,
+                "key_id": key_id,
+                "problem": problem,
+                "digest": digest,
+                "created_at": now,
+                "finished_at": now if reused else None,
+            }
+        )
+    if values:
+        session.execute(_INSERT, values)
+    return [JobRow(**each) for each in values]

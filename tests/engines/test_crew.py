@@ -1,0 +1,103 @@
+"""Three workers on hosts whose clocks differ by two hours: every job is run once, whatever happens to it."""
+
+import os
+
+import pytest
+
+from service.jobs.states import AttemptOutcome, JobState
+from service.storage.job_store import SqlJobStore
+from service.storage.table_dispatcher import TableDispatcher
+from tests.workers.processes import wait_until
+
+JOB_SECONDS = 1.0
+
+
+@pytest.fixture(scope="module", autouse=True)
+def crew(installation):
+    workers = [
+        installation.start_worker(host, job_seconds=JOB_SECONDS, lease_seconds=0.6) for host in (0, 1, 2)
+    ]
+    yield workers
+    for worker in workers:
+        assert worker.terminate() == 0
+
+
+def finished(jobs, job):
+    return wait_until(lambda: jobs.get(job.id).is_finished and jobs.get(job.id), patience=30.0)
+
+
+def outcomes(jobs, job):
+    return [attempt.outcome for attempt in jobs.attempts(job.id)]
+
+
+def runs(log):
+    return [int(pid) for pid in log.read_text().split()] if log.exists() else []
+
+
+def test_every_job_is_run_once_whoever_gets_it(jobs, submit, log):
+    submitted = []
+
+    def several_have_worked():
+        some = [submit(chore="sleep", seconds=0.05) for _ in range(6)]
+        assert {finished(jobs, job).state for job in some} == {JobState.SUCCEEDED}
+        submitted.extend(some)
+        return len({jobs.attempts(job.id)[0].worker for job in submitted}) == 3
+
+    wait_until(several_have_worked)
+    assert {tuple(outcomes(jobs, job)) for job in submitted} == {(AttemptOutcome.SUCCEEDED,)}
+    assert len(runs(log)) == len(submitted)
+
+
+def test_five_deliveries_of_a_job_run_it_once(installation, jobs, submit, log):
+    job = submit(chore="sleep", seconds=0.2)
+    for _ in range(4):
+        installation.deliver_again(job.id)
+    after = submit()
+    assert finished(jobs, job).state is finished(jobs, after).state is JobState.SUCCEEDED
+    assert (jobs.get(job.id).attempt, len(runs(log))) == (1, 2)
+
+
+def test_a_lost_delivery_is_repaired(installation, jobs):
+    # Queued by somebody who delivers to nobody.
+    silent = SqlJobStore(installation.database, TableDispatcher())
+    job = silent.submit({}, "lost delivery")
+    assert (finished(jobs, job).state, jobs.get(job.id).attempt) == (JobState.SUCCEEDED, 1)
+
+
+def test_a_job_longer_than_its_lease_is_kept_whatever_the_clocks_say(jobs, submit):
+    submitted = [submit(chore="sleep", seconds=0.9) for _ in range(3)]
+    assert [(finished(jobs, job).state, jobs.get(job.id).attempt) for job in submitted] == [
+        (JobState.SUCCEEDED, 1)
+    ] * 3
+
+
+@pytest.mark.parametrize(("chore", "code"), [("spin", "time_limit"), ("hog", "memory_limit")])
+def test_a_limit_fails_the_job_for_good(jobs, submit, chore, code):
+    job = submit(chore=chore)
+    assert (finished(jobs, job).state, jobs.get(job.id).error["code"]) == (JobState.FAILED, code)
+    assert outcomes(jobs, job) == [AttemptOutcome.FAILED]
+
+
+def test_a_poison_job_stops_after_three_attempts_with_its_history(jobs, submit, log):
+    dead = finished(jobs, submit(chore="crash"))
+    assert (dead.state, dead.error["code"]) == (JobState.FAILED, "lost_worker")
+    assert [attempt["outcome"] for attempt in dead.error["attempts"]] == ["lost"] * 3
+    assert len(runs(log)) == 3
+    first, second, third = jobs.attempts(dead.id)
+    # 0.1 s and 0.2 s, a fifth less at the least.
+    assert (second.started_at - first.ended_at).total_seconds() >= 0.08
+    assert (third.started_at - second.ended_at).total_seconds() >= 0.16
+
+
+def test_a_running_job_is_cancelled(installation, jobs, submit, log):
+    job = submit(chore="spin")
+    (child,) = wait_until(lambda: runs(log))
+    assert jobs.cancel(job.id).state is JobState.CANCELLED
+    installation.bell.ring()
+    wait_until(lambda: not os.path.exists(f"/proc/{child}"))  # noqa: PTH110
+    assert outcomes(jobs, job) == [AttemptOutcome.CANCELLED]
+
+
+def test_a_delivery_is_used_up(installation, jobs, submit):
+    finished(jobs, submit())
+    wait_until(lambda: installation.count("procrastinate_jobs") == 0)

@@ -1,0 +1,99 @@
+"""One worker process, from its settings to its end."""
+
+import logging
+import os
+import signal
+from types import FrameType
+
+from service.jobs.hosts import WorkerProcess, new_worker_name, this_host
+from service.jobs.wakeup import WorkerLine
+from service.logs import about
+from service.sandbox import Sandbox
+from service.settings import Settings
+from service.storage.database import Database
+from service.storage.dispatching import dispatcher_of
+from service.storage.job_store import SqlJobStore
+from service.storage.worker_registry import WorkerRegistry
+from workers.engines.loop import EngineLoop, Waker
+from workers.engines.presence import Presence
+from workers.engines.procrastinate import Notifications
+from workers.runner import Computations, Limits, Runner
+
+logger = logging.getLogger(__name__)
+
+
+def run_worker(computations: Computations, settings: Settings, *, slots: int, wake_fd: int | None) -> None:
+    """Run one worker in this process until SIGTERM, SIGINT, or the end of the service that started it.
+
+    ``wake_fd`` is the descriptor of a line from :class:`service.jobs.wakeup.Doorbell`.
+
+    Raises
+    ------
+    OtherHostError
+        The engine is for one machine, and another one works on the database.
+    """
+    # Slots share the cores already; and the stacks of idle threads would count as a job's memory.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    host = settings.host_name or this_host()
+    worker = WorkerProcess(new_worker_name(host), host, settings.engine, slots)
+    database = Database(settings.database_url)
+    registry = WorkerRegistry(database, lease_seconds=settings.lease_seconds)
+    presence = Presence(registry, worker, seconds=settings.lease_seconds)
+    try:
+        presence.begin(alone=settings.engine == "local")
+        try:
+            with about(worker=worker.name):
+                logger.info("worker %s with %d slots", worker.name, slots)
+                _work(worker, presence, computations, settings, database, wake_fd)
+        finally:
+            presence.end()
+    finally:
+        database.close()
+
+
+def _work(
+    worker: WorkerProcess,
+    presence: Presence,
+    computations: Computations,
+    settings: Settings,
+    database: Database,
+    wake_fd: int | None,
+) -> None:
+    limits = Limits(
+        lease_seconds=settings.lease_seconds,
+        job_seconds=settings.job_seconds,
+        memory_mb=settings.job_memory_mb,
+        max_attempts=settings.max_attempts,
+        retry_seconds=settings.retry_seconds,
+    )
+    modules = [computation.__module__ for computation in computations.values()]
+    sandbox = Sandbox(worker.slots, memory_mb=settings.job_memory_mb, preload=modules)
+    waker = Waker()
+    store = SqlJobStore(database, dispatcher_of(settings))
+    runner = Runner(
+        store, sandbox, computations, name=worker.name, slots=worker.slots, limits=limits, wake=waker
+    )
+    notifications = Notifications(database.engine) if settings.engine == "procrastinate" else None
+    loop = EngineLoop(
+        runner,
+        presence,
+        waker,
+        line=None if wake_fd is None else WorkerLine(wake_fd),
+        announcements=notifications,
+        poll_seconds=settings.poll_seconds,
+        grace_seconds=settings.grace_seconds,
+    )
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        loop.stop()
+
+    signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGINT, stop)
+    try:
+        sandbox.start()
+        loop.run()
+    finally:
+        sandbox.close()
+        if notifications is not None:
+            notifications.close()
