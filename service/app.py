@@ -3,50 +3,74 @@
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from importlib.metadata import version
 
 from fastapi import FastAPI
 
+from service.api.exposition import Metrics
+from service.api.keyring import KeyRing
+from service.api.limits import Limits
 from service.api.resources import Resources
 from service.api.routes import install
 from service.jobs.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database import Database
+from service.storage.dispatching import dispatcher_of
 from service.storage.job_store import SqlJobStore
+from service.storage.key_store import KeyStore
+from service.storage.retention import DAY_SECONDS, Retention
 from service.storage.solution_store import SolutionStore
+from service.storage.statistics import Statistics
+from service.storage.sweep_store import SweepStore
+from service.storage.worker_registry import SILENT_LEASES
 
 VERDICT_WORKERS = 2
 """Children that reach verdicts: one slow formula must not stop everybody else's."""
-WAITING_PLACES = 16
-"""Clients that may wait for jobs at the same time; each takes one of the server's 40 threads."""
 
 
-def create_app(settings: Settings, *, doorbell: Doorbell | None = None) -> FastAPI:
+def create_app(
+    settings: Settings, *, doorbell: Doorbell | None = None, sandbox: Sandbox | None = None
+) -> FastAPI:
     """Return the application on a database that has been migrated.
 
-    ``doorbell`` is given by whoever also starts local workers and then closes
-    it; without one the application has its own, which nobody hears.
+    ``doorbell`` is given by whoever also starts local workers, ``sandbox`` by
+    whoever has one already, and they close it; without, the application has
+    its own, and nobody hears its bell.
     """
     bell = doorbell or Doorbell()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        database = Database(settings.database_url)
-        sandbox = Sandbox(VERDICT_WORKERS, memory_mb=settings.job_memory_mb, preload=("service.examination",))
-        sandbox.start()
+        database, dispatcher = Database(settings.database_url), dispatcher_of(settings)
+        children = sandbox or verdict_sandbox(settings)
+        statistics = Statistics(database, seen_seconds=SILENT_LEASES * settings.lease_seconds)
+        keys = KeyStore(database)
+        retention = None
+        if settings.samples_days is not None:
+            retention = Retention(database, older_than_seconds=settings.samples_days * DAY_SECONDS)
+        ring = KeyRing(keys)
         app.state.resources = Resources(
             settings=settings,
             database=database,
-            jobs=SqlJobStore(database),
+            jobs=SqlJobStore(database, dispatcher),
             solutions=SolutionStore(database),
-            sandbox=sandbox,
+            sweeps=SweepStore(database, dispatcher),
+            sandbox=children,
             doorbell=bell,
-            waiting=threading.BoundedSemaphore(WAITING_PLACES),
+            metrics=Metrics(statistics, version=version("polhode")),
+            keys=ring,
+            limits=Limits(settings, keys),
+            waiting=threading.BoundedSemaphore(settings.waiting_places),
         )
         try:
             yield
         finally:
-            sandbox.close()
+            if retention is not None:
+                retention.close()
+            if sandbox is None:
+                children.close()
+            ring.close()
             database.close()
             if doorbell is None:
                 bell.close()
@@ -54,3 +78,10 @@ def create_app(settings: Settings, *, doorbell: Doorbell | None = None) -> FastA
     app = FastAPI(title="polhode", lifespan=lifespan)
     install(app)
     return app
+
+
+def verdict_sandbox(settings: Settings) -> Sandbox:
+    """Return the children, started, that judge documents for an application."""
+    sandbox = Sandbox(VERDICT_WORKERS, memory_mb=settings.job_memory_mb, preload=("service.examination",))
+    sandbox.start()
+    return sandbox

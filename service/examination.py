@@ -30,7 +30,7 @@ from service.dynamics.reduction.windows import (
     require_inside_domain,
 )
 from service.dynamics.sampling import PeriodNeededError
-from service.dynamics.verdict.verdict import decide
+from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.faults import InvalidProblemError
 from service.schemas.problem import read_problem, read_question
 
@@ -52,23 +52,37 @@ def examine_problem(document_json: str) -> str:
     return _answer(document_json, _judge_problem)
 
 
+def examine_problems(documents_json: str) -> str:
+    """Answer for each problem of a list as :func:`examine_problem`; equal potentials are judged once."""
+    verdicts: dict[str, Verdict] = {}
+
+    def judge(document: object) -> Answer:
+        return _judge_problem(document, verdicts)
+
+    answers = [_answer_to(document, judge) for document in json.loads(documents_json)]
+    return json.dumps(answers, allow_nan=False)
+
+
 def answer_ping() -> str:
     """Answer that the child lives."""
     return "alive"
 
 
 def _answer(document_json: str, judge: Callable[[object], Answer]) -> str:
+    return json.dumps(_answer_to(json.loads(document_json), judge), allow_nan=False)
+
+
+def _answer_to(document: object, judge: Callable[[object], Answer]) -> Answer:
     try:
-        answer = judge(json.loads(document_json))
+        return judge(document)
     except InvalidProblemError as error:
         faults = [{"pointer": f.pointer, "code": f.code, "message": f.message} for f in error.faults]
-        answer = _error("invalid_problem", str(error), faults=faults)
+        return _error("invalid_problem", str(error), faults=faults)
     except SeveralWindowsError as error:
         windows = [window_document(window) for window in error.windows]
-        answer = _error(error.code, error.message, error.pointer, windows=windows)
+        return _error(error.code, error.message, error.pointer, windows=windows)
     except DynamicsError as error:
-        answer = _error(error.code, error.message, error.pointer)
-    return json.dumps(answer, allow_nan=False)
+        return _error(error.code, error.message, error.pointer)
 
 
 def _judge_question(document: object) -> Answer:
@@ -86,11 +100,16 @@ def _judge_question(document: object) -> Answer:
     return {"verdict": answer}
 
 
-def _judge_problem(document: object) -> Answer:
+def _judge_problem(document: object, known: dict[str, Verdict] | None = None) -> Answer:
+    """Judge a problem; ``known`` remembers the verdicts on potentials."""
     problem = read_problem(document)
     if isinstance(problem.motion, StateMotion):
         return {"verdict": None}
-    verdict = decide(problem.body, problem.potential)
+    assert isinstance(document, dict)
+    known, setting = {} if known is None else known, json.dumps([document["body"], document["potential"]])
+    if setting not in known:
+        known[setting] = decide(problem.body, problem.potential)
+    verdict = known[setting]
     answer = verdict_document(verdict, problem.potential)
     if verdict.verdict == "inadmissible":
         detail = (

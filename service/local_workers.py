@@ -77,4 +77,6 @@ class LocalWorkers:
 
 def worker_environment(settings: Settings) -> dict[str, str]:
     """Return a worker's environment. Options are seen by other users, and a URL may hold a password."""
-    return {**os.environ, "POLHODE_DATABASE_URL": settings.database_url}
+    log = {"POLHODE_LOG_FORMAT": settings.log_format, "POLHODE_LOG_LEVEL": settings.log_level}
+    chosen = {name: value for name, value in log.items() if value is not None}
+    return {**os.environ, "POLHODE_DATABASE_URL": settings.database_url, **chosen}

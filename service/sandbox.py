@@ -29,6 +29,8 @@ from typing import Any, TypeVar, TypeVarTuple  # Any: a seat does not know what 
 
 from pebble import ProcessExpired, ProcessPool
 
+from service.logs import Logging, current_logging, start_logging
+
 T = TypeVar("T")
 Arguments = TypeVarTuple("Arguments")
 
@@ -130,7 +132,10 @@ class Sandbox:
 
     def _new_pool(self) -> ProcessPool:
         return ProcessPool(
-            max_workers=1, initializer=_confine_child, initargs=(self._memory_mb,), context=self._context
+            max_workers=1,
+            initializer=_confine_child,
+            initargs=(self._memory_mb, current_logging()),
+            context=self._context,
         )
 
 
@@ -184,8 +189,10 @@ def _stop(pool: ProcessPool) -> None:
     pool.join()
 
 
-def _confine_child(memory_mb: int | None) -> None:
+def _confine_child(memory_mb: int | None, logging: Logging | None) -> None:
     """Prepare a new child."""
+    if logging is not None:
+        start_logging(logging.format, logging.level)
     # Die at once when told to: a Python handler would wait for the compiled code to return.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     parent = multiprocessing.parent_process()

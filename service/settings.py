@@ -1,9 +1,13 @@
 """Settings of a process, read from POLHODE_… environment variables when asked for."""
 
+from ipaddress import ip_address
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from service.logs import LogFormat, LogLevel
+from service.schemas.numbers import MAX_SAMPLES
 
 
 class Settings(BaseSettings):
@@ -12,9 +16,12 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="POLHODE_", extra="ignore")
 
     database_url: str = "sqlite:///polhode.db"
-    engine: Literal["local"] = "local"
-    """Who delivers job ids to workers."""
+    engine: Literal["local", "procrastinate"] = "local"
+    """Who delivers jobs to workers: nobody, for those of one machine; or Procrastinate, by Postgres."""
+    host_name: str | None = Field(default=None, min_length=1, max_length=255)
+    """What this machine is called among others. If not chosen, its name and its boot."""
     host: str = "127.0.0.1"
+    """Others than this machine's own need keys."""
     port: int = Field(default=8000, ge=0, le=65535)
     """0 lets the system choose a free one."""
     workers: int = Field(default=1, ge=0)
@@ -27,9 +34,47 @@ class Settings(BaseSettings):
     """Memory one job may take beyond what its idle child process has, in MiB."""
     max_attempts: int = Field(default=3, ge=1)
     """How many workers one job may lose before it is given up."""
+    retry_seconds: float = Field(default=1.0, ge=0)
+    """How long a job waits that has lost a worker; twice as long each further time, up to a minute."""
     poll_seconds: float = Field(default=0.5, gt=0)
     """How often an idle worker looks for jobs that nobody announced to it."""
     grace_seconds: float = Field(default=20.0, ge=0)
     """How long a worker that was asked to stop lets its running jobs finish."""
+    log_format: LogFormat | None = None
+    """If not chosen, text on a terminal and JSON elsewhere."""
+    log_level: LogLevel | None = None
+    """If not chosen, warning for the service and info for workers."""
+    samples_days: float | None = Field(default=None, gt=0)
+    """Stored samples that are older are deleted; they can be made again. None keeps them for ever."""
     verdict_seconds: float = Field(default=10.0, gt=0)
     """Time limit of one verdict on a potential."""
+    requests_per_second: float = Field(default=5000.0, gt=0)
+    """Of a key without a limit of its own, or of everybody where there are no keys; so the next two."""
+    max_queued_jobs: int = Field(default=1_000_000, ge=0)
+    """Jobs that are queued or running."""
+    max_stored_mb: int = Field(default=100_000, ge=0)
+    """Megabytes (10^6 bytes) of arrays that were stored for a key; nobody counts where there are no keys."""
+    max_samples: int = Field(default=MAX_SAMPLES, ge=1, le=MAX_SAMPLES)
+    """Samples of one problem or one trajectory."""
+    max_sweep_points: int = Field(default=10_000_000, ge=1)
+    """Points of one sweep."""
+    waiting_places: int = Field(default=16, ge=0, le=32)
+    """Clients that may wait for jobs at the same time; each takes one of the server's 40 threads."""
+
+    @field_validator("engine")
+    @classmethod
+    def _require_its_database(cls, engine: str, info: ValidationInfo) -> str:
+        url = str(info.data.get("database_url", ""))
+        if engine == "procrastinate" and not url.startswith("postgresql"):
+            raise ValueError("procrastinate delivers by Postgres, and POLHODE_DATABASE_URL is none")
+        return engine
+
+    @property
+    def is_loopback(self) -> bool:
+        """Only this machine can reach the service."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ip_address(self.host).is_loopback
+        except ValueError:
+            return False

@@ -27,6 +27,7 @@ QUESTION = {"body": {"A": 2, "C": 1}, "potential": {"type": "gravity", "a": -1}}
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
     kept = {name: value for name, value in os.environ.items() if not name.startswith("POLHODE_")}
+    kept["POLHODE_LOG_FORMAT"] = "text"  # else the service announces itself in JSON where nobody looks
     return {**kept, "POLHODE_DATABASE_URL": f"sqlite:///{tmp_path / 'test.db'}"}
 
 
@@ -139,7 +140,8 @@ def test_wrong_usage_ends_with_2(arguments, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", "example.org"])
-def test_other_machines_are_not_served(host):
+def test_other_machines_are_not_served(host, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     result = CliRunner().invoke(app, ["serve", "--host", host])
     assert result.exit_code == 2
     assert "127.0.0.1" in result.stderr

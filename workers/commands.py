@@ -1,19 +1,25 @@
 """The command line of the workers: ``python -m workers run``."""
 
 import argparse
-import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from pydantic import ValidationError
 
+from service.jobs.hosts import OtherHostError
+from service.jobs.states import JobKind
+from service.logs import start_logging
 from service.settings import Settings
 from service.storage.migration import migrate
 from workers.calibration.command import run as calibrate
 from workers.computation import solve_document
-from workers.engines.local import run_worker
+from workers.doctor import examine
+from workers.engines.worker import run_worker
+from workers.runner import Computations
 from workers.solving import solve
+from workers.sweeping.chunk import compute_chunk
+from workers.sweeping.command import sweep
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -22,7 +28,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(required=True)
     _add_run(commands)
     _add_solve(commands)
+    _add_sweep(commands)
     _add_calibrate(commands)
+    _add_doctor(commands)
     options = parser.parse_args(arguments)
     code: int = options.command(options)
     return code
@@ -44,6 +52,15 @@ def _add_solve(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.set_defaults(command=solve)
 
 
+def _add_sweep(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    parser = commands.add_parser("sweep", help="compute a sweep here and now")
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the points: .parquet, .arrow or .csv")
+    parser.add_argument("--workers", type=_positive, default=None, help="processes; one for each processor")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    parser.set_defaults(command=sweep)
+
+
 def _add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     parser = commands.add_parser("calibrate", help="measure what every tier reaches and costs here")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
@@ -51,22 +68,35 @@ def _add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser
     parser.set_defaults(command=calibrate)
 
 
+def _add_doctor(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    parser = commands.add_parser("doctor", help="examine the database")
+    parser.add_argument("--fix", action="store_true", help="mend what loses nothing")
+    parser.add_argument("--sample", type=int, default=3, help="solutions that are solved once more")
+    parser.add_argument("--all", action="store_true", help="read all stored arrays")
+    parser.add_argument("--seed", type=int, default=None)
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(command=examine)
+
+
 def run(options: argparse.Namespace) -> int:
     """Compute queued jobs until stopped."""
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
-    # It says nothing but that it is there, at every start.
-    logging.getLogger("alembic").setLevel(logging.WARNING)
     given = {} if options.database_url is None else {"database_url": options.database_url}
     try:
         settings = Settings(**given)
     except ValidationError as fault:
         sys.stderr.write(f"{fault}\n")
         return 1
+    start_logging(settings.log_format, settings.log_level or "info")
     if options.wake_fd is None:
         # Started alone. A service that starts workers has migrated before.
-        migrate(settings.database_url)
+        migrate(settings.database_url, engine_name=settings.engine)
     slots = options.slots if options.slots is not None else max(settings.workers, 1)
-    run_worker(solve_document, settings, slots=slots, wake_fd=options.wake_fd)
+    try:
+        computations: Computations = {JobKind.SOLVE: solve_document, JobKind.CHUNK: compute_chunk}
+        run_worker(computations, settings, slots=slots, wake_fd=options.wake_fd)
+    except OtherHostError as fault:
+        sys.stderr.write(f"{fault}\n")
+        return 1
     return 0
 
 

@@ -19,13 +19,19 @@ TITLES: Mapping[str, str] = {
     "invalid_json": "The body is not JSON",
     "invalid_problem": "The document is not a problem",
     "invalid_request": "The request is not valid",
+    "invalid_sweep": "The document is not a sweep",
     "job_finished": "The job has finished",
+    "key_expired": "The key has expired",
+    "key_missing": "A key is needed",
+    "key_revoked": "The key has been revoked",
+    "key_unknown": "The key is unknown",
     "leaves_domain": "The motion leaves the potential's domain",
     "method_not_allowed": "Method not allowed",
     "no_enclosures": "There are no enclosures",
     "no_motion": "There is no such motion",
     "no_series": "There is no trajectory",
     "no_such_window": "There is no such window",
+    "no_problem_accepted": "No problem was accepted",
     "not_acceptable": "No such format",
     "not_finite": "The stored solution is damaged",
     "not_found": "Not found",
@@ -33,9 +39,14 @@ TITLES: Mapping[str, str] = {
     "motion_ended": "The motion has ended by then",
     "outside_horizon": "Outside the times of the solution",
     "period_needed": "The motion has no period",
+    "role_insufficient": "The role is not enough",
     "several_windows": "There are several motions",
     "start_needed": "A start must be given",
     "start_outside_window": "The motion does not pass the start",
+    "storage_limit": "Too much is stored",
+    "too_many_queued_jobs": "Too many jobs",
+    "too_many_requests": "Too many requests",
+    "sweep_finished": "The sweep has finished",
     "undecided_potential": "Nothing is known of the potential",
     "unavailable": "The database cannot be reached",
     "undefined_potential": "The potential has no value",
@@ -64,7 +75,7 @@ class ApiError(Exception):
         self.status, self.code, self.detail = status, code, detail
         self.faults, self.extras, self.headers = tuple(faults), dict(extras or {}), dict(headers or {})
 
-    def response(self) -> Response:
+    def document(self) -> dict[str, object]:
         """Return the problem document."""
         document: dict[str, object] = {
             "type": URN + self.code,
@@ -78,6 +89,13 @@ class ApiError(Exception):
                 for fault in self.faults
             ]
         document.update(self.extras)
+        return document
+
+    def response(self, request_id: str | None = None) -> Response:
+        """Return the answer; its reader may name the request to whoever reads the log."""
+        document = self.document()
+        if request_id is not None:
+            document["request_id"] = request_id
         # Escaped to ASCII: a client's half of a surrogate pair could not be encoded otherwise.
         content = json.dumps(document, allow_nan=False)
         return Response(content, status_code=self.status, media_type=MEDIA_TYPE, headers=self.headers)

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
+from typing import Any  # Any: a document that was read from JSON
 
 from service.api.errors import ApiError
 from service.api.resources import Resources
@@ -23,6 +24,11 @@ def examine(
     """
     text = json.dumps(document)
     answer = json.loads(resources.sandbox.run(function, text, seconds=resources.settings.verdict_seconds))
+    return verdict_in(answer)
+
+
+def verdict_in(answer: Mapping[str, Any]) -> Mapping[str, object] | None:
+    """Return the verdict in an answer of the child, None if there is none to give; raises as it says."""
     if "error" in answer:
         raise _refusal(answer["error"])
     verdict: Mapping[str, object] | None = answer["verdict"]

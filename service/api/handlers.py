@@ -5,15 +5,18 @@ from http import HTTPStatus
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
-from sqlalchemy.exc import OperationalError
-from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+from sqlalchemy.exc import SQLAlchemyError
 from starlette.exceptions import HTTPException
 
 from service.api.errors import ApiError, invalid_request
+from service.api.observing import REQUEST_ID, id_of
 from service.dynamics.errors import DynamicsError
 from service.jobs.errors import JobFinishedError, JobNotFoundError, SolutionNotFoundError
+from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.faults import Fault, InvalidProblemError
+from service.schemas.sweeps import InvalidSweepError
+from service.storage.availability import is_away
 
 _log = logging.getLogger(__name__)
 
@@ -28,26 +31,38 @@ _CODES = {
 
 def install(app: FastAPI) -> None:
     """Make every error of ``app`` a problem document."""
-    app.add_exception_handler(ApiError, _respond)
-    app.add_exception_handler(InvalidProblemError, _respond)
-    app.add_exception_handler(DynamicsError, _respond)
-    app.add_exception_handler(RequestValidationError, _respond)
-    app.add_exception_handler(HTTPException, _respond)
-    for cause in (JobNotFoundError, SolutionNotFoundError, JobFinishedError):
-        app.add_exception_handler(cause, _respond)
+    app.add_exception_handler(ApiError, respond)
+    app.add_exception_handler(InvalidProblemError, respond)
+    app.add_exception_handler(DynamicsError, respond)
+    app.add_exception_handler(RequestValidationError, respond)
+    app.add_exception_handler(HTTPException, respond)
+    for cause in (
+        JobNotFoundError,
+        SolutionNotFoundError,
+        SweepNotFoundError,
+        JobFinishedError,
+        SweepFinishedError,
+    ):
+        app.add_exception_handler(cause, respond)
     for limit in (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError):
-        app.add_exception_handler(limit, _respond)
-    app.add_exception_handler(OperationalError, _respond)
-    app.add_exception_handler(PoolTimeoutError, _respond)
-    app.add_exception_handler(Exception, _respond)
+        app.add_exception_handler(limit, respond)
+    app.add_exception_handler(SQLAlchemyError, respond)
+    app.add_exception_handler(Exception, respond)
 
 
-def _respond(request: Request, error: Exception) -> Response:
+def respond(request: Request, error: Exception) -> Response:
+    """Return the problem document of an error, and log what is ours to mend."""
     refusal = refusal_of(error)
+    request_id = id_of(request)
     if refusal.status >= HTTPStatus.INTERNAL_SERVER_ERROR:
         trace = None if isinstance(error, ApiError) else error
-        _log.error("%s %s: %s", request.method, request.url.path, refusal.code, exc_info=trace)
-    return refusal.response()
+        # What nobody expected is answered outside of the request's own context.
+        extra = {"fields": {"request_id": request_id}}
+        _log.error("%s %s: %s", request.method, request.url.path, refusal.code, exc_info=trace, extra=extra)
+    response = refusal.response(request_id)
+    if request_id is not None:
+        response.headers[REQUEST_ID] = request_id
+    return response
 
 
 def refusal_of(error: Exception) -> ApiError:
@@ -56,6 +71,8 @@ def refusal_of(error: Exception) -> ApiError:
     match error:
         case ApiError():
             return error
+        case InvalidSweepError():
+            return ApiError(unprocessable, "invalid_sweep", str(error), faults=error.faults)
         case InvalidProblemError():
             return ApiError(unprocessable, "invalid_problem", str(error), faults=error.faults)
         case DynamicsError():
@@ -65,10 +82,12 @@ def refusal_of(error: Exception) -> ApiError:
             return invalid_request(_query_faults(error))
         case HTTPException():
             return _of_http(error)
-        case JobNotFoundError() | SolutionNotFoundError():
+        case JobNotFoundError() | SolutionNotFoundError() | SweepNotFoundError():
             return ApiError(HTTPStatus.NOT_FOUND, "not_found", str(error))
         case JobFinishedError():
             return ApiError(HTTPStatus.CONFLICT, "job_finished", str(error))
+        case SweepFinishedError():
+            return ApiError(HTTPStatus.CONFLICT, "sweep_finished", str(error))
         case SandboxTimeoutError():
             detail = "no verdict within the time limit; a simpler formula may have one"
             return ApiError(unprocessable, "verdict_time_limit", detail)
@@ -78,7 +97,7 @@ def refusal_of(error: Exception) -> ApiError:
         case SandboxCrashError():
             detail = "the computation of the verdict crashed; a simpler formula may have one"
             return ApiError(unprocessable, "verdict_crashed", detail)
-        case OperationalError() | PoolTimeoutError():
+        case Exception() if is_away(error):
             detail = "the database cannot be reached at the moment; try again later"
             headers = {"Retry-After": str(RETRY_SECONDS)}
             return ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", detail, headers=headers)

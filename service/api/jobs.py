@@ -1,6 +1,7 @@
 """/v1/jobs: submit, follow, cancel."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import replace
 from http import HTTPStatus
 from typing import Annotated
 
@@ -8,19 +9,17 @@ from fastapi import APIRouter, Header, Query, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.api.documentation import request_body
-from service.api.examining import examine
+from service.api.errors import ApiError
 from service.api.prefer import wait_seconds
 from service.api.requests import Body, read_json, without_query
 from service.api.resources import Inside, Resources
 from service.api.responses import json_response, refusals
-from service.dynamics.problem import PlanarMotion
-from service.examination import examine_problem
+from service.api.security import Holder, check_owner
+from service.api.submission import Accepted, accept, accept_many
 from service.jobs.job import Job
+from service.jobs.keys import ApiKey
 from service.jobs.states import JobState
-from service.schemas.budgets import choose_tier, window_of, with_tier
-from service.schemas.job import JobOut, JobPageOut
-from service.schemas.problem import check_problem, problem_digest
-from service.storage.accuracy_store import AccuracyStore
+from service.schemas.job import JobItemOut, JobListOut, JobOut, JobPageOut
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -61,20 +60,29 @@ class JobsQuery(BaseModel):
     offset: int = Field(default=0, ge=0, le=10**9)
 
 
+class SubmitQuery(BaseModel):
+    """How urgent."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    priority: int = Field(default=0, ge=-100, le=100, description="Larger first; equal ones by age")
+
+
 @router.post(
     "",
-    response_model=JobOut,
+    response_model=JobOut | JobListOut,
     status_code=HTTPStatus.ACCEPTED,
     responses={
         200: {"model": JobOut, "description": "With `Prefer: wait=S`: the job has finished in time"},
         **refusals(400, 413, 415, 503),
     },
-    openapi_extra=request_body("ProblemIn", EXAMPLES),
-    dependencies=[without_query],
+    openapi_extra=request_body("ProblemIn", EXAMPLES, several=True),
 )
 def submit(
     content: Body,
     inside: Inside,
+    holder: Holder,
+    query: Annotated[SubmitQuery, Query()],
     prefer: Annotated[
         str | None, Header(description="`wait=S`: wait up to S ≤ 60 seconds for the job to finish")
     ] = None,
@@ -83,22 +91,64 @@ def submit(
 
     A budget is turned into the tier that the accuracy table of the installation
     expects to fit it; the job's problem shows which.
+
+    A list of up to 1000 problems is queued by one transaction, as far as they
+    are accepted: `items` answers for each in order, with its job or with what
+    refuses it. It is refused if none is accepted. Nobody waits for a list.
     """
     document = read_json(content)
-    checked = check_problem(document)
-    assert isinstance(document, dict)
-    verdict: Mapping[str, object] | None = None
-    if isinstance(checked.problem.motion, PlanarMotion):
-        verdict = examine(inside, examine_problem, document)
-    if checked.problem.accuracy.budget_seconds is not None:
-        table = AccuracyStore(inside.database).current()
-        choice = choose_tier(checked.problem, window_of(verdict), table)
-        document = with_tier(document, choice)
-        checked = check_problem(document)
-    job = inside.jobs.submit(document, problem_digest(checked.canonical))
+    key_id = None if holder is None else holder.id
+    if isinstance(document, list):
+        return _submit_list(document, inside, holder, query.priority)
+    problem = accept(inside, document, holder)
+    job = inside.jobs.submit(problem.document, problem.digest, priority=query.priority, key_id=key_id)
     if not job.is_finished:
         inside.doorbell.ring()
     return _submitted(job, inside, wait_seconds(prefer))
+
+
+def _submit_list(
+    documents: list[object], inside: Resources, holder: ApiKey | None, priority: int
+) -> Response:
+    answers = accept_many(inside, documents, holder)
+    accepted = [answer for answer in answers if isinstance(answer, Accepted)]
+    if not accepted:
+        raise _nothing_accepted(answers)
+    jobs = iter(
+        inside.jobs.submit_many(
+            [(problem.document, problem.digest) for problem in accepted],
+            priority=priority,
+            key_id=None if holder is None else holder.id,
+        )
+    )
+    inside.doorbell.ring()
+    items = [
+        _refused(answer)
+        if isinstance(answer, ApiError)
+        else JobItemOut(status=HTTPStatus.ACCEPTED, job=_out(next(jobs)), problem=None)
+        for answer in answers
+    ]
+    return json_response(JobListOut(items=items), status=HTTPStatus.ACCEPTED)
+
+
+def _refused(refusal: ApiError) -> JobItemOut:
+    return JobItemOut(status=refusal.status, job=None, problem=refusal.document())
+
+
+def _nothing_accepted(answers: Sequence[Accepted | ApiError]) -> ApiError:
+    refusals = [answer for answer in answers if isinstance(answer, ApiError)]
+    faults = [
+        replace(fault, pointer=f"/{index}{fault.pointer}")
+        for index, refusal in enumerate(refusals)
+        for fault in refusal.faults
+    ]
+    return ApiError(
+        HTTPStatus.UNPROCESSABLE_ENTITY,
+        "no_problem_accepted",
+        f"of {len(answers)} problems none is accepted; items says why",
+        faults=faults,
+        extras={"items": [_refused(refusal).model_dump() for refusal in refusals]},
+    )
 
 
 def _submitted(job: Job, inside: Resources, seconds: int | None) -> Response:
@@ -135,8 +185,12 @@ def get_job(job_id: str, inside: Inside) -> Response:
 @router.post(
     "/{job_id}/cancel", response_model=JobOut, responses=refusals(404, 409), dependencies=[without_query]
 )
-def cancel(job_id: str, inside: Inside) -> Response:
-    """Cancel a queued or running job at once; cancelling again changes nothing."""
+def cancel(job_id: str, inside: Inside, holder: Holder) -> Response:
+    """Cancel a queued or running job at once; cancelling again changes nothing.
+
+    Of a job that was submitted with another key it takes the role operate.
+    """
+    check_owner(holder, inside.jobs.get(job_id).key_id)
     job = inside.jobs.cancel(job_id)
     inside.doorbell.ring()
     # Whoever waits for it need not wait on.
@@ -148,6 +202,7 @@ def _out(job: Job) -> JobOut:
     return JobOut(
         id=job.id,
         state=job.state.value,
+        priority=job.priority,
         attempt=job.attempt,
         progress=job.progress,
         error=None if job.error is None else dict(job.error),

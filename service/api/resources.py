@@ -6,12 +6,16 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
+from service.api.exposition import Metrics
+from service.api.keyring import KeyRing
+from service.api.limits import Limits
 from service.jobs.store import JobStore
 from service.jobs.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database import Database
 from service.storage.solution_store import SolutionStore
+from service.storage.sweep_store import SweepStore
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +26,12 @@ class Resources:
     database: Database
     jobs: JobStore
     solutions: SolutionStore
+    sweeps: SweepStore
     sandbox: Sandbox
     doorbell: Doorbell
+    metrics: Metrics
+    keys: KeyRing
+    limits: Limits
     waiting: threading.BoundedSemaphore
     """Places for clients that wait for their job: each takes a thread."""
 

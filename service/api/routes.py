@@ -9,18 +9,43 @@ from service.api import (
     handlers,
     health,
     jobs,
+    metrics,
+    points,
     solutions,
+    sweeps,
     trajectory,
     validations,
 )
+from service.api.access import check_roles
 from service.api.documentation import describe
+from service.api.observing import Observation
+from service.api.security import Guard
 
 
 def install(app: FastAPI) -> None:
     """Give ``app`` the endpoints; what they work with is ``app.state.resources``."""
-    for resource in (validations, jobs, solutions, trajectory, enclosures, families, accuracy, health):
-        app.include_router(resource.router)
+    routers = [
+        resource.router
+        for resource in (
+            validations,
+            jobs,
+            solutions,
+            trajectory,
+            enclosures,
+            sweeps,
+            points,
+            families,
+            accuracy,
+            health,
+            metrics,
+        )
+    ]
+    check_roles(routers)
+    for router in routers:
+        app.include_router(router)
     handlers.install(app)
+    app.add_middleware(Guard)
+    app.add_middleware(Observation)
 
     def openapi() -> dict[str, object]:
         if app.openapi_schema is None:

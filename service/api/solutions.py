@@ -1,5 +1,6 @@
 """/v1/solutions: found by their numbers, summaries without arrays."""
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Response
@@ -93,8 +94,13 @@ def _column(sort: Sort) -> SortColumn:
     return next(name for name in SORT_COLUMNS if name == sort.removeprefix("-"))
 
 
+_ADDED_LATER: Mapping[str, object] = {"asymptotes": None, "precession": None, "warnings": []}
+"""What solutions stored by the first version do not say."""
+
+
 def _out(solution: Solution) -> SolutionOut:
     document = {
+        **_ADDED_LATER,
         **solution.summary,
         "id": solution.id,
         "job": solution.job_id,

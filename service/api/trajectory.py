@@ -1,9 +1,9 @@
 """GET /v1/solutions/{id}/trajectory: stored samples, or samples at any other times."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from http import HTTPStatus
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from fastapi import APIRouter, Header, Query, Response
@@ -12,23 +12,29 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from service.api.errors import ApiError, invalid_request
 from service.api.formats import Trajectory, choose_format, media_types
+from service.api.limits import check_query_samples
 from service.api.resources import Inside, Resources
 from service.api.responses import refusals
+from service.dynamics.dense_output import DenseOutput
 from service.dynamics.enclosure import is_part
 from service.dynamics.motion import COLUMNS
 from service.dynamics.orientation import (
     QUATERNION,
+    evaluated_alone,
     orientation_errors,
     trajectory_columns,
     trajectory_errors,
 )
+from service.dynamics.sampling import sample_times
+from service.schemas.asked_series import asked_series
 from service.schemas.faults import Fault
+from service.schemas.numbers import MAX_SAMPLES
 from service.schemas.solution import TrajectoryOut
 from service.storage.codec import decode_arrays, decode_dense
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
-MAX_SAMPLES = 100_000
+SOURCE_HEADER = "Polhode-Samples"
 LATEST = 1e15
 """Largest |t|: beyond it a double cannot tell a phase."""
 
@@ -54,7 +60,8 @@ class TrajectoryQuery(BaseModel):
     responses={
         200: {
             "model": TrajectoryOut,
-            "description": "The columns. CSV, NPZ and Arrow carry the error in the header Polhode-Error.",
+            "description": "The columns. CSV, NPZ and Arrow carry the error in the header Polhode-Error."
+            " Polhode-Samples says `stored`, or `evaluated` if made from the dense output just now.",
             "content": media_types(),
         },
         **refusals(404, 406),
@@ -66,14 +73,25 @@ def get_trajectory(
     inside: Inside,
     accept: Annotated[str | None, Header()] = None,
 ) -> Response:
-    """Return the stored samples, or with start, stop and samples those at any other times."""
+    """Return the samples at the problem's times, or with start, stop and samples those at any other times.
+
+    Samples that are no longer stored are made again from the dense output.
+    """
     write = choose_format(accept)
     asked = query.start, query.stop, query.samples
     if asked == (None, None, None):
-        samples = _stored(inside, solution_id)
+        packet = inside.solutions.samples_if_kept(solution_id)
+        samples = _remade(inside, solution_id) if packet is None else _stored(inside, solution_id, packet)
     else:
-        samples = _evaluated(inside, solution_id, _times(query))
-    return write(_selected(samples, query.columns))
+        times = _times(query)
+        check_query_samples(len(times), inside.settings)
+        dense = decode_dense(inside.solutions.dense(solution_id))
+        _require_series(dense.columns)
+        alone = dense if query.columns is None else evaluated_alone(dense, _names(query.columns))
+        samples = _evaluated(alone, times)
+    response = write(_selected(samples, query.columns))
+    response.headers[SOURCE_HEADER] = samples.source
+    return response
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,14 +100,15 @@ class _Samples:
 
     columns: Mapping[str, FloatArray]
     error: float
-    """Of all six variables."""
+    """Of all those of the six variables that are here."""
     orientation: Mapping[str, float]
     """Of the columns of the orientation, each by itself."""
+    source: Literal["stored", "evaluated"]
 
 
-def _stored(inside: Resources, solution_id: str) -> _Samples:
+def _stored(inside: Resources, solution_id: str, packet: bytes) -> _Samples:
     summary = inside.solutions.get(solution_id).summary
-    stored = decode_arrays(inside.solutions.samples(solution_id))
+    stored = decode_arrays(packet)
     columns = {name: values for name, values in stored.items() if not is_part(name)}
     _require_series(columns)
     error = summary["error"]
@@ -97,15 +116,26 @@ def _stored(inside: Resources, solution_id: str) -> _Samples:
     own: Mapping[str, float] = {}
     if QUATERNION[0] in columns:
         own = orientation_errors(decode_dense(inside.solutions.dense(solution_id)), columns["t"])
-    return _Samples(columns, float(error), own)
+    return _Samples(columns, float(error), own, "stored")
 
 
-def _evaluated(inside: Resources, solution_id: str, times: FloatArray) -> _Samples:
+def _remade(inside: Resources, solution_id: str) -> _Samples:
+    """Return what was stored once: the same times and columns, with the error of the dense output."""
+    asked = asked_series(inside.solutions.get(solution_id).problem)
     dense = decode_dense(inside.solutions.dense(solution_id))
     _require_series(dense.columns)
+    times = sample_times(asked.time.to_domain(), dense.period)
+    remade = _evaluated(dense, times)
+    left_out = set(COLUMNS) - set(asked.columns())
+    columns = {name: values for name, values in remade.columns.items() if name not in left_out}
+    return replace(remade, columns=columns)
+
+
+def _evaluated(dense: DenseOutput, times: FloatArray) -> _Samples:
     columns = {"t": times, **trajectory_columns(dense, times)}
     errors = trajectory_errors(dense, times)
-    return _Samples(columns, max(errors[name] for name in COLUMNS), errors)
+    error = max((errors[name] for name in COLUMNS if name in errors), default=0.0)
+    return _Samples(columns, error, errors, "evaluated")
 
 
 def _require_series(columns: Collection[str]) -> None:
@@ -129,9 +159,13 @@ def _times(query: TrajectoryQuery) -> FloatArray:
     return np.linspace(start, query.stop, query.samples)
 
 
+def _names(columns: str) -> list[str]:
+    return [name.strip() for name in columns.split(",")]
+
+
 def _selected(samples: _Samples, names: str | None) -> Trajectory:
     """Return the columns asked for, with the largest of their errors."""
-    wanted = list(samples.columns) if names is None else [name.strip() for name in names.split(",")]
+    wanted = list(samples.columns) if names is None else _names(names)
     unknown = [name for name in wanted if name not in samples.columns]
     if unknown:
         listed = ", ".join(samples.columns)

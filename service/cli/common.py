@@ -39,10 +39,11 @@ def migrate_database(settings: Settings) -> None:
     from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
 
     from service.storage.migration import migrate  # noqa: PLC0415
+    from service.storage.procrastinate_schema import UnknownSchemaError  # noqa: PLC0415
 
     try:
-        migrate(settings.database_url)
-    except (SQLAlchemyError, sqlite3.Error, ImportError) as fault:
+        migrate(settings.database_url, engine_name=settings.engine)
+    except (SQLAlchemyError, sqlite3.Error, ImportError, UnknownSchemaError) as fault:
         # sqlite3.Error: its file cannot be opened. ImportError: the database's driver is not installed.
         reason = str(getattr(fault, "orig", None) or fault).splitlines()[0]
         fail(f"cannot migrate the database: {reason}", REFUSED)

@@ -7,7 +7,7 @@ does not wait for the web framework.
 
 import typer
 
-from service.cli import documents, serving
+from service.cli import doctor, documents, keys, serving, storage, sweeps
 
 app = typer.Typer(
     name="polhode",
@@ -23,9 +23,15 @@ for _command in (
     serving.migrate,
     documents.validate,
     documents.solve,
+    sweeps.sweep,
     documents.calibrate,
+    doctor.doctor,
+    storage.backup,
+    storage.restore,
+    storage.prune,
 ):
     app.command()(_command)
+app.add_typer(keys.app, name="keys")
 
 
 def main() -> None:

@@ -2,7 +2,6 @@
 
 import signal
 import socket
-from ipaddress import ip_address
 from types import FrameType
 from typing import Annotated, NoReturn
 
@@ -10,48 +9,47 @@ import typer
 
 from service.cli.common import (
     REFUSED,
-    WRONG_USAGE,
     DatabaseUrl,
     become_worker,
     fail,
     migrate_database,
-    say,
     settings_of,
 )
+from service.cli.keys import require_key
 from service.jobs.wakeup import Doorbell
 from service.local_workers import LocalWorkers, worker_environment
+from service.logs import LOG_LEVELS, announce, start_logging
 from service.settings import Settings
-
-LOG_LEVELS = ("critical", "error", "warning", "info", "debug")
 
 FINISH_REQUESTS_SECONDS = 3
 """How long open requests may go on after a signal to stop."""
 
 
 def serve(
-    host: Annotated[str | None, typer.Option(help="Loopback only. POLHODE_HOST, else 127.0.0.1")] = None,
+    host: Annotated[
+        str | None, typer.Option(help="Others than loopback need keys. POLHODE_HOST, else 127.0.0.1")
+    ] = None,
     port: Annotated[int | None, typer.Option(help="0: any free one. POLHODE_PORT, else 8000")] = None,
     workers: Annotated[
         int | None, typer.Option(help="Jobs at the same time; 0: API only. POLHODE_WORKERS, else 1")
     ] = None,
     database_url: DatabaseUrl = None,
-    log_level: Annotated[str, typer.Option(help=" | ".join(LOG_LEVELS))] = "warning",
+    log_level: Annotated[
+        str | None, typer.Option(help=f"{' | '.join(LOG_LEVELS)}. POLHODE_LOG_LEVEL, else warning")
+    ] = None,
 ) -> None:
     """Migrate the database, serve the API and run local workers until SIGTERM or SIGINT."""
-    settings = settings_of(host=host, port=port, workers=workers, database_url=database_url)
-    if log_level not in LOG_LEVELS:
-        fail(f"--log-level {log_level}: accepted are {', '.join(LOG_LEVELS)}", WRONG_USAGE)
-    if not _is_loopback(settings.host):
-        fail(
-            f"host {settings.host}: the service asks nobody who they are, so only this machine may reach it; "
-            "accepted are 127.0.0.1, ::1 and localhost",
-            WRONG_USAGE,
-        )
+    settings = settings_of(
+        host=host, port=port, workers=workers, database_url=database_url, log_level=log_level
+    )
+    start_logging(settings.log_format, settings.log_level or "warning")
+    if not settings.is_loopback:
+        require_key(settings)
     signal.signal(signal.SIGTERM, _stop)
     signal.signal(signal.SIGINT, _stop)
     with _listen(settings.host, settings.port) as listener:
         migrate_database(settings)
-        _serve(settings, listener, log_level)
+        _serve(settings, listener)
 
 
 def worker(
@@ -70,7 +68,7 @@ def migrate(database_url: DatabaseUrl = None) -> None:
     migrate_database(settings_of(database_url=database_url))
 
 
-def _serve(settings: Settings, listener: socket.socket, log_level: str) -> None:
+def _serve(settings: Settings, listener: socket.socket) -> None:
     import uvicorn  # noqa: PLC0415
 
     from service.app import create_app  # noqa: PLC0415
@@ -91,12 +89,12 @@ def _serve(settings: Settings, listener: socket.socket, log_level: str) -> None:
         config = uvicorn.Config(
             create_app(settings, doorbell=doorbell),
             access_log=False,
-            log_level=log_level,
+            log_config=None,
             timeout_graceful_shutdown=FINISH_REQUESTS_SECONDS,
         )
         server = _Server(config)
         host, port = listener.getsockname()[:2]
-        say(f"serving http://{f'[{host}]' if ':' in host else host}:{port}, {settings.workers} workers")
+        announce(f"serving http://{f'[{host}]' if ':' in host else host}:{port}, {settings.workers} workers")
         # It listens to signals itself while it runs, and raises them anew at its end: _stop exits with 0.
         server.run(sockets=[listener])
         if not server.started:
@@ -117,12 +115,3 @@ def _listen(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port), family=family)
     except OSError as fault:
         fail(f"cannot listen on {host} port {port}: {fault.strerror or fault}", REFUSED)
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False

@@ -15,6 +15,7 @@ class JobOut(ResponseModel):
 
     id: str
     state: StateName
+    priority: int = Field(description="Larger first.")
     attempt: int = Field(description="Number of times a worker has taken it.")
     progress: float = Field(description="From 0 to 1.")
     error: dict[str, object] | None = Field(description="Why it failed: `code`, `detail` and more.")
@@ -24,6 +25,20 @@ class JobOut(ResponseModel):
     created_at: datetime
     started_at: datetime | None = Field(description="When the last attempt began.")
     finished_at: datetime | None
+
+
+class JobItemOut(ResponseModel):
+    """What became of one problem of a list."""
+
+    status: int = Field(description="As if it had been sent alone: 202, or that of its refusal.")
+    job: JobOut | None
+    problem: dict[str, object] | None = Field(description="A problem document: what refuses it.")
+
+
+class JobListOut(ResponseModel):
+    """What became of the problems of a list, in its order."""
+
+    items: list[JobItemOut]
 
 
 class JobPageOut(ResponseModel):

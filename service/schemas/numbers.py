@@ -3,7 +3,7 @@
 from fractions import Fraction
 from typing import Annotated, Literal
 
-from pydantic import PlainSerializer, PlainValidator, WithJsonSchema
+from pydantic import AfterValidator, Field, PlainSerializer, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from service.dynamics.errors import InvalidNumberError
@@ -14,6 +14,7 @@ LARGEST = Fraction(10) ** 300
 
 MAX_SAMPLES = 100_000
 """Times of one trajectory."""
+HIGHEST_PRIORITY = 100
 LATEST = Fraction(10) ** 15
 """Largest |t| and number of periods: beyond it the spacing of doubles leaves no phase to speak of."""
 
@@ -112,6 +113,13 @@ def read_samples(value: object) -> int:
     return number
 
 
+def check_priority(priority: int) -> int:
+    """Return a priority, larger first."""
+    if abs(priority) > HIGHEST_PRIORITY:
+        raise refuse("out_of_range", f"-{HIGHEST_PRIORITY} to {HIGHEST_PRIORITY} are accepted")
+    return priority
+
+
 def _short(number: Fraction) -> str:
     text = exact_text(number)
     return text if len(text) <= 40 else f"{float(number):.6g}"
@@ -152,3 +160,8 @@ Samples = Annotated[
     WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1, "maximum": MAX_SAMPLES}, _NUMBER[1]]}),
 ]
 Sign = Annotated[Literal[-1, 1], PlainValidator(read_sign), WithJsonSchema({"enum": [-1, 1]})]
+Priority = Annotated[
+    int,
+    AfterValidator(check_priority),
+    Field(json_schema_extra={"minimum": -HIGHEST_PRIORITY, "maximum": HIGHEST_PRIORITY}),
+]

@@ -25,4 +25,5 @@ class ProblemDetailsOut(ResponseModel):
     evidence: EvidenceOut = Field(description="With `undecided_potential`.")
     windows: list[MotionWindowOut] = Field(description="With `several_windows`.")
     checks: dict[str, str] = Field(description="With `not_ready`.")
+    needed_role: str = Field(description="With `role_insufficient`.")
     request_id: str = Field(description="Also in the header X-Request-ID, and in the log of the service.")

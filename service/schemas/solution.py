@@ -83,7 +83,7 @@ class StabilityOut(ResponseModel):
     exponent: float = Field(description="Growth per unit time, log|μ| / T.")
     exponent_error: float
     closed_form_trace: EstimateOut | None = Field(
-        default=None, description="Of Lamé's equation, where that is the one: a second, independent number."
+        description="Of Lamé's equation, where that is the one: a second, independent number."
     )
     trusted_time: float | None = Field(
         description="How long integration in doubles keeps to the tolerance; null if for a million periods."
@@ -126,7 +126,7 @@ class SolutionOut(ResponseModel):
     aperiodic: Literal["separatrix", "equilibrium", "collision", "pole"] | None = Field(
         description="Why a planar motion has no period."
     )
-    asymptotes: AsymptotesOut | None = Field(default=None, description="Of an aperiodic motion.")
+    asymptotes: AsymptotesOut | None = Field(description="Of an aperiodic motion.")
     energy: EstimateOut | EnclosureOut
     window: WindowOut | None
     invariants: dict[str, FurtherIntegralOut | DriftOut] | None = Field(
@@ -136,9 +136,9 @@ class SolutionOut(ResponseModel):
     cross_check: CrossCheckOut | None
     stability: StabilityOut | None = Field(description="If the outputs ask for it, and it has a meaning.")
     precession: PrecessionOut | None = Field(
-        default=None, description="Per period, if the outputs ask for the orientation of a periodic motion."
+        description="Per period, if the outputs ask for the orientation of a periodic motion."
     )
-    warnings: list[NoticeOut] = Field(default_factory=list)
+    warnings: list[NoticeOut]
     conventions: list[str] = Field(description="Choices made where the equations leave one.")
     evidence: dict[str, float | int | str] = Field(description="What the solver measured about itself.")
     cost: CostOut

@@ -127,4 +127,4 @@ class VerdictOut(ResponseModel):
     motions: list[MotionWindowOut] | None = Field(
         description="Every window of the motion that was sent; null if none was, or if there are no motions."
     )
-    warnings: list[NoticeOut] = Field(default_factory=list)
+    warnings: list[NoticeOut]

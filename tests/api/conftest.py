@@ -1,3 +1,3 @@
-from tests.support.api import app, client, stored
+from tests.support.api import app, client, stored, verdicts
 
-__all__ = ["app", "client", "stored"]
+__all__ = ["app", "client", "stored", "verdicts"]

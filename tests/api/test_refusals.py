@@ -1,5 +1,6 @@
 import json
 
+import psycopg
 import pytest
 from fastapi import FastAPI
 from sqlalchemy.exc import OperationalError
@@ -119,7 +120,9 @@ def test_numbers_beyond_what_can_be_computed_with_are_refused_in_their_place(cli
 
 @pytest.mark.parametrize("document", [None, 3, "text", [], [STATE]])
 def test_a_document_that_is_no_object_is_refused(client, document):
-    for path in ("/v1/jobs", "/v1/validations"):
+    # A list of problems is a list of jobs.
+    paths = ("/v1/validations",) if document == [STATE] else ("/v1/jobs", "/v1/validations")
+    for path in paths:
         refusal(client.post(path, content=json.dumps(document), headers=JSON), 422, "invalid_problem")
 
 
@@ -201,7 +204,7 @@ def test_a_child_that_does_not_answer_is_replaced(client, app: FastAPI, monkeypa
 
 
 def test_a_database_that_cannot_be_reached_asks_to_come_again(client, app: FastAPI, monkeypatch):
-    error = OperationalError("SELECT secret", {}, Exception("unable to open database file"))
+    error = OperationalError("SELECT secret", {}, psycopg.OperationalError("connection refused"))
     monkeypatch.setattr(app.state.resources.jobs, "get", raises(error))
     response = client.get("/v1/jobs/x")
     refusal(response, 503, "unavailable")

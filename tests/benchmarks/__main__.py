@@ -9,7 +9,18 @@ import sys
 import time
 from collections.abc import Callable
 
-from tests.benchmarks import certified, costs, fast, precision, report, service, stored, sweep
+from tests.benchmarks import (
+    certified,
+    costs,
+    fast,
+    precision,
+    report,
+    service,
+    stored,
+    sweep,
+    sweep_service,
+    throughput,
+)
 from tests.benchmarks.measuring import Effort, Row, Table, circumstances, say
 
 TARGETS: tuple[Callable[[Effort], list[Row]], ...] = (
@@ -23,6 +34,7 @@ TARGETS: tuple[Callable[[Effort], list[Row]], ...] = (
     sweep.sweep,
     sweep.known_structure,
     fast.general_alpha,
+    sweep_service.through_the_service,
 )
 TABLES: tuple[Callable[[Effort], Table], ...] = (
     costs.tiers,
@@ -30,6 +42,9 @@ TABLES: tuple[Callable[[Effort], Table], ...] = (
     costs.parts,
     certified.others,
     service.around,
+    throughput.engines,
+    throughput.service,
+    throughput.growth,
 )
 
 

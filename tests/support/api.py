@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from fastapi import FastAPI
 
-from service.app import create_app
+from service.app import create_app, verdict_sandbox
 from service.dynamics.dense_output import DenseOutput, Period, chebyshev_coefficients, chebyshev_points
 from service.jobs.job import Job
+from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.codec import encode_arrays, encode_dense
 from service.storage.job_store import SqlJobStore
@@ -101,9 +102,17 @@ def finish(jobs: SqlJobStore, *, summary: dict = SUMMARY, spoil: bool = False) -
     return Stored(job, job.solution_id)
 
 
+@pytest.fixture(scope="session")
+def verdicts() -> Iterator[Sandbox]:
+    """Children shared by the applications of all tests; starting them takes longer than most tests."""
+    sandbox = verdict_sandbox(Settings())
+    yield sandbox
+    sandbox.close()
+
+
 @pytest.fixture
-def app(url: str) -> FastAPI:
-    return create_app(Settings(database_url=url, verdict_seconds=60.0))
+def app(url: str, verdicts: Sandbox) -> FastAPI:
+    return create_app(Settings(database_url=url, verdict_seconds=60.0), sandbox=verdicts)
 
 
 @pytest.fixture

@@ -6,7 +6,11 @@ import signal
 import time
 from pathlib import Path
 
-from service.jobs.outcome import SolveOutcome
+import numpy as np
+
+from service.jobs.outcome import ChunkOutcome, SolveOutcome
+from service.jobs.states import JobKind
+from service.storage.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
 
 SUMMARY: dict[str, object] = {
     "method": "quadrature",
@@ -38,3 +42,19 @@ def do_chore(document: str) -> SolveOutcome:
     elif chore == "nan":
         return SolveOutcome({**SUMMARY, "error": float("nan")}, b"", b"", None)
     return SolveOutcome(SUMMARY, b"dense", b"samples", None)
+
+
+def do_chunk(document: str) -> ChunkOutcome:
+    """Say of every point that its period is its index; the sweep tells which points make trouble."""
+    payload = json.loads(document)
+    first, count, sweep = payload["first"], payload["count"], payload["sweep"]
+    bad = [index for index in sweep.get("bad", ()) if first <= index < first + count]
+    if bad and sweep["chore"] != "stop":
+        do_chore(json.dumps({"chore": sweep["chore"]}))
+    elif bad and bad[0] > first:
+        count = bad[0] - first
+    indices = np.arange(first, first + count, dtype=np.float64)
+    return chunk_outcome(ChunkPoints([SOLVED] * count, {"period": indices}), sweep["seconds"] * count)
+
+
+CHORES = {JobKind.SOLVE: do_chore, JobKind.CHUNK: do_chunk}

@@ -37,15 +37,29 @@ class Worker:
     """A worker in a process of its own, with a bell if it is given one."""
 
     def __init__(
-        self, url: str, *, slots: int = 1, doorbell: Doorbell | None = None, **settings: object
+        self,
+        url: str,
+        *,
+        slots: int = 1,
+        doorbell: Doorbell | None = None,
+        folder: Path = ROOT,
+        clock_shift: float = 0.0,
+        **settings: object,
     ) -> None:
-        chosen = {"lease_seconds": 1.0, "poll_seconds": 0.1, "job_memory_mb": 300, **settings}
+        chosen = {
+            "lease_seconds": 1.0,
+            "retry_seconds": 0.1,
+            "poll_seconds": 0.1,
+            "job_memory_mb": 300,
+            **settings,
+        }
         environment = {f"POLHODE_{name.upper()}": str(value) for name, value in chosen.items()}
+        environment |= {"CLOCK_SHIFT": str(clock_shift), "PYTHONPATH": str(ROOT)}
         command = [sys.executable, "-m", "tests.workers.worker_process", str(slots)]
         theirs = None if doorbell is None else doorbell.new_line()
         self.process = subprocess.Popen(
             [*command, *([] if theirs is None else [str(theirs.fileno())])],
-            cwd=ROOT,
+            cwd=folder,
             env={**os.environ, **environment, "POLHODE_DATABASE_URL": url},
             pass_fds=[] if theirs is None else [theirs.fileno()],
             start_new_session=True,

@@ -7,6 +7,8 @@ import pytest
 
 from service.jobs.states import AttemptOutcome, JobState
 from service.jobs.wakeup import Doorbell
+from service.storage.chunk_codec import SOLVED, decode_points
+from service.storage.sweep_store import SweepStore
 from tests.workers.processes import wait_until
 
 
@@ -148,3 +150,58 @@ def test_the_bell_spares_the_poll_interval(jobs, doorbell, start_worker):
 def test_a_job_that_nobody_announced_is_found(jobs, start_worker):
     start_worker(poll_seconds=0.1)
     assert finished(jobs, jobs.submit({}, "digest")).state is JobState.SUCCEEDED
+
+
+def submit_sweep(database, points=200, **sweep):
+    document = {"seconds": 0.02, **sweep}
+    return SweepStore(database).submit(document, points=points, most=30)
+
+
+def finished_sweep(database, sweep):
+    sweeps = SweepStore(database)
+
+    def done():
+        found = sweeps.get(sweep.id)
+        return found if found.finished_at is not None else None
+
+    assert wait_until(done).state is JobState.SUCCEEDED
+    chunks = list(sweeps.chunks(sweep.id))
+    assert [i for c in chunks for i in range(c.first, c.first + c.count)] == list(range(sweep.points))
+    points = [decode_points(data) for data in sweeps.data(sweep.id, [chunk.first for chunk in chunks])]
+    return {
+        index: outcome
+        for chunk, found in zip(chunks, points, strict=True)
+        for index, outcome in enumerate(found.outcomes, start=chunk.first)
+        if outcome != SOLVED
+    }
+
+
+def test_a_sweep_is_computed_chunk_by_chunk(database, start_worker):
+    sweep = submit_sweep(database)
+    start_worker(slots=2)
+    assert finished_sweep(database, sweep) == {}
+
+
+def test_points_that_a_chunk_hands_back_are_computed_by_another(database, start_worker):
+    sweep = submit_sweep(database, chore="stop", bad=[3, 17, 40, 41, 199])
+    start_worker()
+    assert finished_sweep(database, sweep) == {}
+
+
+@pytest.mark.parametrize(
+    ("chore", "code"),
+    [("crash", "lost_worker"), ("raise", "internal_error"), ("spin", "time_limit"), ("hog", "memory_limit")],
+)
+def test_the_point_that_ends_its_chunk_is_found_and_no_other_suffers(database, start_worker, chore, code):
+    sweep = submit_sweep(database, points=40, chore=chore, bad=[23])
+    start_worker(job_seconds=0.5 if code == "time_limit" else 60.0, max_attempts=1)
+    assert finished_sweep(database, sweep) == {23: code}
+
+
+def test_a_sweep_goes_on_after_its_worker_was_killed(database, start_worker):
+    sweep = submit_sweep(database, points=1000)
+    first = start_worker()
+    wait_until(lambda: SweepStore(database).get(sweep.id).done)
+    first.kill()
+    start_worker()
+    assert finished_sweep(database, sweep) == {}

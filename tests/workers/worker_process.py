@@ -1,13 +1,27 @@
-"""A real worker for the tests: ``python -m tests.workers.worker_process SLOTS [WAKE_FD]``."""
+"""A real worker for the tests: ``python -m tests.workers.worker_process SLOTS [WAKE_FD]``.
+
+Its clock is wrong by CLOCK_SHIFT seconds of its environment.
+"""
 
 import logging
+import os
 import sys
+import time
 
 from service.settings import Settings
-from tests.workers.chores import do_chore
-from workers.engines.local import run_worker
+from tests.workers.chores import CHORES
+from workers.engines.worker import run_worker
+
+
+def shift_clock(seconds: float) -> None:
+    """Let this process think that it is later than it is; clocks that only measure durations go on."""
+    true_time, true_time_ns = time.time, time.time_ns
+    time.time = lambda: true_time() + seconds
+    time.time_ns = lambda: true_time_ns() + int(seconds * 1e9)
+
 
 if __name__ == "__main__":
+    shift_clock(float(os.environ["CLOCK_SHIFT"]))
     logging.basicConfig(level=logging.INFO)
     slots, *wake_fd = map(int, sys.argv[1:])
-    run_worker(do_chore, Settings(), slots=slots, wake_fd=wake_fd[0] if wake_fd else None)
+    run_worker(CHORES, Settings(), slots=slots, wake_fd=wake_fd[0] if wake_fd else None)
