@@ -16,6 +16,7 @@ from workers.calibration.command import run as calibrate
 from workers.computation import solve_document
 from workers.doctor import examine
 from workers.engines.worker import run_worker
+from workers.preparation import compile_solvers
 from workers.runner import Computations
 from workers.solving import solve
 from workers.sweeping.chunk import compute_chunk
@@ -29,6 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _add_run(commands)
     _add_solve(commands)
     _add_sweep(commands)
+    _add_compile(commands)
     _add_calibrate(commands)
     _add_doctor(commands)
     options = parser.parse_args(arguments)
@@ -59,6 +61,11 @@ def _add_sweep(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.add_argument("--workers", type=_positive, default=None, help="processes; one for each processor")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.set_defaults(command=sweep)
+
+
+def _add_compile(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    parser = commands.add_parser("compile", help="compile the fast solvers now")
+    parser.set_defaults(command=compile_solvers)
 
 
 def _add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

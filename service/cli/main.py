@@ -31,6 +31,7 @@ for _command in (
     storage.prune,
 ):
     app.command()(_command)
+app.command(name="compile")(documents.compile_solvers)
 app.add_typer(keys.app, name="keys")
 
 

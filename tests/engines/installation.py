@@ -15,6 +15,7 @@ from service.storage.dispatching import dispatcher_of
 from service.storage.job_store import SqlJobStore
 from service.storage.procrastinate_dispatcher import QUEUE, TASK
 from service.storage.solution_store import SolutionStore
+from service.storage.sweep_store import SweepStore
 from tests.workers.processes import Worker
 
 HOUR = 3600.0
@@ -30,6 +31,7 @@ class Installation:
         self.dispatcher: Dispatcher[Session] = dispatcher_of(Settings(database_url=url, engine=engine))
         self.jobs = SqlJobStore(self.database, self.dispatcher)
         self.solutions = SolutionStore(self.database)
+        self.sweeps = SweepStore(self.database, self.dispatcher)
         self.bell = Doorbell()
         self._url = url
         self._workers: list[Worker] = []

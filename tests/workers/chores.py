@@ -48,6 +48,7 @@ def do_chunk(document: str) -> ChunkOutcome:
     """Say of every point that its period is its index; the sweep tells which points make trouble."""
     payload = json.loads(document)
     first, count, sweep = payload["first"], payload["count"], payload["sweep"]
+    time.sleep(sweep.get("pause", 0.0))
     bad = [index for index in sweep.get("bad", ()) if first <= index < first + count]
     if bad and sweep["chore"] != "stop":
         do_chore(json.dumps({"chore": sweep["chore"]}))

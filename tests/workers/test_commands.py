@@ -27,6 +27,11 @@ def test_impossible_settings_end_with_1_and_the_reason(monkeypatch, capsys):
     assert "lease_seconds" in capsys.readouterr().err
 
 
+def test_compiling_says_that_the_solvers_are_ready(capsys):
+    assert main(["compile"]) == 0
+    assert "ready" in capsys.readouterr().out
+
+
 def test_a_worker_alone_makes_its_database_computes_and_stops(tmp_path):
     file = tmp_path / "new.db"
     command = [sys.executable, "-m", "workers", "run", "--slots", "1", "--database-url", url_of(file)]

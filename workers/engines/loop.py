@@ -119,7 +119,12 @@ class EngineLoop:
                 time.sleep(_AWAY_SECONDS)
             else:
                 self._wait()
-        self._runner.give_back()
+        try:
+            self._runner.give_back()
+        except Exception as fault:
+            if not is_away(fault):
+                raise
+            logger.warning("the database is away: what was running comes back when its leases end")
 
     def _turn(self) -> None:
         """Do whatever there is to do, the finished jobs first: somebody waits for them."""

@@ -1,0 +1,117 @@
+"""The arrays of a database: whether every packet can be read and says what its row says."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from random import Random
+from typing import Any  # a row has whatever columns its kind needs
+
+from sqlalchemy import ColumnElement, Select, and_, func, or_, select
+from sqlalchemy.orm import InstrumentedAttribute
+
+from service.storage.base import Base
+from service.storage.chunk_codec import SOLVED, bounds_of, decode_points
+from service.storage.codec import CodecError, decode_arrays, decode_dense
+from service.storage.database import Database
+from service.storage.inspection import EXAMPLES, Finding
+from service.storage.sweep_tables import SweepChunkRow
+from service.storage.tables import DenseOutputRow, SamplesRow
+
+Fields = tuple[Any, ...]
+
+_PAGE = 50
+"""Packets that are in memory at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """A table with packets."""
+
+    code: str
+    says: str
+    table: type[Base]
+    key: tuple[InstrumentedAttribute[Any], ...]
+    columns: tuple[InstrumentedAttribute[Any], ...]
+    """The key first."""
+    read: Callable[[Fields], object]
+    """Raises CodecError."""
+
+
+def check_blobs(database: Database, *, sample: int | None, random: Random) -> Iterator[Finding]:
+    """Read packets of every kind, ``sample`` of each chosen by ``random``, or all of them."""
+    for kind in _kinds():
+        broken, examples = 0, list[str]()
+        for row in _rows(database, kind, sample, random):
+            try:
+                kind.read(row)
+            except CodecError as fault:
+                broken += 1
+                if len(examples) < EXAMPLES:
+                    examples.append(f"{row[0]}: {fault}")
+        yield Finding(kind.code, kind.says, broken, tuple(examples))
+
+
+def _kinds() -> Iterator[_Kind]:
+    dense, samples, chunk = DenseOutputRow, SamplesRow, SweepChunkRow
+    yield _Kind(
+        "dense_packets",
+        "functions of time can be read",
+        dense,
+        (dense.solution_id,),
+        (dense.solution_id, dense.data),
+        lambda fields: decode_dense(fields[-1]),
+    )
+    yield _Kind(
+        "samples_packets",
+        "samples can be read",
+        samples,
+        (samples.solution_id,),
+        (samples.solution_id, samples.data),
+        lambda fields: decode_arrays(fields[-1]),
+    )
+    yield _Kind(
+        "chunk_packets",
+        "the points of sweeps can be read, and are as many and as large as is said of them",
+        chunk,
+        (chunk.sweep_id, chunk.first),
+        (chunk.sweep_id, chunk.first, chunk.count, chunk.refused, chunk.bounds, chunk.data),
+        _read_chunk,
+    )
+
+
+def _read_chunk(fields: Fields) -> None:
+    _, first, count, refused, bounds, data = fields
+    points = decode_points(data)
+    unsolved = sum(outcome != SOLVED for outcome in points.outcomes)
+    if (len(points.outcomes), unsolved) != (count, refused):
+        raise CodecError(
+            f"the chunk at {first} holds {len(points.outcomes)} points, {unsolved} of them refused, "
+            f"where its row says {count} and {refused}"
+        )
+    if {name: list(pair) for name, pair in bounds_of(points.numbers).items()} != bounds:
+        raise CodecError(f"the numbers of the chunk at {first} are not within the bounds of its row")
+
+
+def _rows(database: Database, kind: _Kind, sample: int | None, random: Random) -> Iterator[Fields]:
+    ordered = select(*kind.columns).order_by(*kind.key)
+    if sample is not None:
+        with database.read() as session:
+            total = session.scalar(select(func.count()).select_from(kind.table)) or 0
+        if sample < total:
+            for place in sorted(random.sample(range(total), sample)):
+                yield from _page(database, ordered.offset(place).limit(1))
+            return
+    page = _page(database, ordered.limit(_PAGE))
+    while page:
+        yield from page
+        page = _page(database, ordered.where(_after(kind.key, page[-1])).limit(_PAGE))
+
+
+def _after(key: tuple[InstrumentedAttribute[Any], ...], last: Fields) -> ColumnElement[bool]:
+    first, *rest = key
+    beyond = first > last[0]
+    return or_(beyond, and_(first == last[0], _after(tuple(rest), last[1:]))) if rest else beyond
+
+
+def _page(database: Database, statement: Select[*tuple[Any, ...]]) -> list[Fields]:
+    with database.read() as session:
+        return [tuple(row) for row in session.execute(statement)]

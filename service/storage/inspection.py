@@ -1,0 +1,111 @@
+"""The examination of a whole database: every law, and what the database says of itself."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from alembic.script import ScriptDirectory
+from sqlalchemy import func, select, text
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.orm import Session
+
+from service.storage.availability import is_away
+from service.storage.database import Database
+from service.storage.invariants import Invariant, invariants_of_jobs
+from service.storage.key_invariants import invariants_of_keys
+from service.storage.migration import migrations_folder
+from service.storage.sweep_invariants import invariants_of_sweeps
+
+EXAMPLES = 5
+"""Ids that are told of the rows that break a law."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What was found out about one law."""
+
+    code: str
+    says: str
+    broken: int = 0
+    """Rows that break it."""
+    examples: tuple[str, ...] = ()
+    """The ids of some of them."""
+    is_warning: bool = False
+    remedy: str | None = None
+    """What mending it does; None if only a person can."""
+    mended: int = 0
+
+    @property
+    def is_clean(self) -> bool:
+        """Nothing is wrong, even if something may stand still."""
+        return self.is_warning or self.broken == 0
+
+
+def inspect(database: Database) -> Iterator[Finding]:
+    """Yield what is found about the schema, and if it is the one of this version about every law."""
+    schema = check_schema(database)
+    yield schema
+    if not schema.is_clean:
+        return
+    yield from _check_file(database)
+    for invariant in invariants():
+        yield check(database, invariant)
+
+
+def invariants() -> Sequence[Invariant]:
+    """Return every law: those of references first, since mending them breaks others that are mended later."""
+    return [*invariants_of_jobs(), *invariants_of_sweeps(), *invariants_of_keys()]
+
+
+def mend(database: Database) -> Iterator[Finding]:
+    """Mend what can be mended; yield each law that was broken, with how many rows were mended."""
+    for invariant in invariants():
+        finding = check(database, invariant)
+        if finding.broken and invariant.remedy is not None:
+            yield replace(finding, mended=invariant.remedy.apply(database, invariant.broken))
+
+
+def check(database: Database, invariant: Invariant) -> Finding:
+    """Count the rows that break a law."""
+    finding = Finding(
+        invariant.code,
+        invariant.says,
+        is_warning=invariant.is_warning,
+        remedy=None if invariant.remedy is None else invariant.remedy.says,
+    )
+    with database.read() as session:
+        # Almost always there are none, and then they need no counting.
+        examples = session.scalars(invariant.broken.limit(EXAMPLES)).all()
+        if not examples:
+            return finding
+        broken = session.scalar(select(func.count()).select_from(invariant.broken.subquery()))
+    return replace(finding, broken=broken or len(examples), examples=tuple(map(str, examples)))
+
+
+def check_schema(database: Database) -> Finding:
+    """Say whether the tables are those of this version."""
+    wanted = ScriptDirectory(str(migrations_folder())).get_current_head()
+    try:
+        with database.read() as session:
+            stored = session.scalar(text("SELECT version_num FROM alembic_version"))
+    except DBAPIError as fault:
+        if is_away(fault):
+            raise
+        stored = None
+    finding = Finding(
+        "schema", f"the schema is that of this version, {wanted}; polhode migrate brings it there"
+    )
+    return finding if stored == wanted else replace(finding, broken=1, examples=(str(stored),))
+
+
+def _check_file(database: Database) -> Iterator[Finding]:
+    """Let SQLite examine its pages and indexes; Postgres has checksums for that."""
+    if database.engine.dialect.name != "sqlite":
+        return
+    with database.read() as session:
+        faults = [line for line in _lines(session, "PRAGMA integrity_check") if line != "ok"]
+    finding = Finding("file", "the pages and indexes of the file are sound")
+    yield replace(finding, broken=len(faults), examples=tuple(faults[:EXAMPLES]))
+
+
+def _lines(session: Session, statement: str) -> list[str]:
+    return [str(line) for line in session.scalars(text(statement))]

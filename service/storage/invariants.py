@@ -1,0 +1,193 @@
+"""What must hold in the database at any instant, whatever was killed: jobs, attempts, solutions.
+
+Each law comes with a query for the rows that break it. A query is one
+statement, hence judges one state of the database even while others write; it
+counts and compares inside the database, whatever its size.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from sqlalchemy import CheckConstraint, and_, exists, func, not_, or_, select, text
+from sqlalchemy.orm import aliased
+
+from service.jobs.states import FINISHED, JobKind, JobState
+from service.storage.clock import DatabaseNow
+from service.storage.repairs import (
+    Broken,
+    Repair,
+    compute_again,
+    date_ends,
+    delete_orphans,
+    end_attempts,
+    open_attempts,
+    release_leases,
+)
+from service.storage.schema import METADATA, TABLES
+from service.storage.tables import AttemptRow, DenseOutputRow, JobRow, SolutionRow
+
+SILENT_SECONDS = 60.0
+"""A lease that ended so long ago says that no worker is alive: any one would have taken the job over."""
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """How a broken law can be mended without losing anything."""
+
+    says: str
+    """What it does to a row."""
+    apply: Repair
+
+
+@dataclass(frozen=True, slots=True)
+class Invariant:
+    """One law of the database."""
+
+    code: str
+    says: str
+    broken: Broken
+    remedy: Remedy | None = None
+    is_warning: bool = False
+    """Broken, it says that something stands still, not that something is wrong."""
+
+
+def invariants_of_jobs() -> Iterator[Invariant]:
+    """Yield the laws of all tables, and those of jobs, their attempts and solutions."""
+    yield from _checks()
+    yield from _references()
+    yield from _lives()
+    yield from _attempts()
+    yield from _solutions()
+
+
+def _checks() -> Iterator[Invariant]:
+    """Yield the constraints of every table, asked anew: a damaged or patched file may break them."""
+    for name in (row.__tablename__ for row in TABLES):
+        table = METADATA.tables[name]
+        conditions = [check.sqltext for check in table.constraints if isinstance(check, CheckConstraint)]
+        if conditions:
+            broken = or_(*(text(f"NOT ({condition})") for condition in conditions))
+            key, *_ = table.primary_key.columns
+            yield Invariant(
+                f"{name}_checks", f"every row of {name} is legal by itself", select(key).where(broken)
+            )
+
+
+def _references() -> Iterator[Invariant]:
+    """Yield that whatever is referred to exists."""
+    for name in (row.__tablename__ for row in TABLES):
+        table = METADATA.tables[name]
+        for constraint in table.foreign_key_constraints:
+            (own,), (key,) = constraint.columns, constraint.elements
+            target = key.column.table.alias("target")
+            there = exists().where(target.c[key.column.name] == own)
+            if constraint.ondelete == "CASCADE":
+                remedy = Remedy("it is removed: it belongs to nothing", delete_orphans(table, own))
+            else:
+                remedy = Remedy("the job is queued again", compute_again)
+            yield Invariant(
+                f"{name}_{own.name}",
+                f"every {own.name} of {name} is there",
+                select(own).where(own.is_not(None), not_(there)),
+                remedy,
+            )
+
+
+def _lives() -> Iterator[Invariant]:
+    ended = JobRow.state.in_([state.value for state in FINISHED])
+    is_dated = JobRow.finished_at.is_not(None)
+    yield Invariant(
+        "finished_at",
+        "a job has the instant of its end exactly if it has ended",
+        select(JobRow.id).where(or_(and_(ended, not_(is_dated)), and_(not_(ended), is_dated))),
+        Remedy("it gets the instant at which its last attempt ended, or loses it", date_ends),
+    )
+    failed, has_error = JobRow.state == JobState.FAILED.value, JobRow.error.is_not(None)
+    yield Invariant(
+        "error",
+        "a job has an error exactly if it has failed",
+        select(JobRow.id).where(or_(and_(failed, not_(has_error)), and_(not_(failed), has_error))),
+    )
+    yield Invariant(
+        "stale_lease",
+        f"no lease ended {SILENT_SECONDS:g} s ago without a worker that takes the job over",
+        select(JobRow.id).where(
+            JobRow.state == JobState.RUNNING.value, JobRow.lease_until < DatabaseNow() - SILENT_SECONDS
+        ),
+        Remedy("the lease is released, the job queued again", release_leases),
+        is_warning=True,
+    )
+
+
+def _attempts() -> Iterator[Invariant]:
+    made = (
+        select(
+            AttemptRow.job_id,
+            func.count().label("made"),
+            func.min(AttemptRow.number).label("first"),
+            func.max(AttemptRow.number).label("last"),
+        )
+        .group_by(AttemptRow.job_id)
+        .subquery()
+    )
+    yield Invariant(
+        "attempts",
+        "the attempts at a job are numbered 1, 2, … up to the one that it is at",
+        select(JobRow.id)
+        .outerjoin(made, made.c.job_id == JobRow.id)
+        .where(
+            or_(
+                JobRow.attempt != func.coalesce(made.c.made, 0),
+                JobRow.attempt != func.coalesce(made.c.last, 0),
+                func.coalesce(made.c.first, 1) != 1,
+            )
+        ),
+    )
+    yield Invariant(
+        "open_attempts",
+        "an attempt without an end is the one that a running job is at",
+        select(AttemptRow.job_id).where(open_attempts()),
+        Remedy("the attempt ends, as its job has or as lost", end_attempts),
+    )
+    present = exists().where(
+        AttemptRow.job_id == JobRow.id, AttemptRow.number == JobRow.attempt, AttemptRow.ended_at.is_(None)
+    )
+    yield Invariant(
+        "running_attempts",
+        "a running job has an attempt without an end",
+        select(JobRow.id).where(JobRow.state == JobState.RUNNING.value, not_(present)),
+    )
+
+
+def _solutions() -> Iterator[Invariant]:
+    yield Invariant(
+        "solved_once",
+        "no job has two solutions of its own",
+        select(SolutionRow.job_id).group_by(SolutionRow.job_id).having(func.count() > 1),
+    )
+    has_succeeded = and_(
+        JobRow.state == JobState.SUCCEEDED.value,
+        JobRow.kind == JobKind.SOLVE.value,
+        JobRow.solution_id == SolutionRow.id,
+        not_(JobRow.reused),
+    )
+    yield Invariant(
+        "solutions_of_successes",
+        "the job that a solution comes from, if it is still there, has succeeded with it",
+        select(SolutionRow.id).join(JobRow, JobRow.id == SolutionRow.job_id).where(not_(has_succeeded)),
+    )
+    found = aliased(SolutionRow)
+    is_another = and_(found.job_id != JobRow.id, not_(JobRow.reused))
+    yield Invariant(
+        "own_solutions",
+        "a job has the solution that it computed, or reuses that of an equal problem",
+        select(JobRow.id)
+        .join(found, found.id == JobRow.solution_id)
+        .where(or_(found.digest != JobRow.digest, is_another)),
+    )
+    has_function = exists().where(DenseOutputRow.solution_id == SolutionRow.id)
+    yield Invariant(
+        "functions_of_time",
+        "every solution has its function of time",
+        select(SolutionRow.id).where(not_(has_function)),
+    )

@@ -1,0 +1,63 @@
+"""What must hold for keys: they are charged for what is stored on their account, no more and no less."""
+
+from collections.abc import Iterator
+
+from sqlalchemy import ColumnElement, func, select, update
+
+from service.storage.database import Database
+from service.storage.invariants import Invariant, Remedy
+from service.storage.operation_tables import ApiKeyRow
+from service.storage.repairs import Broken
+from service.storage.sweep_tables import SweepChunkRow, SweepRow
+from service.storage.tables import DenseOutputRow, JobRow, SamplesRow, SolutionRow
+
+
+def invariants_of_keys() -> Iterator[Invariant]:
+    """Yield the laws of keys."""
+    yield Invariant(
+        "stored_bytes",
+        "a key is charged for the arrays of its results that are stored",
+        select(ApiKeyRow.id).where(ApiKeyRow.stored_bytes != _stored()),
+        Remedy("they are counted anew", _charge_anew),
+    )
+
+
+def _charge_anew(database: Database, broken: Broken) -> int:
+    with database.read() as session:
+        found = session.scalars(broken).all()
+    for key_id in found:
+        with database.write() as session:
+            # Held first: whoever stores for the key charges it at last, and waits, or has been counted.
+            session.scalar(select(ApiKeyRow.id).where(ApiKeyRow.id == key_id).with_for_update())
+            statement = update(ApiKeyRow).where(ApiKeyRow.id == key_id).values(stored_bytes=_stored())
+            session.execute(statement.execution_options(synchronize_session=False))
+    return len(found)
+
+
+def _stored() -> ColumnElement[int]:
+    """Return the number of bytes that are stored for a key."""
+    total: ColumnElement[int] = _of_chunks()
+    for table in (DenseOutputRow, SamplesRow):
+        total = total + _of_solutions(table)
+    return total
+
+
+def _of_solutions(table: type[DenseOutputRow] | type[SamplesRow]) -> ColumnElement[int]:
+    return (
+        select(func.coalesce(func.sum(func.length(table.data)), 0))
+        .join(SolutionRow, SolutionRow.id == table.solution_id)
+        .join(JobRow, JobRow.id == SolutionRow.job_id)
+        .where(JobRow.key_id == ApiKeyRow.id)
+        .correlate(ApiKeyRow)
+        .scalar_subquery()
+    )
+
+
+def _of_chunks() -> ColumnElement[int]:
+    return (
+        select(func.coalesce(func.sum(func.length(SweepChunkRow.data)), 0))
+        .join(SweepRow, SweepRow.id == SweepChunkRow.sweep_id)
+        .where(SweepRow.key_id == ApiKeyRow.id)
+        .correlate(ApiKeyRow)
+        .scalar_subquery()
+    )

@@ -1,0 +1,117 @@
+"""How broken laws of jobs and their results are mended without losing anything.
+
+A repair is given the query for the rows that break the law, and judges by it
+again inside its own transaction: what has changed since it was found stays.
+"""
+
+from collections.abc import Callable
+from typing import Any  # what a statement returns is nothing to its counting
+
+from sqlalchemy import (
+    ColumnElement,
+    Delete,
+    Select,
+    Table,
+    Update,
+    and_,
+    case,
+    delete,
+    exists,
+    func,
+    not_,
+    select,
+    update,
+)
+from sqlalchemy.orm import Session
+
+from service.jobs.states import AttemptOutcome, JobState
+from service.storage.clock import DatabaseNow
+from service.storage.database import Database
+from service.storage.moves import end_attempt, move
+from service.storage.tables import AttemptRow, JobRow
+
+Broken = Select[str]
+"""Selects the ids of the rows that break a law."""
+Repair = Callable[[Database, Broken], int]
+"""Mends them; returns how many it mended."""
+
+_OUTCOME = {
+    JobState.SUCCEEDED: AttemptOutcome.SUCCEEDED,
+    JobState.FAILED: AttemptOutcome.FAILED,
+    JobState.CANCELLED: AttemptOutcome.CANCELLED,
+}
+"""How the last attempt at a finished job has ended."""
+
+
+def delete_orphans(table: Table, reference: ColumnElement[str]) -> Repair:
+    """Return a repair that deletes the rows whose ``reference`` is found to lead nowhere."""
+
+    def repair(database: Database, broken: Broken) -> int:
+        with database.write() as session:
+            return _changed(session, delete(table).where(reference.in_(broken)))
+
+    return repair
+
+
+def compute_again(database: Database, broken: Broken) -> int:
+    """Queue again the jobs that have succeeded with solutions that are not there."""
+    values = {"state": JobState.QUEUED.value, "solution_id": None, "reused": False, "progress": 0.0}
+    statement = update(JobRow).where(JobRow.solution_id.in_(broken)).values(**values, finished_at=None)
+    with database.write() as session:
+        return _changed(session, statement)
+
+
+def date_ends(database: Database, broken: Broken) -> int:
+    """Give jobs that have ended the instant of their last attempt's end, and take it from the others."""
+    last = select(func.max(AttemptRow.ended_at)).where(AttemptRow.job_id == JobRow.id).scalar_subquery()
+    ended = case((JobRow.finished_at.is_(None), func.coalesce(last, DatabaseNow())), else_=None)
+    with database.write() as session:
+        return _changed(session, update(JobRow).where(JobRow.id.in_(broken)).values(finished_at=ended))
+
+
+def open_attempts() -> ColumnElement[bool]:
+    """Return the condition that an attempt has no end and is not the one that its job is at."""
+    is_present = and_(
+        JobRow.id == AttemptRow.job_id,
+        JobRow.state == JobState.RUNNING.value,
+        JobRow.attempt == AttemptRow.number,
+    )
+    return and_(AttemptRow.ended_at.is_(None), not_(exists().where(is_present)))
+
+
+def end_attempts(database: Database, broken: Broken) -> int:
+    """End the attempts that nobody is at any more: the last ones as their jobs, the others as lost."""
+    outcome = case(
+        *(
+            (exists().where(_is_last(), JobRow.state == state.value), outcome.value)
+            for state, outcome in _OUTCOME.items()
+        ),
+        else_=AttemptOutcome.LOST.value,
+    )
+    values = {"ended_at": DatabaseNow(), "outcome": outcome}
+    statement = update(AttemptRow).where(AttemptRow.job_id.in_(broken), open_attempts()).values(**values)
+    with database.write() as session:
+        return _changed(session, statement)
+
+
+def release_leases(database: Database, broken: Broken) -> int:
+    """Queue again the jobs whose workers are gone."""
+    with database.read() as session:
+        found = session.execute(select(JobRow.id, JobRow.attempt).where(JobRow.id.in_(broken))).all()
+    released = 0
+    for job_id, attempt in found:
+        still = JobRow.id == job_id, JobRow.attempt == attempt, JobRow.id.in_(broken)
+        with database.write() as session:
+            if move(session, JobState.QUEUED, *still):
+                end_attempt(session, job_id, attempt, AttemptOutcome.LOST, "its lease was released by hand")
+                released += 1
+    return released
+
+
+def _is_last() -> ColumnElement[bool]:
+    return and_(JobRow.id == AttemptRow.job_id, JobRow.attempt == AttemptRow.number)
+
+
+def _changed(session: Session, statement: Update | Delete) -> int:
+    result: Any = session.execute(statement.execution_options(synchronize_session=False))
+    return int(result.rowcount)

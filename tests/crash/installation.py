@@ -1,0 +1,130 @@
+"""``polhode serve`` and another worker on one database, with every process that belongs to them."""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+POLHODE = Path(sys.executable).with_name("polhode")
+MARK = "POLHODE_STORM"
+"""In the environment of every process of a storm, however far down: none is missed, no other is hit."""
+SETTINGS = {
+    "POLHODE_LEASE_SECONDS": "1",
+    "POLHODE_RETRY_SECONDS": "0.1",
+    "POLHODE_POLL_SECONDS": "0.1",
+    # Jobs are not to blame for what is done to their workers here.
+    "POLHODE_MAX_ATTEMPTS": "1000",
+}
+
+
+class Installation:
+    """``polhode serve`` with its worker and another worker; started anew whenever they are dead."""
+
+    def __init__(self, url: str, folder: Path) -> None:
+        self._mark = f"{os.getpid()}-{time.monotonic_ns()}"
+        self._folder = folder
+        self.environment = {**os.environ, **SETTINGS, MARK: self._mark, "POLHODE_DATABASE_URL": url}
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self._port = probe.getsockname()[1]
+        self._commands = (["serve", "--port", str(self._port), "--workers", "1"], ["worker", "--slots", "1"])
+        self._log = (folder / "log").open("ab")
+        self._running: list[subprocess.Popen[bytes]] = [self._start(command) for command in self._commands]
+
+    def start_the_dead(self) -> None:
+        for index, process in enumerate(self._running):
+            if process.poll() is not None:
+                self._running[index] = self._start(self._commands[index])
+
+    def call(self, method: str, path: str, document: object = None) -> dict:
+        """Return the answer to a request; raises OSError or HTTPException if there is none, or a 503."""
+        body = None if document is None else json.dumps(document).encode()
+        address = f"http://127.0.0.1:{self._port}{path}"
+        request = urllib.request.Request(
+            address, data=body, method=method, headers={"Content-Type": "application/json"}
+        )
+        try:
+            with urllib.request.urlopen(request, timeout=10) as answer:
+                return json.load(answer)
+        except urllib.error.HTTPError as error:
+            with error:
+                if error.code != 503:
+                    raise AssertionError(f"{path}: {error.code} {error.read()!r}") from None
+                raise ConnectionError("503") from None
+
+    def processes(self) -> list[tuple[int, str]]:
+        """Return the id and the kind of every living process of this installation."""
+        mark, found = f"{MARK}={self._mark}".encode(), dict[int, _Process]()
+        for folder in Path("/proc").iterdir():
+            if folder.name.isdigit():
+                with contextlib.suppress(OSError):
+                    state, parent = (folder / "stat").read_text().rpartition(")")[2].split()[:2]
+                    if state != "Z" and mark in (folder / "environ").read_bytes().split(b"\0"):
+                        arguments = (folder / "cmdline").read_bytes().split(b"\0")
+                        found[int(folder.name)] = _Process(int(parent), arguments)
+        return [(pid, _kind(found, pid)) for pid in found]
+
+    def run(self, *command: str) -> "subprocess.CompletedProcess[str]":
+        return subprocess.run(
+            [POLHODE, *command], env=self.environment, cwd=self._folder, capture_output=True, text=True
+        )
+
+    def stop(self) -> None:
+        for process in self._running:
+            process.send_signal(signal.SIGTERM)
+        for process in self._running:
+            process.wait(timeout=30)
+        self._log.close()
+
+    def clean_up(self) -> None:
+        for pid, _ in self.processes():
+            kill(pid)
+        for process in self._running:
+            process.wait()
+
+    def _start(self, command: list[str]) -> "subprocess.Popen[bytes]":
+        return subprocess.Popen(
+            [POLHODE, *command],
+            env=self.environment,
+            cwd=self._folder,
+            stderr=self._log,
+            start_new_session=True,
+        )
+
+
+def kill(pid: int) -> bool:
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGKILL)
+        return True
+    return False
+
+
+@dataclass(frozen=True)
+class _Process:
+    parent: int
+    arguments: list[bytes]
+
+
+def _kind(processes: Mapping[int, _Process], pid: int) -> str:
+    """Say what a process is: children are forked by a helper, and look like it but for their parents."""
+    if pid not in processes:
+        return "gone"
+    process = processes[pid]
+    if b"serve" in process.arguments:
+        return "api"
+    # The other worker is still called by its own name until it has become one.
+    if b"run" in process.arguments or b"worker" in process.arguments:
+        return "worker"
+    if _kind(processes, process.parent) != "helper":
+        return "helper"
+    of = _kind(processes, processes[process.parent].parent)
+    return "child" if of == "worker" else "judge"

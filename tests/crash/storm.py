@@ -1,0 +1,204 @@
+"""A real installation whose processes are killed at random while a client submits, and what came of it."""
+
+import contextlib
+import json
+import random
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from http.client import HTTPException
+from pathlib import Path
+
+from sqlalchemy import func, select
+
+from service.jobs.states import FINISHED, AttemptOutcome, JobState
+from service.storage.database import Database
+from service.storage.migration import migrate
+from service.storage.sweep_tables import SweepRow
+from service.storage.tables import AttemptRow, JobRow, SolutionRow
+from tests.crash.client import Client
+from tests.crash.installation import Installation, kill
+from tests.support.databases import url_of
+from tests.support.postgres import postgres_server
+from tests.workers.processes import wait_until
+
+PREY = {"api": 2, "worker": 2, "helper": 1, "judge": 1, "child": 8}
+"""How often each kind of process is killed, relative to the others."""
+PAUSE_SECONDS = 0.4
+"""Mean time between two kills."""
+RECOVERY_SECONDS = 60.0
+"""Until an installation has started, and beside the storm's own length until all is done."""
+AWAY_SECONDS = 1.0
+"""Between the crash of Postgres and its next start."""
+
+
+@dataclass
+class Figures:
+    """What a storm did, and what came of it."""
+
+    seconds: float = 0.0
+    kills: Counter[str] = field(default_factory=Counter)
+    acknowledged: list[str] = field(default_factory=list)
+    repeated: int = 0
+    """Requests that got no answer or a 503, and were sent again."""
+    unfinished: int = 0
+    """Acknowledged jobs, and sweeps, without an end."""
+    lost: int = 0
+    """Acknowledged jobs that did not succeed."""
+    doubled: int = 0
+    """Jobs that succeeded more than once."""
+    lost_attempts: int = 0
+    points: int = 0
+    """Of sweeps, stored."""
+    recovery_seconds: float = 0.0
+    """From the last kill to the last result."""
+    left_processes: int = 0
+    doctor: dict = field(default_factory=dict)
+
+    def line(self) -> str:
+        kills = ", ".join(f"{count} {kind}" for kind, count in sorted(self.kills.items()))
+        return (
+            f"{self.seconds:.0f} s, killed: {kills}; {len(self.acknowledged)} jobs, {self.points} points, "
+            f"{self.repeated} requests sent again, {self.lost_attempts} attempts lost; "
+            f"jobs unfinished {self.unfinished}, lost {self.lost}, doubled {self.doubled}; "
+            f"recovered in {self.recovery_seconds:.1f} s, processes left {self.left_processes}, "
+            f"doctor {'clean' if self.doctor['clean'] else 'NOT CLEAN'}"
+        )
+
+
+def on_sqlite(*, seed: int, jobs: int, seconds: float) -> Figures:
+    with tempfile.TemporaryDirectory() as folder:
+        url = url_of(Path(folder) / "storm.db")
+        migrate(url)
+        return storm(url, Path(folder), seed=seed, jobs=jobs, seconds=seconds)
+
+
+def on_postgres(*, seed: int, jobs: int, seconds: float) -> Figures:
+    """In the middle the server crashes as well."""
+
+    def crash() -> None:
+        server.stop("immediate")
+        threading.Event().wait(AWAY_SECONDS)
+        server.start()
+
+    with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
+        url = server.url(server.create_database())
+        migrate(url)
+        return storm(url, Path(folder), seed=seed, jobs=jobs, seconds=seconds, disaster=crash)
+
+
+def storm(
+    url: str,
+    folder: Path,
+    *,
+    seed: int,
+    jobs: int,
+    seconds: float,
+    disaster: Callable[[], None] | None = None,
+) -> Figures:
+    """Let it storm for ``seconds``, with a ``disaster`` in the middle; then wait until everything is done."""
+    figures, chance = Figures(), random.Random(seed)
+    installation = Installation(url, folder)
+    database = Database(url)
+    began = time.monotonic()
+    try:
+        wait_until(lambda: _is_ready(installation), RECOVERY_SECONDS)
+        client = Client(installation, jobs=jobs, seconds=seconds)
+        client.start()
+        _rage(installation, figures, chance, seconds, disaster)
+        ended = time.monotonic()
+        wait_until(lambda: _is_over(installation, client, database), RECOVERY_SECONDS + seconds)
+        figures.recovery_seconds = time.monotonic() - ended
+        if client.fault is not None:
+            raise client.fault
+        figures.acknowledged, figures.repeated = client.acknowledged, client.repeated
+        installation.stop()
+        figures.left_processes = _left(installation)
+        figures.doctor = json.loads(installation.run("doctor", "--json", "--all", "--seed", str(seed)).stdout)
+        _count(figures, database)
+    finally:
+        installation.clean_up()
+        database.close()
+    figures.seconds = time.monotonic() - began
+    return figures
+
+
+def _left(installation: Installation) -> int:
+    """Return how many processes outlive the others; those that are about to end have a moment."""
+    with contextlib.suppress(AssertionError):
+        wait_until(lambda: not installation.processes(), 5.0)
+    return len(installation.processes())
+
+
+def _is_ready(installation: Installation) -> bool:
+    with contextlib.suppress(OSError, HTTPException):
+        return installation.call("GET", "/readyz")["status"] == "ok"
+    return False
+
+
+def _rage(
+    installation: Installation,
+    figures: Figures,
+    chance: random.Random,
+    seconds: float,
+    disaster: Callable[[], None] | None,
+) -> None:
+    began = time.monotonic()
+    # However few are killed: one of each of these.
+    due = chance.sample(["api", "worker", "child"], 3)
+    while (passed := time.monotonic() - began) < seconds:
+        if disaster is not None and passed > seconds / 2:
+            disaster()
+            disaster = None
+        time.sleep(chance.expovariate(1 / PAUSE_SECONDS))
+        processes = installation.processes()
+        kinds = sorted({kind for _, kind in processes})
+        # Only what is at work can lose something; a start that is killed has not begun.
+        if "child" in kinds:
+            first = next((kind for kind in due if kind in kinds), None)
+            kind = first or chance.choices(kinds, [PREY[kind] for kind in kinds])[0]
+            if kill(chance.choice([pid for pid, of in processes if of == kind])):
+                figures.kills[kind] += 1
+                due = [other for other in due if other != kind]
+        installation.start_the_dead()
+
+
+def _is_over(installation: Installation, client: Client, database: Database) -> bool:
+    time.sleep(0.1)
+    installation.start_the_dead()
+    if client.is_alive():
+        return False
+    live = [state.value for state in JobState if state not in FINISHED]
+    with database.read() as session:
+        return not any(
+            session.scalar(select(func.count()).where(table.state.in_(live))) for table in (JobRow, SweepRow)
+        )
+
+
+def _count(figures: Figures, database: Database) -> None:
+    with database.read() as session:
+        states: Counter[str | None] = Counter()
+        for some in _batches(figures.acknowledged):
+            states.update(session.scalars(select(JobRow.state).where(JobRow.id.in_(some))))
+        succeeded = AttemptRow.outcome == AttemptOutcome.SUCCEEDED.value
+        twice = (
+            select(AttemptRow.job_id).where(succeeded).group_by(AttemptRow.job_id).having(func.count() > 1)
+        )
+        again = select(SolutionRow.job_id).group_by(SolutionRow.job_id).having(func.count() > 1)
+        figures.doubled = len(session.scalars(twice.union(again)).all())
+        lost = AttemptRow.outcome == AttemptOutcome.LOST.value
+        figures.lost_attempts = session.scalar(select(func.count()).select_from(AttemptRow).where(lost)) or 0
+        sweeps = session.execute(select(SweepRow.state, SweepRow.done)).all()
+    ended = sum(states[state.value] for state in FINISHED)
+    figures.unfinished = len(figures.acknowledged) - ended
+    figures.unfinished += sum(state != JobState.SUCCEEDED.value for state, _ in sweeps)
+    figures.lost = len(figures.acknowledged) - states[JobState.SUCCEEDED.value]
+    figures.points = sum(done for _, done in sweeps)
+
+
+def _batches(ids: list[str]) -> Iterator[list[str]]:
+    for start in range(0, len(ids), 500):
+        yield ids[start : start + 500]

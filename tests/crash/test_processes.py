@@ -1,0 +1,75 @@
+"""Real workers and a real API, killed at their own commits one after the other."""
+
+import signal
+from http.client import HTTPException
+
+import pytest
+
+from service.jobs.states import JobState
+from service.storage.database import Database
+from service.storage.inspection import inspect
+from service.storage.job_store import SqlJobStore
+from tests.crash.client import problem
+from tests.support.databases import url_of
+from tests.support.serving import serving
+from tests.workers.processes import Worker, wait_until
+
+COMMITS = (1, 3, 5, 7)
+"""Of a worker that announces itself, takes jobs of each kind below, keeps leases, and ends the jobs.
+
+Killed before these on SQLite and after these on Postgres, it dies after 0 to 7
+of its commits; each moment of each commit on both is seen elsewhere.
+"""
+CHORES = [{"chore": "sleep", "seconds": 0.6}, {"chore": "refuse"}, {"chore": "crash"}, {}]
+
+
+def broken(database):
+    return [finding.code for finding in inspect(database) if finding.broken]
+
+
+def test_a_worker_may_die_at_any_of_its_commits(database, jobs, url):
+    moment = "before" if url.startswith("sqlite") else "after"
+    submitted = []
+    for number in COMMITS:
+        submitted += [jobs.submit(chore, f"{number} {chore}").id for chore in CHORES]
+        worker = Worker(url, fault=f"commit:{moment}:{number}", max_attempts=1000)
+        try:
+            assert worker.process.wait(timeout=30) == -signal.SIGKILL
+            wait_until(lambda worker=worker: not worker.session())
+        finally:
+            worker.clean_up()
+        assert broken(database) == []
+    # A crash is never to blame on its job until this one says so.
+    worker = Worker(url, slots=2, max_attempts=1)
+    try:
+        wait_until(lambda: all(jobs.get(job_id).is_finished for job_id in submitted), 60.0)
+        assert worker.terminate() == 0
+    finally:
+        worker.clean_up()
+    assert broken(database) == []
+    succeeded = sum(jobs.get(job_id).state is JobState.SUCCEEDED for job_id in submitted)
+    codes = [jobs.get(job_id).error["code"] for job_id in submitted if jobs.get(job_id).error]
+    assert set(codes) == {"no_motion", "lost_worker"}
+    assert codes.count("no_motion") == len(COMMITS)
+    assert succeeded + len(codes) == len(submitted)
+
+
+def test_a_submit_without_an_answer_may_be_repeated(tmp_path):
+    for moment, stored in (("before", 0), ("after", 1)):
+        with serving(tmp_path, workers=0, POLHODE_FAULT=f"commit:{moment}:1") as service:
+            assert service.call("GET", "/v1/jobs").document["total"] == 0
+            with pytest.raises((OSError, HTTPException)):
+                service.call("POST", "/v1/jobs", problem(1))
+            assert service.process.wait(timeout=10) == -signal.SIGKILL
+        database = Database(url_of(tmp_path / "polhode.db"))
+        assert SqlJobStore(database).list_jobs().total == stored
+        database.close()
+    with serving(tmp_path, workers=1) as service:
+        # Whether it is there or not: whoever asks again gets the one solution.
+        solution, _ = service.solve(problem(1))
+        found = service.call("GET", "/v1/solutions").document
+        assert [each["id"] for each in found["items"]] == [solution["id"]]
+    database = Database(url_of(tmp_path / "polhode.db"))
+    assert broken(database) == []
+    assert {job.state for job in SqlJobStore(database).list_jobs().jobs} == {JobState.SUCCEEDED}
+    database.close()

@@ -1,0 +1,26 @@
+"""Everything is killed at random, Postgres too: every acknowledged job has exactly one result afterwards."""
+
+from tests.crash.client import SWEEP_POINTS
+from tests.crash.storm import Figures, on_postgres, on_sqlite
+
+JOBS, SECONDS = 200, 6.0
+
+
+def is_weathered(figures: Figures) -> None:
+    said = figures.line()
+    assert figures.kills.keys() >= {"api", "worker", "child"}, said
+    assert len(figures.acknowledged) == JOBS
+    assert (figures.unfinished, figures.lost, figures.doubled) == (0, 0, 0), said
+    assert figures.points >= SWEEP_POINTS
+    assert figures.points % SWEEP_POINTS == 0
+    assert figures.left_processes == 0, said
+    assert figures.doctor["clean"], figures.doctor
+    assert {again["sameness"] for again in figures.doctor["solved_again"]} == {"identical"}
+
+
+def test_nothing_is_lost_or_doubled_on_sqlite():
+    is_weathered(on_sqlite(seed=1, jobs=JOBS, seconds=SECONDS))
+
+
+def test_nothing_is_lost_or_doubled_on_postgres_that_crashes_as_well():
+    is_weathered(on_postgres(seed=2, jobs=JOBS, seconds=SECONDS))

@@ -1,0 +1,167 @@
+"""Solutions that are stored, solved once more: the same bits, or at least the same numbers."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from fractions import Fraction
+from random import Random
+
+import numpy as np
+from sqlalchemy import func, select
+
+from service.dynamics.dense_output import DenseOutput, OutsideHorizonError
+from service.dynamics.orientation import trajectory_columns, trajectory_errors
+from service.jobs.outcome import SolveOutcome
+from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.storage.codec import CodecError, decode_dense
+from service.storage.database import Database
+from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
+from workers.computation import solve_document
+
+TIMES = 33
+"""At which two functions of time are compared."""
+
+
+class Sameness(StrEnum):
+    """How the new solution stands to the stored one."""
+
+    IDENTICAL = "identical"
+    """Bit by bit, but for the time it took."""
+    WITHIN_ERRORS = "within_errors"
+    """Other bits, of another version or another machine; closer than both errors together."""
+    DIFFERENT = "different"
+    """Further apart than both errors allow: at least one of the two is wrong."""
+    FAILED = "failed"
+    """There is no new solution."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repetition:
+    """What came out for one solution."""
+
+    solution: str
+    sameness: Sameness
+    detail: str
+
+    @property
+    def is_clean(self) -> bool:
+        """The stored numbers are confirmed."""
+        return self.sameness in (Sameness.IDENTICAL, Sameness.WITHIN_ERRORS)
+
+
+@dataclass(frozen=True, slots=True)
+class _Stored:
+    solution: str
+    problem: Mapping[str, object]
+    summary: Mapping[str, object]
+    dense: bytes
+    samples: bytes | None
+    """None if they were removed to save space."""
+
+
+def repeat_solutions(
+    database: Database, sandbox: Sandbox, *, count: int, seconds: float, random: Random
+) -> Iterator[Repetition]:
+    """Solve ``count`` of the stored problems, chosen by ``random``, in ``seconds`` each at most; compare."""
+    for stored in _chosen(database, count, random):
+        yield _repeat(stored, sandbox, seconds)
+
+
+def _chosen(database: Database, count: int, random: Random) -> Iterator[_Stored]:
+    with database.read() as session:
+        total = session.scalar(select(func.count()).select_from(SolutionRow)) or 0
+    statement = (
+        select(SolutionRow.id, SolutionRow.problem, SolutionRow.summary, DenseOutputRow.data, SamplesRow.data)
+        .join(DenseOutputRow, DenseOutputRow.solution_id == SolutionRow.id)
+        .outerjoin(SamplesRow, SamplesRow.solution_id == SolutionRow.id)
+    )
+    for place in random.sample(range(total), min(count, total)):
+        one = select(SolutionRow.id).order_by(SolutionRow.id).offset(place).limit(1).scalar_subquery()
+        with database.read() as session:
+            row = session.execute(statement.where(SolutionRow.id == one)).one_or_none()
+        if row is not None:  # else it was removed meanwhile, or lacks what another law says it must have
+            yield _Stored(*row)
+
+
+def _repeat(stored: _Stored, sandbox: Sandbox, seconds: float) -> Repetition:
+    document = json.dumps(stored.problem)
+    try:
+        outcome = sandbox.run(solve_document, document, seconds=seconds)
+    except (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError) as fault:
+        return Repetition(stored.solution, Sameness.FAILED, f"it cannot be solved again: {fault}")
+    if outcome.error is not None or outcome.summary is None:
+        detail = "it cannot be solved again: {code}: {detail}".format(**outcome.error or {})
+        return Repetition(stored.solution, Sameness.FAILED, detail)
+    if _is_identical(stored, outcome):
+        return Repetition(stored.solution, Sameness.IDENTICAL, "the same bits")
+    try:
+        distance = _distance(stored, outcome.summary, decode_dense(outcome.dense))
+    except CodecError as fault:
+        return Repetition(stored.solution, Sameness.DIFFERENT, str(fault))
+    by = " by this version on another machine" if _same_version(stored, outcome.summary) else ""
+    if distance <= 1.0:
+        detail = f"other bits than were stored{by}, apart by {distance:.2g} of both errors"
+        return Repetition(stored.solution, Sameness.WITHIN_ERRORS, detail)
+    detail = f"apart by {distance:.2g} of what both errors allow"
+    return Repetition(stored.solution, Sameness.DIFFERENT, detail)
+
+
+def _is_identical(stored: _Stored, outcome: SolveOutcome) -> bool:
+    assert outcome.summary is not None
+    # As it comes back from a database: tuples are lists there.
+    summary = json.loads(json.dumps(outcome.summary))
+    return (
+        {**stored.summary, "cost": None} == {**summary, "cost": None}
+        and stored.dense == outcome.dense
+        and stored.samples in (None, outcome.samples)
+    )
+
+
+def _same_version(stored: _Stored, summary: Mapping[str, object]) -> bool:
+    return stored.summary.get("provenance") == summary.get("provenance")
+
+
+def _distance(stored: _Stored, summary: Mapping[str, object], dense: DenseOutput) -> float:
+    """Return the largest distance of two corresponding numbers, in units of the sum of their errors."""
+    numbers = [_apart(stored.summary.get(name), summary.get(name)) for name in ("period", "energy")]
+    return max(*numbers, _functions_apart(decode_dense(stored.dense), dense))
+
+
+def _apart(one: object, other: object) -> float:
+    if one is None and other is None:
+        return 0.0
+    if not isinstance(one, Mapping) or not isinstance(other, Mapping):
+        return float("inf")
+    allowed = _error(one) + _error(other)
+    distance = abs(Fraction(one["value"]) - Fraction(other["value"]))
+    return _ratio(float(distance), float(allowed))
+
+
+def _error(number: Mapping[str, object]) -> Fraction:
+    """Return the error of a number, or the radius of one that is proven."""
+    error = number["radius"] if "radius" in number else number["error"]
+    assert isinstance(error, int | float | str)
+    return Fraction(error)
+
+
+def _functions_apart(one: DenseOutput, other: DenseOutput) -> float:
+    if one.columns != other.columns:
+        return float("inf")
+    if not one.columns:
+        return 0.0
+    start, stop = max(one.breaks[0], other.breaks[0]), min(one.breaks[-1], other.breaks[-1])
+    times = np.linspace(start, stop, TIMES)
+    try:
+        values, others = trajectory_columns(one, times), trajectory_columns(other, times)
+    except OutsideHorizonError:
+        return float("inf")
+    errors, other_errors = trajectory_errors(one, times), trajectory_errors(other, times)
+    return max(
+        _ratio(float(np.max(np.abs(values[name] - others[name]))), errors[name] + other_errors[name])
+        for name in values
+    )
+
+
+def _ratio(distance: float, allowed: float) -> float:
+    return 0.0 if distance == 0.0 else distance / allowed if allowed > 0.0 else float("inf")
