@@ -16,14 +16,14 @@ from service.jobs.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database import Database
-from service.storage.dispatching import dispatcher_of
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.dispatching import dispatcher_of
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.worker_registry import SILENT_LEASES
 from service.storage.key_store import KeyStore
-from service.storage.retention import DAY_SECONDS, Retention
-from service.storage.solution_store import SolutionStore
-from service.storage.statistics import Statistics
-from service.storage.sweep_store import SweepStore
-from service.storage.worker_registry import SILENT_LEASES
+from service.storage.solutions.solution_store import SolutionStore
+from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.upkeep.retention import DAY_SECONDS, Retention
+from service.storage.upkeep.statistics import Statistics
 
 VERDICT_WORKERS = 2
 """Children that reach verdicts: one slow formula must not stop everybody else's."""

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from service.cli.main import app
 from service.schemas.accuracy import AccuracyTableModel
-from service.storage.accuracy_store import AccuracyStore
 from service.storage.database import Database
+from service.storage.solutions.accuracy_store import AccuracyStore
 
 POLHODE = Path(sys.executable).with_name("polhode")
 EXAMPLES = Path(__file__).parents[1] / "examples"

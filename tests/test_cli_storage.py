@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from service.cli.main import app
 from service.storage.database import Database
 from service.storage.ids import new_id
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.job_store import SqlJobStore
 from tests.support.databases import PROBLEM, SUMMARY, url_of
 
 

@@ -17,7 +17,7 @@ from service.logs import about, call_about, current_logging, mask, start_logging
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database import Database
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import TestClient
 from tests.test_cli import wait_until
 

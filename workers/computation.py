@@ -19,8 +19,8 @@ from service.examination import examine_problem
 from service.jobs.outcome import SolveOutcome
 from service.schemas.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem import read_problem
-from service.storage.accuracy_store import shipped_table
-from service.storage.codec import encode_arrays, encode_dense
+from service.storage.solutions.accuracy_store import shipped_table
+from service.storage.solutions.codec import encode_arrays, encode_dense
 from workers.certification import beside_enclosures, certified_samples
 from workers.findings import find_out
 from workers.solvers.cross_check import compare

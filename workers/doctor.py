@@ -11,9 +11,9 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from service.sandbox import Sandbox
 from service.settings import Settings
-from service.storage.blob_inspection import check_blobs
 from service.storage.database import Database
-from service.storage.inspection import Finding, check_schema, inspect, mend
+from service.storage.inspection.blob_inspection import check_blobs
+from service.storage.inspection.inspect import Finding, check_schema, inspect, mend
 from workers.repetition import Repetition, Sameness, repeat_solutions
 
 PACKETS = 100

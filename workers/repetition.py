@@ -14,8 +14,8 @@ from service.dynamics.dense_output import DenseOutput, OutsideHorizonError
 from service.dynamics.orientation import trajectory_columns, trajectory_errors
 from service.jobs.outcome import SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.storage.codec import CodecError, decode_dense
 from service.storage.database import Database
+from service.storage.solutions.codec import CodecError, decode_dense
 from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
 from workers.computation import solve_document
 

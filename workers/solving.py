@@ -10,7 +10,7 @@ from rich.console import Console
 from service.jobs.outcome import SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.settings import Settings
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 from workers.computation import solve_checked
 from workers.presentation import describe, to_csv
 

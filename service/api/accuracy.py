@@ -10,7 +10,7 @@ from service.api.responses import json_response, refusals
 from service.dynamics.accuracy import MotionKind
 from service.dynamics.problem import Tier
 from service.schemas.accuracy import AccuracyOut, AccuracyRowOut, UnavailableOut
-from service.storage.accuracy_store import AccuracyStore
+from service.storage.solutions.accuracy_store import AccuracyStore
 
 router = APIRouter(prefix="/v1/accuracy", tags=["accuracy"])
 

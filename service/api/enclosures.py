@@ -11,7 +11,7 @@ from service.api.responses import json_response, refusals
 from service.dynamics.enclosure import MAX_PARTS, RADIUS, as_decimals, join
 from service.dynamics.motion import COLUMNS
 from service.schemas.solution import EnclosureOut, EnclosuresOut
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 

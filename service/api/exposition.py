@@ -21,7 +21,7 @@ from prometheus_client.registry import Collector
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.jobs.states import AttemptOutcome, JobKind
-from service.storage.statistics import BOUNDS, LIVE, Durations, Figures, Statistics
+from service.storage.upkeep.statistics import BOUNDS, LIVE, Durations, Figures, Statistics
 
 logger = logging.getLogger(__name__)
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from service.api.arrow import ColumnKind, arrow_batches
 from service.api.point_queries import Wish
-from service.storage.point_query import INDEX, OUTCOME
-from service.storage.point_reader import Block
+from service.storage.sweeps.point_query import INDEX, OUTCOME
+from service.storage.sweeps.point_reader import Block
 
 JSON, CSV = "application/json", "text/csv"
 NDJSON, ARROW = "application/x-ndjson", "application/vnd.apache.arrow.stream"

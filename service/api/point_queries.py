@@ -11,7 +11,7 @@ from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number
 from service.schemas.faults import Fault
 from service.schemas.sweep import Sweep
-from service.storage.point_query import INDEX, OUTCOME, Condition, Operator, PointQuery
+from service.storage.sweeps.point_query import INDEX, OUTCOME, Condition, Operator, PointQuery
 
 DEFAULT_ROWS, MOST_ROWS = 100, 10_000
 """Of a page of JSON."""

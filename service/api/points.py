@@ -26,7 +26,7 @@ from service.jobs.sweeps import SweepRecord
 from service.schemas.faults import Fault
 from service.schemas.sweep_out import PointPageOut
 from service.schemas.sweeps import read_sweep
-from service.storage.point_reader import PointReader
+from service.storage.sweeps.point_reader import PointReader
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 

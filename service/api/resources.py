@@ -14,8 +14,8 @@ from service.jobs.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database import Database
-from service.storage.solution_store import SolutionStore
-from service.storage.sweep_store import SweepStore
+from service.storage.solutions.solution_store import SolutionStore
+from service.storage.sweeps.sweep_store import SweepStore
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from service.api.requests import without_query
 from service.api.resources import Inside
 from service.api.responses import json_response, refusals
 from service.schemas.solution import SolutionOut, SolutionPageOut
-from service.storage.solution_store import (
+from service.storage.solutions.solution_store import (
     NUMBER_COLUMNS,
     SORT_COLUMNS,
     Interval,

@@ -21,7 +21,7 @@ from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeou
 from service.schemas.budgets import choose_tier, window_of, with_tier
 from service.schemas.faults import Fault, InvalidProblemError
 from service.schemas.problem import CheckedProblem, check_problem, problem_digest
-from service.storage.accuracy_store import AccuracyStore
+from service.storage.solutions.accuracy_store import AccuracyStore
 
 MOST_PROBLEMS = 1000
 """In one request; its body has a limit besides."""

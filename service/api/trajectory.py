@@ -30,7 +30,7 @@ from service.schemas.asked_series import asked_series
 from service.schemas.faults import Fault
 from service.schemas.numbers import MAX_SAMPLES
 from service.schemas.solution import TrajectoryOut
-from service.storage.codec import decode_arrays, decode_dense
+from service.storage.solutions.codec import decode_arrays, decode_dense
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 

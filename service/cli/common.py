@@ -38,8 +38,8 @@ def migrate_database(settings: Settings) -> None:
     """Bring the database to this version, or end with the reason why not."""
     from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
 
+    from service.storage.jobs.procrastinate_schema import UnknownSchemaError  # noqa: PLC0415
     from service.storage.migration import migrate  # noqa: PLC0415
-    from service.storage.procrastinate_schema import UnknownSchemaError  # noqa: PLC0415
 
     try:
         migrate(settings.database_url, engine_name=settings.engine)

@@ -25,8 +25,8 @@ def backup(
     database_url: DatabaseUrl = None,
 ) -> None:
     """Write a checked copy of the database to a file, while the service goes on."""
-    from service.storage.backup import back_up  # noqa: PLC0415
-    from service.storage.backup_checks import BackupError  # noqa: PLC0415
+    from service.storage.upkeep.backup import back_up  # noqa: PLC0415
+    from service.storage.upkeep.backup_checks import BackupError  # noqa: PLC0415
 
     settings = settings_of(database_url=database_url)
     try:
@@ -46,8 +46,8 @@ def restore(
     """Replace the database by a backup and bring it to this version; the service must be stopped."""
     from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
 
-    from service.storage.backup import restore as restore_database  # noqa: PLC0415
-    from service.storage.backup_checks import BackupError  # noqa: PLC0415
+    from service.storage.upkeep.backup import restore as restore_database  # noqa: PLC0415
+    from service.storage.upkeep.backup_checks import BackupError  # noqa: PLC0415
 
     settings = settings_of(database_url=database_url)
     try:
@@ -70,7 +70,7 @@ def prune(
     from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
 
     from service.storage.database import Database  # noqa: PLC0415
-    from service.storage.retention import DAY_SECONDS, prune_samples  # noqa: PLC0415
+    from service.storage.upkeep.retention import DAY_SECONDS, prune_samples  # noqa: PLC0415
 
     settings = settings_of(database_url=database_url)
     seconds = samples_older_than

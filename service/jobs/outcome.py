@@ -10,7 +10,7 @@ class SolveOutcome:
 
     Either ``summary`` or ``error`` is given. ``error`` holds at least ``code``
     and ``detail``; ``dense`` and ``samples`` are encoded by
-    :mod:`service.storage.codec` and empty if there is an error.
+    :mod:`service.storage.solutions.codec` and empty if there is an error.
     """
 
     summary: dict[str, object] | None
@@ -23,7 +23,7 @@ class SolveOutcome:
 class ChunkOutcome:
     """The answers to some neighbouring points of a sweep.
 
-    Made by :func:`service.storage.chunk_codec.chunk_outcome`.
+    Made by :func:`service.storage.sweeps.chunk_codec.chunk_outcome`.
     """
 
     count: int
@@ -31,7 +31,7 @@ class ChunkOutcome:
     refused: int
     """Points among them that were not solved; why is in ``data``."""
     data: bytes
-    """The points in columns, encoded by :mod:`service.storage.chunk_codec`."""
+    """The points in columns, encoded by :mod:`service.storage.sweeps.chunk_codec`."""
     bounds: Mapping[str, tuple[float, float]]
     """Smallest and largest of each kept number that any point has."""
     seconds: float

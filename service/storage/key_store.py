@@ -13,8 +13,8 @@ from service.jobs.states import FINISHED, JobState
 from service.storage.clock import DatabaseNow
 from service.storage.database import Database
 from service.storage.ids import new_id
+from service.storage.jobs.records import instant, optional_instant
 from service.storage.operation_tables import ApiKeyRow
-from service.storage.records import instant, optional_instant
 from service.storage.tables import JobRow
 
 _ALPHABET = string.digits + string.ascii_uppercase + string.ascii_lowercase

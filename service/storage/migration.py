@@ -5,8 +5,8 @@ from pathlib import Path
 from alembic import command
 from alembic.config import Config
 
-from service.storage import procrastinate_schema
 from service.storage.database import make_engine
+from service.storage.jobs import procrastinate_schema
 
 
 def migrations_folder() -> Path:

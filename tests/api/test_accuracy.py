@@ -3,7 +3,7 @@
 import pytest
 
 from service.dynamics.accuracy import TIER_TOLERANCES
-from service.storage.accuracy_store import AccuracyStore, shipped_table
+from service.storage.solutions.accuracy_store import AccuracyStore, shipped_table
 from tests.support.accuracy import row, table
 
 

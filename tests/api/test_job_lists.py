@@ -8,7 +8,7 @@ from service import examination
 from service.api import submission
 from service.api.submission import MOST_PROBLEMS
 from service.sandbox import Sandbox
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import PLANAR, STATE
 
 INADMISSIBLE = {**PLANAR, "potential": {"type": "expression", "expression": "g1*g2"}}

@@ -15,8 +15,8 @@ from service.storage.clock import DatabaseNow
 from service.storage.database import Database
 from service.storage.ids import new_id
 from service.storage.operation_tables import WorkerRow
-from service.storage.statistics import BOUNDS, SETTLED_SECONDS, Statistics
 from service.storage.sweep_tables import SweepRow
+from service.storage.upkeep.statistics import BOUNDS, SETTLED_SECONDS, Statistics
 from tests.support.api import STATE, SUMMARY, TestClient, finish
 
 TOP = Path(__file__).parents[2]
@@ -40,8 +40,8 @@ class Scrape:
 @pytest.fixture
 def scrape(client, monkeypatch):
     # Every scrape measures anew; how often it does else is a test of its own.
-    monkeypatch.setattr("service.storage.statistics.YOUNG_SECONDS", 0.0)
-    monkeypatch.setattr("service.storage.statistics.SHARE", math.inf)
+    monkeypatch.setattr("service.storage.upkeep.statistics.YOUNG_SECONDS", 0.0)
+    monkeypatch.setattr("service.storage.upkeep.statistics.SHARE", math.inf)
     return lambda: Scrape(client)
 
 
@@ -93,12 +93,12 @@ def test_attempts_are_counted_by_how_they_ended(client, jobs, scrape):
 
 def test_what_has_settled_is_counted_once(jobs, database, monkeypatch):
     statistics = Statistics(database, seen_seconds=30.0)
-    monkeypatch.setattr("service.storage.statistics.YOUNG_SECONDS", 0.0)
-    monkeypatch.setattr("service.storage.statistics.SHARE", math.inf)
+    monkeypatch.setattr("service.storage.upkeep.statistics.YOUNG_SECONDS", 0.0)
+    monkeypatch.setattr("service.storage.upkeep.statistics.SHARE", math.inf)
     jobs.submit({"x": 1}, "digest")
     jobs.finish_success(claim(jobs), SUMMARY, dense=b"d", samples=b"s")
     for settled in (SETTLED_SECONDS, -1.0, -1.0, SETTLED_SECONDS):
-        monkeypatch.setattr("service.storage.statistics.SETTLED_SECONDS", settled)
+        monkeypatch.setattr("service.storage.upkeep.statistics.SETTLED_SECONDS", settled)
         ended = statistics.current().ended
         assert ended.attempts == {"succeeded": 1}
         assert ended.durations["quadrature", "standard"].count == 1

@@ -11,7 +11,7 @@ import pytest
 from service.api.errors import ApiError
 from service.api.point_queries import PointsQuery, read_query
 from service.schemas.sweeps import read_sweep
-from service.storage.point_reader import PointReader
+from service.storage.sweeps.point_reader import PointReader
 from tests.support.sweeps import POINTS, SWEEP, energy_of, finish_sweep, is_refused, period_of
 
 A, LAMBDA = "/potential/parameters/a", "/motion/lambda"

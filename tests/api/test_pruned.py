@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from service.storage.retention import prune_samples
+from service.storage.upkeep.retention import prune_samples
 from tests.support.api import PLANAR, STATE, solve_job
 
 

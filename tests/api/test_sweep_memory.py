@@ -8,10 +8,10 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from service.storage.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
 from service.storage.database import Database
-from service.storage.sweep_store import SweepStore
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
+from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
+from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.serving import serving
 from tests.support.sweeps import BASE
 

@@ -15,7 +15,7 @@ from service.dynamics.dense_output import (
     chebyshev_points,
 )
 from service.dynamics.orientation import LOCAL_QUATERNION, QUATERNION, trajectory_columns
-from service.storage.codec import encode_arrays, encode_dense
+from service.storage.solutions.codec import encode_arrays, encode_dense
 from tests.support.api import COLUMNS, ERROR, STATE, STORED_TIMES, SUMMARY, Stored, finish, values_at
 
 FORMATS = ["application/json", "text/csv", "application/x-npz", "application/vnd.apache.arrow.stream"]

@@ -18,7 +18,7 @@ from service.settings import Settings
 from service.storage.availability import is_away
 from service.storage.database import Database
 from service.storage.ids import new_id
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import STATE, TestClient
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from service.dynamics.errors import DynamicsError
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 from tests.extremes.elliptic import BITS, Elliptic, elliptic
 from tests.extremes.problems import SEPARATRIX, STATE
 from tests.support.planar import body, formula

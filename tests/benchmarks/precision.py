@@ -8,7 +8,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 from tests.benchmarks.costs import PROBLEMS
 from tests.benchmarks.measuring import Effort, Result, Table, clock, in_words, median
 from tests.benchmarks.motions import SAMPLES, FloatArray, Measured, elliptic, taylor_of_elliptic

@@ -14,8 +14,8 @@ from sqlalchemy import text
 
 from service.settings import Settings
 from service.storage.database import Database
-from service.storage.dispatching import dispatcher_of
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.dispatching import dispatcher_of
+from service.storage.jobs.job_store import SqlJobStore
 from service.storage.migration import migrate
 from tests.benchmarks.measuring import Effort, Table, in_words
 from tests.engines.installation import Installation, installed

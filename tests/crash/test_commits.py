@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy import func, select
 
 from service.jobs.states import JobKind
-from service.storage.inspection import inspect
+from service.storage.inspection.inspect import inspect
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
 from service.storage.tables import AttemptRow, DenseOutputRow, JobRow, SamplesRow, SolutionRow
 from tests.crash.victims import DEEDS, RETRIES, Executioner, Stores, stores_of

@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 
 from service.storage.database import Database
-from service.storage.inspection import inspect
+from service.storage.inspection.inspect import inspect
 from tests.crash.client import problem
 from tests.support.databases import url_of
 from tests.support.serving import serving

@@ -7,8 +7,8 @@ import pytest
 
 from service.jobs.states import JobState
 from service.storage.database import Database
-from service.storage.inspection import inspect
-from service.storage.job_store import SqlJobStore
+from service.storage.inspection.inspect import inspect
+from service.storage.jobs.job_store import SqlJobStore
 from tests.crash.client import problem
 from tests.support.databases import url_of
 from tests.support.serving import serving

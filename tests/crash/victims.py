@@ -20,8 +20,8 @@ from service.jobs.outcome import SolveOutcome
 from service.storage.database import Database
 from service.storage.faults import VARIABLE
 from service.storage.ids import new_id
-from service.storage.job_store import SqlJobStore
-from service.storage.sweep_store import SweepStore
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.workers.chores import do_chunk
 from tests.workers.processes import ROOT

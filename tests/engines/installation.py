@@ -11,11 +11,11 @@ from service.jobs.dispatch import Dispatcher
 from service.jobs.wakeup import Doorbell
 from service.settings import Settings
 from service.storage.database import Database
-from service.storage.dispatching import dispatcher_of
-from service.storage.job_store import SqlJobStore
-from service.storage.procrastinate_dispatcher import QUEUE, TASK
-from service.storage.solution_store import SolutionStore
-from service.storage.sweep_store import SweepStore
+from service.storage.jobs.dispatching import dispatcher_of
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.procrastinate_dispatcher import QUEUE, TASK
+from service.storage.solutions.solution_store import SolutionStore
+from service.storage.sweeps.sweep_store import SweepStore
 from tests.workers.processes import Worker
 
 HOUR = 3600.0

@@ -5,8 +5,8 @@ import os
 import pytest
 
 from service.jobs.states import AttemptOutcome, JobState
-from service.storage.job_store import SqlJobStore
-from service.storage.table_dispatcher import TableDispatcher
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.table_dispatcher import TableDispatcher
 from tests.workers.processes import wait_until
 
 JOB_SECONDS = 1.0

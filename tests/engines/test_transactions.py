@@ -3,7 +3,7 @@
 import pytest
 from sqlalchemy import inspect, text
 
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.job_store import SqlJobStore
 
 TABLES = ("jobs", "attempts", "solutions", "dense_outputs", "samples", "procrastinate_jobs")
 

@@ -11,7 +11,7 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 from tests.extremes.elliptic import BITS, Elliptic
 from workers.computation import solve_checked
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 from tests.extremes.elliptic import elliptic
 from tests.extremes.problems import METHODS, SEPARATRIX, require_claims, solve, three_terms
 from workers.computation import solve_checked

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from service.dynamics.numerics import NUMERICS
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 from tests.golden.documents import DOCUMENTS
 from workers.computation import solve_document
 

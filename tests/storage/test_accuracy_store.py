@@ -7,8 +7,8 @@ import pytest
 from sqlalchemy import func, select
 
 from service.schemas.accuracy import AccuracyTableModel
-from service.storage.accuracy_store import AccuracyStore, shipped_table
 from service.storage.operation_tables import CalibrationRow
+from service.storage.solutions.accuracy_store import AccuracyStore, shipped_table
 from tests.support.accuracy import row, table
 
 

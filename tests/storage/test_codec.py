@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from service.dynamics.dense_output import Advance, DenseOutput, Period
-from service.storage.codec import CodecError, decode_arrays, decode_dense, encode_arrays, encode_dense
+from service.storage.solutions.codec import (
+    CodecError,
+    decode_arrays,
+    decode_dense,
+    encode_arrays,
+    encode_dense,
+)
 
 any_array = arrays(np.float64, array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=5))
 

@@ -10,10 +10,10 @@ from sqlalchemy.orm import Session
 from service.jobs.keys import Role
 from service.jobs.states import JobState
 from service.storage.database import Database
-from service.storage.inspection import inspect, invariants, mend
-from service.storage.job_store import SqlJobStore
+from service.storage.inspection.inspect import inspect, invariants, mend
+from service.storage.jobs.job_store import SqlJobStore
 from service.storage.key_store import KeyStore
-from service.storage.sweep_store import SweepStore
+from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY, copy_of
 from tests.workers.chores import do_chunk
 

@@ -19,9 +19,9 @@ from service.jobs.errors import JobFinishedError
 from service.jobs.job import Claim
 from service.jobs.outcome import SolveOutcome
 from service.jobs.states import AttemptOutcome, JobState, pause_after
-from service.storage import moves
 from service.storage.clock import DatabaseNow
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs import moves
+from service.storage.jobs.job_store import SqlJobStore
 from service.storage.schema import TABLES
 from service.storage.tables import SolutionRow
 

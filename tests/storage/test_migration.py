@@ -10,14 +10,14 @@ from alembic.config import Config
 from alembic.migration import MigrationContext
 from sqlalchemy import CheckConstraint, event, inspect, text
 
-from service.storage.accuracy_store import AccuracyStore
 from service.storage.database import Database, make_engine
 from service.storage.ids import new_id
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.migration import migrate, migrations_folder
 from service.storage.schema import METADATA
-from service.storage.solution_store import SolutionStore
-from service.storage.table_dispatcher import TableDispatcher
+from service.storage.solutions.accuracy_store import AccuracyStore
+from service.storage.solutions.solution_store import SolutionStore
 from tests.support import accuracy
 from tests.support.databases import url_of
 

@@ -8,10 +8,10 @@ from service.app import create_app
 from service.jobs.keys import Role
 from service.settings import Settings
 from service.storage.ids import first_id, new_id
-from service.storage.inspection import inspect
+from service.storage.inspection.inspect import inspect
 from service.storage.key_store import KeyLimits, KeyStore
-from service.storage.retention import BATCH, Pruned, prune_samples
 from service.storage.tables import DenseOutputRow, JobRow, SamplesRow, SolutionRow
+from service.storage.upkeep.retention import BATCH, Pruned, prune_samples
 from tests.support.api import TestClient
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.test_cli import wait_until

@@ -2,8 +2,8 @@
 
 import pytest
 
-from service.storage.solution_store import SORT_COLUMNS, Interval, SolutionQuery
-from service.storage.summary import summary_columns
+from service.storage.solutions.solution_store import SORT_COLUMNS, Interval, SolutionQuery
+from service.storage.solutions.summary import summary_columns
 from tests.support.databases import PROBLEM, SUMMARY
 
 PERIODS = [3.0, 1.0, None, 2.0]

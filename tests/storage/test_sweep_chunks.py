@@ -10,11 +10,11 @@ from sqlalchemy import select, update
 
 from service.jobs.job import Claim
 from service.jobs.states import JobState
-from service.storage.chunk_codec import SOLVED, ChunkPoints, chunk_outcome, decode_points
 from service.storage.database import Database
-from service.storage.job_store import SqlJobStore
-from service.storage.sweep_store import SweepStore
+from service.storage.jobs.job_store import SqlJobStore
 from service.storage.sweep_tables import SweepChunkRow
+from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome, decode_points
+from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables import JobRow
 
 ATTEMPTS = 2

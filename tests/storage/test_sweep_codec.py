@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from service.storage.chunk_codec import (
+from service.storage.solutions.codec import CodecError
+from service.storage.sweeps.chunk_codec import (
     SOLVED,
     ChunkPoints,
     bounds_of,
@@ -14,7 +15,6 @@ from service.storage.chunk_codec import (
     decode_points,
     encode_points,
 )
-from service.storage.codec import CodecError
 
 OUTCOMES = st.sampled_from([SOLVED, "no_motion", "several_windows"])
 

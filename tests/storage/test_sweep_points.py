@@ -8,11 +8,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from service.schemas.sweeps import read_sweep
-from service.storage import point_reader
-from service.storage.chunk_codec import SOLVED
-from service.storage.point_query import Condition, PointQuery
-from service.storage.point_reader import PointReader
-from service.storage.sweep_store import SweepStore
+from service.storage.sweeps import point_reader
+from service.storage.sweeps.chunk_codec import SOLVED
+from service.storage.sweeps.point_query import Condition, PointQuery
+from service.storage.sweeps.point_reader import PointReader
+from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.sweeps import POINTS, SWEEP, energy_of, finish_sweep, is_refused, period_of
 
 A, LAMBDA = "/potential/parameters/a", "/motion/lambda"

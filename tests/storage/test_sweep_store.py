@@ -8,9 +8,9 @@ from sqlalchemy import func, select
 from service.jobs.errors import JobNotFoundError
 from service.jobs.states import JobKind, JobState
 from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
-from service.storage.chunk_codec import decode_points
 from service.storage.ids import new_id
-from service.storage.sweep_store import SweepStore
+from service.storage.sweeps.chunk_codec import decode_points
+from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables import JobRow
 from tests.support.databases import PROBLEM
 from tests.support.sweeps import POINTS, SWEEP, finish_chunk, finish_sweep

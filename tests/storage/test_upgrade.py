@@ -9,10 +9,10 @@ from sqlalchemy import LargeBinary, MetaData, inspect, text
 from service.jobs.states import AttemptOutcome, JobState
 from service.storage.database import Database, make_engine
 from service.storage.ids import new_id
-from service.storage.inspection import inspect as inspect_database
-from service.storage.job_store import SqlJobStore
+from service.storage.inspection.inspect import inspect as inspect_database
+from service.storage.jobs.job_store import SqlJobStore
 from service.storage.migration import migrate
-from service.storage.solution_store import SolutionQuery, SolutionStore
+from service.storage.solutions.solution_store import SolutionQuery, SolutionStore
 from tests.storage.test_migration import upgrade_to
 from tests.support.databases import SUMMARY, url_of
 

@@ -5,8 +5,8 @@ from sqlalchemy import select, update
 
 from service.jobs.hosts import OtherHostError, WorkerProcess, new_worker_name, this_host
 from service.storage.clock import DatabaseNow
+from service.storage.jobs.worker_registry import FORGOTTEN_SECONDS, WorkerRegistry
 from service.storage.operation_tables import WorkerRow
-from service.storage.worker_registry import FORGOTTEN_SECONDS, WorkerRegistry
 from workers.commands import main
 
 LEASE = 10.0

@@ -14,8 +14,8 @@ from service.dynamics.dense_output import DenseOutput, Period, chebyshev_coeffic
 from service.jobs.job import Job
 from service.sandbox import Sandbox
 from service.settings import Settings
-from service.storage.codec import encode_arrays, encode_dense
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.solutions.codec import encode_arrays, encode_dense
 from workers.computation import solve_document
 
 with warnings.catch_warnings():

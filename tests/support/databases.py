@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from service.storage.database import Database
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.job_store import SqlJobStore
 from service.storage.migration import migrate
-from service.storage.solution_store import SolutionStore
+from service.storage.solutions.solution_store import SolutionStore
 from tests.support.postgres import PostgresServer, postgres_server
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.jobs.job import Claim
-from service.storage.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
 
 FloatArray = NDArray[np.float64]
 

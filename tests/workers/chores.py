@@ -10,7 +10,7 @@ import numpy as np
 
 from service.jobs.outcome import ChunkOutcome, SolveOutcome
 from service.jobs.states import JobKind
-from service.storage.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
+from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
 
 SUMMARY: dict[str, object] = {
     "method": "quadrature",

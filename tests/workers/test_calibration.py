@@ -11,10 +11,10 @@ from service.dynamics.accuracy import MOTION_KINDS, TIERS
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.schemas.problem import read_problem
-from service.storage.accuracy_store import AccuracyStore
-from service.storage.codec import decode_arrays
 from service.storage.database import Database
 from service.storage.migration import migrate
+from service.storage.solutions.accuracy_store import AccuracyStore
+from service.storage.solutions.codec import decode_arrays
 from tests.support.databases import url_of
 from workers.calibration import measurement
 from workers.calibration.command import describe

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from service.storage.database import Database
-from service.storage.job_store import SqlJobStore
+from service.storage.jobs.job_store import SqlJobStore
 from tests.support.databases import url_of
 from tests.workers.processes import ROOT, wait_until
 from workers.commands import main

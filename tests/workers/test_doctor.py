@@ -12,12 +12,12 @@ from sqlalchemy import text, update
 
 from service.sandbox import Sandbox
 from service.schemas.problem import check_problem, problem_digest
-from service.storage import blob_inspection
-from service.storage.blob_inspection import check_blobs
-from service.storage.codec import decode_dense, encode_dense
 from service.storage.database import Database
-from service.storage.job_store import SqlJobStore
-from service.storage.sweep_store import SweepStore
+from service.storage.inspection import blob_inspection
+from service.storage.inspection.blob_inspection import check_blobs
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.solutions.codec import decode_dense, encode_dense
+from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.api import PLANAR, STATE
 from tests.workers.chores import do_chunk

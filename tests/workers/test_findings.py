@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 from workers.computation import solve_document
 
 NU_1 = {"type": "planar", "nu": 1}

@@ -7,8 +7,8 @@ import pytest
 
 from service.jobs.states import AttemptOutcome, JobState
 from service.jobs.wakeup import Doorbell
-from service.storage.chunk_codec import SOLVED, decode_points
-from service.storage.sweep_store import SweepStore
+from service.storage.sweeps.chunk_codec import SOLVED, decode_points
+from service.storage.sweeps.sweep_store import SweepStore
 from tests.workers.processes import wait_until
 
 

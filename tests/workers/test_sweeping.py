@@ -9,8 +9,8 @@ import pytest
 from service.examination import examine_problem
 from service.schemas.sweep_numbers import kept_numbers
 from service.schemas.sweeps import read_sweep
-from service.storage.chunk_codec import SOLVED, decode_points
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
+from service.storage.sweeps.chunk_codec import SOLVED, decode_points
 from workers.computation import solve_checked
 from workers.sweeping import chunk
 from workers.sweeping.chunk import compute_chunk

@@ -8,7 +8,7 @@ import pytest
 
 from service.jobs.chunking import Range
 from service.schemas.sweeps import read_sweep
-from service.storage.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
+from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
 from workers.sweeping.crew import Crew
 from workers.sweeping.files import SUFFIXES, schema_of, table_of
 

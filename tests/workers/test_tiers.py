@@ -7,7 +7,7 @@ import pytest
 
 from service.dynamics.accuracy import TIER_TOLERANCES
 from service.schemas.problem import read_problem
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 from tests.support.golden import GOLDEN
 from workers.computation import solve_checked, solve_document
 

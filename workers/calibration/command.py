@@ -13,8 +13,8 @@ from sqlalchemy.exc import SQLAlchemyError
 from service.dynamics.accuracy import AccuracyTable
 from service.schemas.accuracy import AccuracyTableModel
 from service.settings import Settings
-from service.storage.accuracy_store import AccuracyStore
 from service.storage.database import Database
+from service.storage.solutions.accuracy_store import AccuracyStore
 from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
 from workers.calibration.reference import NoReferenceError
 

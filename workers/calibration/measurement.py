@@ -16,7 +16,7 @@ from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.jobs.outcome import SolveOutcome
 from service.schemas.faults import InvalidProblemError
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 from workers.calibration.problems import CASES, SAMPLES, Case
 from workers.calibration.reference import ReferenceStates, reference_states, samples_of
 from workers.computation import solve_document

@@ -15,7 +15,7 @@ from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import Problem
 from service.dynamics.reduction.loop import ball
 from service.schemas.problem import read_problem
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
 from workers.calibration.problems import SAMPLES, Case
 from workers.computation import solve_document
 from workers.solvers.certified.certify import certify

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from service.schemas.accuracy import AccuracyTableModel
-from service.storage.accuracy_store import SHIPPED
+from service.storage.solutions.accuracy_store import SHIPPED
 from workers.calibration.measurement import FULL, calibrate
 
 

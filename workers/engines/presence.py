@@ -6,7 +6,7 @@ import time
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.jobs.hosts import WorkerProcess
-from service.storage.worker_registry import WorkerRegistry
+from service.storage.jobs.worker_registry import WorkerRegistry
 
 
 class Presence:

@@ -6,7 +6,7 @@ import psycopg
 from psycopg import sql
 from sqlalchemy import Engine
 
-from service.storage.procrastinate_dispatcher import CHANNEL
+from service.storage.jobs.procrastinate_dispatcher import CHANNEL
 
 
 class Notifications:

@@ -11,9 +11,9 @@ from service.logs import about
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database import Database
-from service.storage.dispatching import dispatcher_of
-from service.storage.job_store import SqlJobStore
-from service.storage.worker_registry import WorkerRegistry
+from service.storage.jobs.dispatching import dispatcher_of
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.worker_registry import WorkerRegistry
 from workers.engines.loop import EngineLoop, Waker
 from workers.engines.presence import Presence
 from workers.engines.procrastinate import Notifications

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from service.jobs.outcome import ChunkOutcome
 from service.schemas.sweep import Sweep
 from service.schemas.sweeps import read_sweep
-from service.storage.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
+from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
 from workers.sweeping.plan import Plan, make_plan
 from workers.sweeping.pointwise import Point, solve_point
 

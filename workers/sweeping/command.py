@@ -30,7 +30,7 @@ from service.schemas.strict_json import InvalidJsonError, parse_json
 from service.schemas.sweep import Sweep
 from service.schemas.sweeps import read_sweep
 from service.settings import Settings
-from service.storage.chunk_codec import SOLVED, ChunkPoints, bounds_of
+from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, bounds_of
 from workers.sweeping.crew import Crew
 from workers.sweeping.files import SUFFIXES, WITH_LISTS, PointFile, open_points, table_of
 

@@ -11,7 +11,7 @@ from service.jobs.chunking import CHUNK_SECONDS, PARTS, PILOT_POINTS, Range, cut
 from service.jobs.outcome import ChunkOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
 from service.schemas.sweep import Sweep
-from service.storage.chunk_codec import ChunkPoints, decode_points
+from service.storage.sweeps.chunk_codec import ChunkPoints, decode_points
 from workers.sweeping.chunk import compute_chunk
 
 LOOK_SECONDS = 0.1

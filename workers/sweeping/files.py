@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pyarrow import csv, ipc, parquet
 
 from service.schemas.sweep import Sweep
-from service.storage.chunk_codec import ChunkPoints
+from service.storage.sweeps.chunk_codec import ChunkPoints
 
 FloatArray = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from service.jobs.outcome import SolveOutcome
 from service.schemas.faults import InvalidProblemError
 from service.schemas.sweep import Sweep
 from service.schemas.sweep_numbers import kept_numbers
-from service.storage.chunk_codec import SOLVED
-from service.storage.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays
+from service.storage.sweeps.chunk_codec import SOLVED
 from workers.computation import solve_checked, solve_document
 
 FloatArray = NDArray[np.float64]

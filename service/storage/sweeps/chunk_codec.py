@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.jobs.outcome import ChunkOutcome
-from service.storage.codec import CodecError, pack_arrays, unpack_arrays
+from service.storage.solutions.codec import CodecError, pack_arrays, unpack_arrays
 
 FloatArray = NDArray[np.float64]
 

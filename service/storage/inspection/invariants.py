@@ -13,7 +13,7 @@ from sqlalchemy.orm import aliased
 
 from service.jobs.states import FINISHED, JobKind, JobState
 from service.storage.clock import DatabaseNow
-from service.storage.repairs import (
+from service.storage.inspection.repairs import (
     Broken,
     Repair,
     compute_again,

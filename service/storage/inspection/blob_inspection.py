@@ -9,11 +9,11 @@ from sqlalchemy import ColumnElement, Select, and_, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute
 
 from service.storage.base import Base
-from service.storage.chunk_codec import SOLVED, bounds_of, decode_points
-from service.storage.codec import CodecError, decode_arrays, decode_dense
 from service.storage.database import Database
-from service.storage.inspection import EXAMPLES, Finding
+from service.storage.inspection.inspect import EXAMPLES, Finding
+from service.storage.solutions.codec import CodecError, decode_arrays, decode_dense
 from service.storage.sweep_tables import SweepChunkRow
+from service.storage.sweeps.chunk_codec import SOLVED, bounds_of, decode_points
 from service.storage.tables import DenseOutputRow, SamplesRow
 
 Fields = tuple[Any, ...]

@@ -8,8 +8,8 @@ from sqlalchemy.orm import Session
 from service.jobs.states import JobKind, JobState
 from service.storage.base import table_of
 from service.storage.clock import database_now
-from service.storage.finishing import solved
 from service.storage.ids import new_id
+from service.storage.jobs.finishing import solved
 from service.storage.tables import JobRow
 
 _INSERT = insert(table_of(JobRow))

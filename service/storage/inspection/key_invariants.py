@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from sqlalchemy import ColumnElement, func, select, update
 
 from service.storage.database import Database
-from service.storage.invariants import Invariant, Remedy
+from service.storage.inspection.invariants import Invariant, Remedy
+from service.storage.inspection.repairs import Broken
 from service.storage.operation_tables import ApiKeyRow
-from service.storage.repairs import Broken
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
 from service.storage.tables import DenseOutputRow, JobRow, SamplesRow, SolutionRow
 

@@ -15,12 +15,12 @@ from service.jobs.job import Claim
 from service.jobs.outcome import ChunkOutcome
 from service.jobs.states import AttemptOutcome, JobKind, JobState, sources
 from service.storage.base import Document
-from service.storage.chunk_codec import ChunkPoints, chunk_outcome
 from service.storage.clock import DatabaseNow, database_now
 from service.storage.ids import new_id
+from service.storage.jobs.moves import end_attempt, fence, move
 from service.storage.key_store import charge
-from service.storage.moves import end_attempt, fence, move
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
+from service.storage.sweeps.chunk_codec import ChunkPoints, chunk_outcome
 from service.storage.tables import JobRow
 
 _NO_DIGEST = ""

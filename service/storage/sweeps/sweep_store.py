@@ -1,4 +1,4 @@
-"""Sweeps in SQL, one transaction a method; how chunks move them is in :mod:`service.storage.sweep_moves`."""
+"""Sweeps in SQL, one transaction a method; how chunks move them is in ``sweep_moves``."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -16,14 +16,14 @@ from service.jobs.sweeps import (
     SweepProgress,
     SweepRecord,
 )
-from service.storage import sweep_moves
 from service.storage.base import Document
 from service.storage.clock import database_now
 from service.storage.database import Database
 from service.storage.ids import is_id, new_id
-from service.storage.records import delivery_of, instant, optional_instant
+from service.storage.jobs.records import delivery_of, instant, optional_instant
+from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
-from service.storage.table_dispatcher import TableDispatcher
+from service.storage.sweeps import sweep_moves
 
 _PAGE = 1000
 """Chunks whose descriptions are read at once."""

@@ -10,7 +10,7 @@ from service.jobs.states import AttemptOutcome, JobState, sources
 from service.storage.base import table_of
 from service.storage.clock import DatabaseNow
 from service.storage.ids import new_id
-from service.storage.summary import summary_columns
+from service.storage.solutions.summary import summary_columns
 from service.storage.tables import AttemptRow, DenseOutputRow, JobRow, SamplesRow, SolutionRow
 
 _JOBS, _ATTEMPTS, _SOLUTIONS = table_of(JobRow), table_of(AttemptRow), table_of(SolutionRow)

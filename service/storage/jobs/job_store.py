@@ -1,4 +1,4 @@
-"""Jobs in SQL. One method is one transaction; its moves are those of :mod:`service.storage.moves`."""
+"""Jobs in SQL. One method is one transaction; its moves are those of :mod:`service.storage.jobs.moves`."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,19 +10,19 @@ from service.jobs.errors import JobFinishedError, JobNotFoundError
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.outcome import ChunkOutcome, Outcome, SolveOutcome
 from service.jobs.states import AttemptOutcome, JobKind, JobState
-from service.storage import sweep_moves
 from service.storage.base import table_of
-from service.storage.claiming import take_jobs
 from service.storage.clock import DatabaseNow
 from service.storage.database import Database
-from service.storage.finishing import store_solution
 from service.storage.ids import is_id
+from service.storage.jobs.claiming import take_jobs
+from service.storage.jobs.finishing import store_solution
+from service.storage.jobs.moves import end_attempt, fence, history, lose, move
+from service.storage.jobs.records import delivery_of, job_of
+from service.storage.jobs.submitting import insert_jobs
+from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.key_store import charge
-from service.storage.moves import end_attempt, fence, history, lose, move
-from service.storage.records import delivery_of, job_of
-from service.storage.submitting import insert_jobs
 from service.storage.sweep_tables import SweepRow
-from service.storage.table_dispatcher import TableDispatcher
+from service.storage.sweeps import sweep_moves
 from service.storage.tables import JobRow
 
 _JOBS = table_of(JobRow)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from service.storage.backup_checks import NOT_OURS, BackupError, Contents, refuse_jobs
+from service.storage.upkeep.backup_checks import NOT_OURS, BackupError, Contents, refuse_jobs
 
 BUSY_SECONDS = 30.0
 """How long others may keep the database that is to be replaced."""
@@ -36,7 +36,7 @@ def revision(file: Path) -> str:
 
 
 def load(database: Path, file: Path, *, force: bool) -> Contents:
-    """Make ``database`` a copy of ``file`` in one transaction; see :func:`service.storage.backup.restore`."""
+    """Make ``database`` a copy of ``file`` in one transaction; see ``backup.restore``."""
     with _opened(file) as backup, _opened(database, create=True) as target:
         tables = [name for (name,) in target.execute(_ROWS)]
         if not force:

@@ -4,8 +4,8 @@ from sqlalchemy.orm import Session
 
 from service.jobs.dispatch import Dispatcher
 from service.settings import Settings
-from service.storage.procrastinate_dispatcher import ProcrastinateDispatcher
-from service.storage.table_dispatcher import TableDispatcher
+from service.storage.jobs.procrastinate_dispatcher import ProcrastinateDispatcher
+from service.storage.jobs.table_dispatcher import TableDispatcher
 
 
 def dispatcher_of(settings: Settings) -> Dispatcher[Session]:

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from sqlalchemy import CTE, BigInteger, and_, cast, exists, func, not_, or_, select, union_all
 
 from service.jobs.states import FINISHED, JobKind, JobState
-from service.storage.invariants import Invariant, Remedy
-from service.storage.sweep_repairs import cancel_chunks, mend_sweeps
+from service.storage.inspection.invariants import Invariant, Remedy
+from service.storage.inspection.sweep_repairs import cancel_chunks, mend_sweeps
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
 from service.storage.tables import JobRow
 

@@ -9,10 +9,10 @@ from service.jobs.chunking import PILOT_POINTS, Range, cut
 from service.jobs.states import FINISHED, AttemptOutcome, JobKind, JobState
 from service.storage.clock import DatabaseNow
 from service.storage.database import Database
-from service.storage.moves import end_attempt, move
-from service.storage.repairs import Broken
-from service.storage.sweep_moves import hold, queue_chunks
+from service.storage.inspection.repairs import Broken
+from service.storage.jobs.moves import end_attempt, move
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
+from service.storage.sweeps.sweep_moves import hold, queue_chunks
 from service.storage.tables import JobRow
 
 _LIVE = [state.value for state in JobState if state not in FINISHED]

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.schemas.sweep import Sweep
-from service.storage.chunk_codec import decode_points
-from service.storage.point_query import INDEX, BoolArray, Condition, FloatArray, PointQuery
-from service.storage.sweep_store import StoredChunk, SweepStore
+from service.storage.sweeps.chunk_codec import decode_points
+from service.storage.sweeps.point_query import INDEX, BoolArray, Condition, FloatArray, PointQuery
+from service.storage.sweeps.sweep_store import StoredChunk, SweepStore
 
 IntArray = NDArray[np.int64]
 WordArray = NDArray[np.object_]

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from service.jobs.job import Attempt, Claim
 from service.jobs.states import FINISHED, AttemptOutcome, JobState, after_loss, pause_after, sources
 from service.storage.clock import DatabaseNow, database_now
-from service.storage.records import attempt_of
+from service.storage.jobs.records import attempt_of
 from service.storage.tables import AttemptRow, JobRow
 
 

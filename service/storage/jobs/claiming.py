@@ -8,10 +8,10 @@ from sqlalchemy.orm import Session
 from service.jobs.dispatch import Dispatcher
 from service.jobs.job import Claim, Taken
 from service.jobs.states import JobKind, JobState, sources
-from service.storage import sweep_moves
 from service.storage.base import table_of
 from service.storage.clock import DatabaseNow
-from service.storage.finishing import solved, succeed
+from service.storage.jobs.finishing import solved, succeed
+from service.storage.sweeps import sweep_moves
 from service.storage.tables import AttemptRow, JobRow
 
 _JOBS = table_of(JobRow)

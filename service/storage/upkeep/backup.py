@@ -12,9 +12,9 @@ from pathlib import Path
 from sqlalchemy import make_url
 from sqlalchemy.exc import ArgumentError
 
-from service.storage import postgres_backup, sqlite_backup
-from service.storage.backup_checks import BackupError, Contents, known_revisions
 from service.storage.migration import migrate
+from service.storage.upkeep import postgres_backup, sqlite_backup
+from service.storage.upkeep.backup_checks import BackupError, Contents, known_revisions
 
 
 def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:

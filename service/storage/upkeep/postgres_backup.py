@@ -10,9 +10,9 @@ from psycopg.conninfo import make_conninfo
 from sqlalchemy import Connection, inspect, make_url, text
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.storage.backup_checks import NOT_OURS, BackupError, Contents, refuse_jobs
 from service.storage.database import make_engine
 from service.storage.schema import METADATA
+from service.storage.upkeep.backup_checks import NOT_OURS, BackupError, Contents, refuse_jobs
 
 _TABLE = re.compile(r"; \d+ \d+ TABLE \S+ (\S+) ")
 _PLAIN = ("--no-owner", "--no-privileges")
@@ -48,7 +48,7 @@ def revision(file: Path) -> str:
 
 
 def load(url: str, file: Path, *, force: bool) -> Contents:
-    """Replace the tables by those of ``file``; see :func:`service.storage.backup.restore`."""
+    """Replace the tables by those of ``file``; see :func:`service.storage.upkeep.backup.restore`."""
     dumped = set(_TABLE.findall(_run("pg_restore", None, "--list", str(file))))
     engine = make_engine(url)
     try:

@@ -1,7 +1,7 @@
 """Solutions: found by their numbers, read with or without their arrays.
 
 A solution is written only together with the success of its job, see
-:mod:`service.storage.job_store`; hence whatever is here comes from a success.
+:mod:`service.storage.jobs.job_store`; hence whatever is here comes from a success.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from sqlalchemy.orm import InstrumentedAttribute
 from service.jobs.errors import SolutionNotFoundError
 from service.storage.database import Database
 from service.storage.ids import is_id
-from service.storage.records import instant
+from service.storage.jobs.records import instant
 from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
 
 NumberColumn = Literal["A", "C", "period", "energy", "error"]

@@ -10,10 +10,10 @@ from sqlalchemy.orm import Session
 
 from service.storage.availability import is_away
 from service.storage.database import Database
-from service.storage.invariants import Invariant, invariants_of_jobs
-from service.storage.key_invariants import invariants_of_keys
+from service.storage.inspection.invariants import Invariant, invariants_of_jobs
+from service.storage.inspection.key_invariants import invariants_of_keys
+from service.storage.inspection.sweep_invariants import invariants_of_sweeps
 from service.storage.migration import migrations_folder
-from service.storage.sweep_invariants import invariants_of_sweeps
 
 EXAMPLES = 5
 """Ids that are told of the rows that break a law."""

@@ -27,7 +27,7 @@ from sqlalchemy.orm import Session
 from service.jobs.states import AttemptOutcome, JobState
 from service.storage.clock import DatabaseNow
 from service.storage.database import Database
-from service.storage.moves import end_attempt, move
+from service.storage.jobs.moves import end_attempt, move
 from service.storage.tables import AttemptRow, JobRow
 
 Broken = Select[str]

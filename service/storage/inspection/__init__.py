@@ -1,0 +1,1 @@
+"""What must hold in every database, and how it is mended."""

@@ -1,0 +1,1 @@
+"""Jobs in SQL: how they come, pass into hands, move and end; who delivers them."""

@@ -1,0 +1,1 @@
+"""Solutions, their arrays, and what tiers were measured to reach."""

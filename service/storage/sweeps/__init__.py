@@ -1,0 +1,1 @@
+"""Sweeps, their chunks, and the points in them."""

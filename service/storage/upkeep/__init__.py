@@ -1,0 +1,1 @@
+"""What an installation needs from day to day: counts, retention, backups."""
