@@ -26,6 +26,7 @@ _SQLITE_AWAY = frozenset(
 _POSTGRES_AWAY = (
     "08",  # the connection failed
     "25006",  # read only: another server has taken over
+    "25P03",  # this process slept in the middle of a transaction
     "40",  # rolled back for the sake of another transaction
     "53",  # disk, memory or connections are used up
     "55P03",  # a lock was not had in time

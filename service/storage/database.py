@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from sqlite3 import Connection as SqliteConnection
 
+from psycopg import Connection as PostgresConnection
 from sqlalchemy import Connection, Engine, create_engine, event, make_url
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
@@ -27,6 +28,8 @@ BUSY_SECONDS = 30.0
 """How long one waits for another writer of SQLite; ``?timeout=…`` in the URL says otherwise."""
 CONNECT_SECONDS = 10
 """How long a server of Postgres may take to answer; ``?connect_timeout=…`` in the URL says otherwise."""
+IDLE_SECONDS = 60
+"""After this long without a word in the middle of a transaction Postgres gives its locks back."""
 
 
 class Database:
@@ -65,6 +68,8 @@ def make_engine(url: str) -> Engine:
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _configure_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
+    else:
+        event.listen(engine, "connect", _configure_postgres)
     return engine
 
 
@@ -89,6 +94,14 @@ def _configure_sqlite(connection: SqliteConnection, _: ConnectionPoolEntry) -> N
     connection.isolation_level = None
     connection.execute("PRAGMA foreign_keys = ON")
     connection.execute("PRAGMA synchronous = FULL")
+
+
+def _configure_postgres(connection: PostgresConnection, _: ConnectionPoolEntry) -> None:
+    # A worker whose host sleeps or is cut off in the middle of a transaction must not keep a job's row
+    # locked: nobody could take the job over. Not by a parameter of the connection, which poolers refuse.
+    with connection.cursor() as cursor:
+        cursor.execute(f"SET idle_in_transaction_session_timeout = '{IDLE_SECONDS}s'")
+    connection.commit()
 
 
 def _begin_sqlite(connection: Connection) -> None:

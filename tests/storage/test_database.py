@@ -6,11 +6,15 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from sqlalchemy import select
-from sqlalchemy.exc import IntegrityError, StatementError
+from sqlalchemy.exc import DBAPIError, IntegrityError, StatementError
 
+from service.storage.availability import is_away
 from service.storage.clock import DatabaseNow
+from service.storage.database import Database
+from service.storage.jobs.job_store import SqlJobStore
 from service.storage.tables import JobRow
 from tests.support.databases import PROBLEM, SUMMARY
+from tests.workers.processes import wait_until
 
 
 def test_many_writers_never_find_the_database_busy(jobs):
@@ -71,3 +75,27 @@ def test_the_clock_of_the_database_runs_in_seconds_since_1970(database, jobs):
     assert 0.04 < (after - before).total_seconds() < 5.0
     with database.read() as session:
         assert session.scalar(select(DatabaseNow())) == pytest.approx(after.timestamp(), abs=5.0)
+
+
+def fall_silent(database, meanwhile):
+    """Lock every job, say nothing until ``meanwhile`` is done, and go on as if no time had passed."""
+    with database.write() as session:
+        session.execute(select(JobRow.id).with_for_update())
+        meanwhile()
+        session.execute(select(JobRow.id))
+
+
+def test_postgres_takes_its_locks_back_from_a_client_that_says_nothing_more(postgres_url, monkeypatch):
+    monkeypatch.setattr("service.storage.database.IDLE_SECONDS", 1)
+    database = Database(postgres_url)
+    jobs = SqlJobStore(database)
+    job = jobs.submit(PROBLEM, "digest")
+
+    def others():
+        assert jobs.claim("worker", lease_seconds=60) is None  # what is locked is passed over
+        assert wait_until(lambda: jobs.claim("worker", lease_seconds=60)).job_id == job.id
+
+    with pytest.raises(DBAPIError) as caught:
+        fall_silent(database, others)
+    assert is_away(caught.value)
+    database.close()

@@ -10,7 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+from sqlalchemy import select
+from sqlalchemy.exc import OperationalError
+
 from service.jobs.wakeup import Doorbell
+from service.storage.database import Database
+from service.storage.tables import JobRow
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 15.0
@@ -27,6 +32,24 @@ def wait_until(condition: Callable[[], T], patience: float = PATIENCE) -> T:
             raise AssertionError("waited in vain")
         time.sleep(0.01)
     return value
+
+
+def stop_between_transactions(worker: "Worker", url: str) -> None:
+    """Stop a worker at a moment when it locks nothing that others need."""
+    database = Database(f"{url}?timeout=0.1" if url.startswith("sqlite") else url)
+
+    def is_caught() -> bool:
+        worker.process.send_signal(signal.SIGSTOP)
+        try:
+            with database.write() as session:
+                session.execute(select(JobRow.id).with_for_update(nowait=True))
+        except OperationalError:
+            worker.process.send_signal(signal.SIGCONT)
+            return False
+        return True
+
+    wait_until(is_caught)
+    database.close()
 
 
 def _process_ids() -> list[int]:

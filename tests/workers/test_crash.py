@@ -7,7 +7,7 @@ import time
 import pytest
 
 from service.jobs.states import AttemptOutcome, JobState
-from tests.workers.processes import wait_until
+from tests.workers.processes import stop_between_transactions, wait_until
 
 LEASE = 1.0
 """Of the workers in these tests."""
@@ -110,11 +110,11 @@ def test_a_killed_fork_server_does_not_stop_the_worker(jobs, start_worker, log):
     wait_until(lambda: state_of(jobs, second) is JobState.SUCCEEDED)
 
 
-def test_a_worker_that_slept_through_its_lease_does_not_finish_the_job(jobs, start_worker, log):
+def test_a_worker_that_slept_through_its_lease_does_not_finish_the_job(jobs, url, start_worker, log):
     job = jobs.submit({"chore": "sleep", "seconds": 2.0, "log": str(log)}, "digest")
     first = start_worker(lease_seconds=LEASE)
     wait_until(lambda: children(log))
-    first.process.send_signal(signal.SIGSTOP)
+    stop_between_transactions(first, url)
     start_worker(lease_seconds=LEASE)
     wait_until(lambda: len(children(log)) == 2)
     # Its child has gone on and finishes; what it hands over is out of date.
