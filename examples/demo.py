@@ -1,6 +1,7 @@
 """The main job, end to end, over HTTP: verdicts, two solutions, pictures; then a clean stop."""
 
 import json
+import os
 import shutil
 import signal
 import socket
@@ -69,7 +70,7 @@ def solve(address: str, name: str) -> None:
     say("  " + "".join(f"{column:>13}" for column in columns))
     last = len(columns["t"]) - 1
     for row in (round(k * last / (SAMPLES_SHOWN - 1)) for k in range(SAMPLES_SHOWN)):
-        say("  " + "".join(f"{values[row]:13.8f}" for values in columns.values()))
+        say("  " + "".join(f"{values[row]:z13.8f}" for values in columns.values()))
     picture = OUTPUT / f"{name}.png"
     draw(columns, name, picture)
     say(f"  picture    {picture}")
@@ -79,7 +80,8 @@ def start_service(address: str) -> "subprocess.Popen[bytes]":
     """Start the service on a fresh SQLite file."""
     port = address.rpartition(":")[2]
     polhode = Path(sys.executable).with_name("polhode")
-    return subprocess.Popen([polhode, "serve", "--port", port], cwd=OUTPUT)
+    environment = {**os.environ, "POLHODE_LOG_FORMAT": "text"}
+    return subprocess.Popen([polhode, "serve", "--port", port], cwd=OUTPUT, env=environment)
 
 
 def wait_until_ready(address: str, service: "subprocess.Popen[bytes]") -> None:

@@ -76,13 +76,21 @@ def test_what_it_is_about_is_said_once(lines):
 
 def test_an_exception_is_a_field(lines):
     try:
-        raise ValueError("bad \ud800 thing")
+        raise ValueError("bad thing")
     except ValueError:
         logger.exception("failed")
     (line,) = lines()
     assert line["level"] == "error"
     assert line["exception"].startswith("Traceback")
-    assert line["exception"].endswith("ValueError: bad \ud800 thing")
+    assert line["exception"].endswith("ValueError: bad thing")
+
+
+def test_half_a_surrogate_pair_can_be_logged(lines):
+    record = logger.makeRecord(logger.name, logging.ERROR, "", 0, "bad \ud800 thing", (), None)
+    # To our handler alone: reports of tests, which keep what is logged, are sent as UTF-8.
+    (ours,) = (each for each in logging.getLogger().handlers if type(each).__module__ == "service.logs")
+    ours.handle(record)
+    assert [line["message"] for line in lines()] == ["bad \ud800 thing"]
 
 
 def test_the_level_holds_for_ours_and_libraries_only_warn(lines):
