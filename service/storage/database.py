@@ -62,6 +62,11 @@ class Database:
         self.engine.dispose()
 
 
+def is_postgres(session: Session) -> bool:
+    """Say whether a session's database is Postgres; else it is SQLite."""
+    return session.get_bind().dialect.name == "postgresql"
+
+
 def make_engine(url: str) -> Engine:
     """Return an engine for ``url`` (SQLite or Postgres) with this project's settings."""
     engine = create_engine(url, json_serializer=_strict_json, connect_args=_patience(url))

@@ -147,9 +147,9 @@ def _rage(
     disaster: Callable[[], None] | None,
 ) -> None:
     began = time.monotonic()
-    # However few are killed: one of each of these.
+    # However few are killed, and however slow the machine: one of each of these.
     due = chance.sample(["api", "worker", "child"], 3)
-    while (passed := time.monotonic() - began) < seconds:
+    while (passed := time.monotonic() - began) < seconds or (due and passed < seconds + RECOVERY_SECONDS):
         if disaster is not None and passed > seconds / 2:
             disaster()
             disaster = None

@@ -1,8 +1,9 @@
 """How jobs pass into the hands of a worker, within somebody's transaction."""
 
 from collections.abc import Sequence
+from typing import Any  # of a row that the statement describes
 
-from sqlalchemy import bindparam, insert, update
+from sqlalchemy import Row, bindparam, insert, update
 from sqlalchemy.orm import Session
 
 from service.jobs.dispatch import Dispatcher
@@ -10,7 +11,9 @@ from service.jobs.job import Claim, Taken
 from service.jobs.states import JobKind, JobState, sources
 from service.storage.base import table_of
 from service.storage.clock import DatabaseNow
+from service.storage.database import is_postgres
 from service.storage.jobs.finishing import solved, succeed
+from service.storage.jobs.joint_statements import claim_and_begin
 from service.storage.sweeps import sweep_moves
 from service.storage.tables import AttemptRow, JobRow
 
@@ -20,7 +23,7 @@ _CLAIM = (
     .where(_JOBS.c.id.in_(bindparam("ids", expanding=True)), _JOBS.c.state.in_(sources(JobState.RUNNING)))
     .values(
         state=JobState.RUNNING.value,
-        owner=bindparam("worker"),
+        owner=bindparam("claimant"),
         attempt=_JOBS.c.attempt + 1,
         started_at=DatabaseNow(),
         lease_until=DatabaseNow() + bindparam("lease_seconds"),
@@ -37,6 +40,7 @@ _CLAIM = (
         _JOBS.c.started_at,
     )
 )
+_CLAIM_AND_BEGIN = claim_and_begin(_CLAIM)
 _BEGIN = insert(table_of(AttemptRow))
 
 
@@ -50,8 +54,7 @@ def take_jobs(
     ids = dispatcher.take(session, count) if count else None
     if ids is None:
         return None
-    claims = _claim(session, ids, worker, lease_seconds)
-    solutions = solved(session, sorted({claim.digest for claim in claims}))
+    claims, solutions = _claim(session, ids, worker, lease_seconds)
     reused = [
         claim
         for claim in claims
@@ -62,17 +65,27 @@ def take_jobs(
     )
 
 
-def _claim(session: Session, ids: Sequence[str], worker: str, lease_seconds: float) -> list[Claim]:
-    """Claim those of the jobs that are queued, in one compare-and-set; in the order of the queue."""
-    rows = session.execute(_CLAIM, {"ids": ids, "worker": worker, "lease_seconds": lease_seconds}).all()
-    if not rows:
-        return []
-    attempts = [
-        {"job_id": row.id, "number": row.attempt, "worker": worker, "started_at": row.started_at}
-        for row in rows
-    ]
-    session.execute(_BEGIN, attempts)
-    return [
+def _claim(
+    session: Session, ids: Sequence[str], worker: str, lease_seconds: float
+) -> tuple[list[Claim], dict[str, str]]:
+    """Claim those of the jobs that are queued, in one compare-and-set, in the order of the queue.
+
+    Returns also the solutions that equal problems have already, by their digests.
+    """
+    given = {"ids": ids, "claimant": worker, "lease_seconds": lease_seconds}
+    if is_postgres(session):
+        rows: Sequence[Row[*tuple[Any, ...]]] = session.execute(_CLAIM_AND_BEGIN, given).all()
+        solutions = {row.digest: row.solved for row in rows if row.solved is not None}
+    else:
+        rows = session.execute(_CLAIM, given).all()
+        attempts = [
+            {"job_id": row.id, "number": row.attempt, "worker": worker, "started_at": row.started_at}
+            for row in rows
+        ]
+        if attempts:
+            session.execute(_BEGIN, attempts)
+        solutions = solved(session, sorted({row.digest for row in rows}))
+    claims = [
         Claim(
             job_id=row.id,
             attempt=row.attempt,
@@ -86,3 +99,4 @@ def _claim(session: Session, ids: Sequence[str], worker: str, lease_seconds: flo
         )
         for row in sorted(rows, key=lambda row: (-row.priority, row.id))
     ]
+    return claims, solutions

@@ -9,22 +9,23 @@ from service.jobs.job import Claim
 from service.jobs.states import AttemptOutcome, JobState, sources
 from service.storage.base import table_of
 from service.storage.clock import DatabaseNow
+from service.storage.database import is_postgres
 from service.storage.ids import new_id
+from service.storage.jobs.joint_statements import NEW, insert_solution, store_and_succeed
 from service.storage.solutions.summary import summary_columns
 from service.storage.tables import AttemptRow, DenseOutputRow, JobRow, SamplesRow, SolutionRow
 
 _JOBS, _ATTEMPTS, _SOLUTIONS = table_of(JobRow), table_of(AttemptRow), table_of(SolutionRow)
 
-_INSERT_SOLUTION = insert(_SOLUTIONS).values(created_at=DatabaseNow())
 _INSERT_DENSE = insert(table_of(DenseOutputRow))
 _INSERT_SAMPLES = insert(table_of(SamplesRow))
 _FENCE = (
     _JOBS.c.id == bindparam("job"),
     _JOBS.c.state.in_(sources(JobState.SUCCEEDED)),
-    _JOBS.c.owner == bindparam("worker"),
-    _JOBS.c.attempt == bindparam("number"),
+    _JOBS.c.owner == bindparam("claimant"),
+    _JOBS.c.attempt == bindparam("try"),
 )
-_HOLD = select(_JOBS.c.id).where(*_FENCE).with_for_update()
+_INSERT_SOLUTION = insert_solution(_JOBS, *_FENCE).returning(_SOLUTIONS.c.id)
 _SUCCEED = (
     update(_JOBS)
     .where(*_FENCE)
@@ -44,6 +45,7 @@ _END_ATTEMPT = (
     .where(_ATTEMPTS.c.job_id == bindparam("job"), _ATTEMPTS.c.number == bindparam("try"))
     .values(ended_at=DatabaseNow(), outcome=AttemptOutcome.SUCCEEDED.value)
 )
+_STORE_AND_SUCCEED = store_and_succeed(_SUCCEED, _END_ATTEMPT)
 _SOLVED = (
     select(_SOLUTIONS.c.digest, _SOLUTIONS.c.id)
     .where(_SOLUTIONS.c.digest.in_(bindparam("digests", expanding=True)))
@@ -57,20 +59,25 @@ def store_solution(
     session: Session, claim: Claim, summary: Mapping[str, object], dense: bytes, samples: bytes
 ) -> bool:
     """Insert the solution of a claimed job and its arrays, and mark the job, if the claim holds."""
-    if session.scalar(_HOLD, _fenced(claim)) is None:
-        return False
     solution_id = new_id()
-    session.execute(
-        _INSERT_SOLUTION,
-        {
-            "id": solution_id,
-            "job_id": claim.job_id,
-            "digest": claim.digest,
-            "problem": claim.problem,
-            "summary": summary,
-            **summary_columns(claim.problem, summary),
-        },
-    )
+    columns = {
+        "id": solution_id,
+        "job_id": claim.job_id,
+        "digest": claim.digest,
+        "problem": claim.problem,
+        "summary": summary,
+        **summary_columns(claim.problem, summary),
+    }
+    given = {
+        **_moves(claim, solution_id, reused=False),
+        **{NEW + name: value for name, value in columns.items()},
+    }
+    if is_postgres(session):
+        given |= {"dense": dense, "samples": samples}
+        return session.scalar(_STORE_AND_SUCCEED, given) is not None
+    # One writer at a time: the claim that holds here still holds below.
+    if session.scalar(_INSERT_SOLUTION, given) is None:
+        return False
     session.execute(_INSERT_DENSE, {"solution_id": solution_id, "data": dense})
     session.execute(_INSERT_SAMPLES, {"solution_id": solution_id, "data": samples})
     return succeed(session, claim, solution_id, reused=False)
@@ -78,10 +85,10 @@ def store_solution(
 
 def succeed(session: Session, claim: Claim, solution_id: str, *, reused: bool) -> bool:
     """Mark the job of ``claim`` succeeded with a stored solution, if the claim holds."""
-    moved = session.scalar(_SUCCEED, {**_fenced(claim), "solution": solution_id, "is_reused": reused})
-    if moved is None:
+    moves = _moves(claim, solution_id, reused=reused)
+    if session.scalar(_SUCCEED, moves) is None:
         return False
-    session.execute(_END_ATTEMPT, {"job": claim.job_id, "try": claim.attempt})
+    session.execute(_END_ATTEMPT, moves)
     return True
 
 
@@ -97,5 +104,9 @@ def solved(session: Session, digests: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def _moves(claim: Claim, solution_id: str, *, reused: bool) -> dict[str, object]:
+    return {**_fenced(claim), "solution": solution_id, "is_reused": reused}
+
+
 def _fenced(claim: Claim) -> dict[str, object]:
-    return {"job": claim.job_id, "worker": claim.worker, "number": claim.attempt}
+    return {"job": claim.job_id, "claimant": claim.worker, "try": claim.attempt}

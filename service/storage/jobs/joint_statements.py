@@ -1,0 +1,74 @@
+"""Several moves by one statement: on Postgres each statement is a journey.
+
+SQLite has no INSERT or UPDATE within a WITH, and no journeys: there
+:mod:`.finishing` and :mod:`.claiming` take one step after the other.
+"""
+
+from collections.abc import Iterable
+
+from sqlalchemy import Column, FromClause, Insert, Select, Update, bindparam, insert, literal_column, select
+from sqlalchemy.sql import ColumnElement
+
+from service.storage.base import table_of
+from service.storage.clock import DatabaseNow
+from service.storage.tables import AttemptRow, DenseOutputRow, SamplesRow, SolutionRow
+
+_ATTEMPTS, _SOLUTIONS = table_of(AttemptRow), table_of(SolutionRow)
+_DENSE, _SAMPLES = table_of(DenseOutputRow), table_of(SamplesRow)
+
+NEW = "new_"
+"""Before the names of parameters for columns: SQLAlchemy would set the columns of every table so called."""
+
+
+def insert_solution(source: FromClause, *conditions: ColumnElement[bool]) -> Insert:
+    """Return the statement that inserts a solution if there is such a row in ``source``.
+
+    Its parameters are the columns of a solution with NEW before their names.
+    """
+    given = [column for column in _SOLUTIONS.c if column.name != "created_at"]
+    values = select(*map(_bound, given), DatabaseNow()).select_from(source).where(*conditions)
+    return insert(_SOLUTIONS).from_select([*(column.name for column in given), "created_at"], values)
+
+
+def store_and_succeed(succeed: Update, end_attempt: Update) -> Select[str]:
+    """Return the statement that stores a solution with its arrays, if ``succeed`` changes its job.
+
+    Its parameters are those of both updates and of :func:`insert_solution`,
+    ``dense`` and ``samples``; its row is the job's id.
+    """
+    moved = succeed.cte("moved")
+    arrays = [
+        insert(table).from_select(
+            ["solution_id", "data"],
+            select(_bound(_SOLUTIONS.c.id), _bound(table.c.data, name)).select_from(moved),
+        )
+        for table, name in ((_DENSE, "dense"), (_SAMPLES, "samples"))
+    ]
+    ended = end_attempt.where(_ATTEMPTS.c.job_id.in_(select(moved.c.id)))
+    parts = [insert_solution(moved), *arrays, ended]
+    return select(moved.c.id).add_cte(*(part.cte(f"part_{k}") for k, part in enumerate(parts)))
+
+
+def claim_and_begin(claim: Update) -> Select[*tuple[object, ...]]:
+    """Return the statement that begins the attempts of the jobs that ``claim`` returns.
+
+    Its rows have in ``solved`` the first solution of an equal problem, if there is one.
+    """
+    claimed = claim.cte("claimed")
+    begun = insert(_ATTEMPTS).from_select(
+        ["job_id", "number", "worker", "started_at"],
+        select(claimed.c.id, claimed.c.attempt, bindparam("claimant"), claimed.c.started_at),
+    )
+    solved = (
+        select(_SOLUTIONS.c.id)
+        .where(_SOLUTIONS.c.digest == claimed.c.digest)
+        .order_by(_SOLUTIONS.c.id)
+        .limit(literal_column("1"))
+        .scalar_subquery()
+    )
+    columns: Iterable[ColumnElement[object]] = (*claimed.c, solved.label("solved"))
+    return select(*columns).add_cte(begun.cte("begun"))
+
+
+def _bound(column: Column[object], name: str | None = None) -> ColumnElement[object]:
+    return bindparam(name or NEW + column.name, type_=column.type)
