@@ -40,6 +40,7 @@ TITLES: Mapping[str, str] = {
     "outside_horizon": "Outside the times of the solution",
     "period_needed": "The motion has no period",
     "role_insufficient": "The role is not enough",
+    "host_not_local": "Not a name of this machine",
     "several_windows": "There are several motions",
     "start_needed": "A start must be given",
     "start_outside_window": "The motion does not pass the start",

@@ -1,7 +1,9 @@
 """The guard in front of all endpoints: who asks, how often, and may they."""
 
+import contextlib
 from http import HTTPStatus
 from typing import Annotated
+from urllib.parse import urlsplit
 
 from fastapi import Depends, Request
 from sqlalchemy.exc import SQLAlchemyError
@@ -16,6 +18,7 @@ from service.api.handlers import respond
 from service.api.keyring import SECOND_LOOK_SECONDS
 from service.api.resources import Resources
 from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
+from service.settings import is_this_machine
 
 _CHALLENGE = "WWW-Authenticate"
 _STATE = "key"
@@ -48,7 +51,7 @@ class Guard:
         if self._is_open(*place):
             return None
         resources: Resources = scope["app"].state.resources
-        key = await _identify(Headers(scope=scope).get("authorization"), resources)
+        key = await _identify(Headers(scope=scope), resources)
         resources.limits.admit(key)
         needed = self._access.needed(*place)
         if key is not None and needed is not OPEN and not key.role.may(needed):
@@ -96,13 +99,14 @@ def _role_insufficient(key: ApiKey, needed: Role, why: str = "") -> ApiError:
     )
 
 
-async def _identify(header: str | None, resources: Resources) -> ApiKey | None:
+async def _identify(headers: Headers, resources: Resources) -> ApiKey | None:
     """Return the key of a request; None where there are no keys and only this machine is served."""
     ring = resources.keys
     known = await ring.known()
     if not known.keys and resources.settings.is_loopback:
+        _require_this_machine(headers.get("host"))
         return None
-    text = _bearer(header)
+    text = _bearer(headers.get("authorization"))
     prefix = key_prefix(text)
     if prefix is not None and prefix not in known.keys:
         known = await ring.known(SECOND_LOOK_SECONDS)  # it may have been made a moment ago
@@ -114,6 +118,18 @@ async def _identify(header: str | None, resources: Resources) -> ApiKey | None:
         raise _unauthorized(f"key_{standing}", f"key {key.prefix} has {_PAST[standing]}; ask for a new one")
     ring.note_use(key)
     return key
+
+
+def _require_this_machine(host: str | None) -> None:
+    """Refuse a name that somebody else has made lead here: a page in a browser must not read what is open."""
+    with contextlib.suppress(ValueError):
+        if host is None or is_this_machine(urlsplit(f"//{host}").hostname or ""):
+            return
+    detail = (
+        f"without keys the service answers to 127.0.0.1, ::1 and localhost, not to {host!r}; "
+        "`polhode keys create` makes a key"
+    )
+    raise ApiError(HTTPStatus.FORBIDDEN, "host_not_local", detail)
 
 
 def _bearer(header: str | None) -> str:

@@ -291,3 +291,18 @@ def test_what_was_submitted_before_there_were_keys_is_nobodys_own(client, jobs, 
         sent = make(database, role)[1]
         client.app.state.resources.keys._known = None
         assert client.post(f"/v1/jobs/{job['id']}/cancel", headers=sent).status_code == status
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.1:8000", "localhost:9", "[::1]:8000", "127.8.9.1"])
+def test_without_keys_this_machine_is_answered_by_its_own_names(client, host):
+    assert client.get("/v1/jobs", headers={"Host": host}).status_code == 200
+
+
+@pytest.mark.parametrize("host", ["evil.example:8000", "127.0.0.1.evil.example", "10.0.0.1", "", "[", "a]:b"])
+def test_a_name_that_was_made_to_lead_here_is_refused_unless_there_are_keys(client, database, clock, host):
+    refused = client.get("/v1/jobs", headers={"Host": host})
+    assert (refused.status_code, code(refused)) == (403, "host_not_local")
+    assert client.get("/livez", headers={"Host": host}).status_code == 200
+    _, key = make(database, Role.READ)
+    clock.now += FRESH_SECONDS + 0.1
+    assert client.get("/v1/jobs", headers={"Host": host, **key}).status_code == 200
