@@ -91,13 +91,7 @@ def _table(tiers: Mapping[Tier, Sequence[Tally]]) -> list[str]:
 def _total(tallies: Sequence[Tally]) -> Tally:
     total = Tally()
     for tally in tallies:
-        total.solved += tally.solved
-        total.refused += tally.refused
-        total.exceeded += tally.exceeded
-        for name, ratio in tally.smallest.items():
-            total.smallest[name] = min(ratio, total.smallest.get(name, inf))
-        for name, powers in tally.ratios.items():
-            total.ratios[name] += powers
+        total.add(tally)
     return total
 
 
@@ -132,9 +126,12 @@ def main() -> int:
     parser.add_argument("--record", type=Path, help="file of what has been counted, to go on from")
     arguments = parser.parse_args()
     record = load(arguments.record, arguments.seed) if arguments.record else Record(arguments.seed)
-    measure(record, arguments.count, arguments.seconds)
-    if arguments.record:
-        arguments.record.write_text(json.dumps(record, default=vars))
+
+    def keep(record: Record) -> None:
+        if arguments.record:
+            arguments.record.write_text(json.dumps(record, default=vars))
+
+    measure(record, arguments.count, arguments.seconds, keep)
     REPORT.write_text(report(record))
     for text in record.documents:
         say(text)

@@ -1,9 +1,11 @@
 """What became of the claims of many random problems: counted, kept in a file, and gone on with."""
 
 import json
+import os
 import time
-from collections import Counter
-from collections.abc import Mapping
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, field
 from math import floor, inf, isnan, log10
 from pathlib import Path
@@ -16,6 +18,8 @@ from tests.support.claims import CLAIMS, Case, claims_of, make_case
 from tests.support.random_documents import FAMILIES, Family
 
 TIERS: tuple[Tier, ...] = ("draft", "standard", "high")
+TOGETHER = 80
+"""Problems that one process takes at a time."""
 MOST = 12
 """Powers of ten from which on ratios are counted together."""
 
@@ -51,6 +55,16 @@ class Tally:
         self.ratios[claim][str(power)] += 1
         self.smallest[claim] = min(ratio, self.smallest.get(claim, inf))
 
+    def add(self, other: "Tally") -> None:
+        """Count what another has counted."""
+        self.solved += other.solved
+        self.refused += other.refused
+        self.exceeded += other.exceeded
+        for name, ratio in other.smallest.items():
+            self.smallest[name] = min(ratio, self.smallest.get(name, inf))
+        for name, powers in other.ratios.items():
+            self.ratios[name] += powers
+
 
 @dataclass
 class Record:
@@ -69,21 +83,51 @@ class Record:
     documents: list[str] = field(default_factory=list)
     """Those with a claim that is exceeded, or that ended in something else than a refusal."""
 
+    def add(self, part: "Record") -> None:
+        """Go on by the problems that were counted next."""
+        self.done += part.done
+        self.drawn += part.drawn
+        self.unknown += part.unknown
+        for name, tally in part.tallies.items():
+            self.tallies[name].add(tally)
+        self.documents += part.documents
+
 
 def family_of(index: int) -> Family:
     """Return the family of a problem."""
     return ROTA.get(index % 80, "three-term")
 
 
-def measure(record: Record, count: int, seconds: float) -> None:
-    """Go on until problem ``count`` or until so many seconds have passed."""
-    began = time.perf_counter()
-    before = record.seconds
-    while record.done < count and time.perf_counter() - began < seconds:
-        index = record.done
-        _measure_one(record, family_of(index), np.random.default_rng([record.seed, index]))
-        record.done += 1
-        record.seconds = before + time.perf_counter() - began
+def measure(record: Record, count: int, seconds: float, keep: Callable[[Record], None]) -> None:
+    """Go on, on all processors, until problem ``count`` or until so many seconds have passed.
+
+    ``keep`` is called with the record whenever some more are counted.
+    """
+    began, before, asked = time.perf_counter(), record.seconds, record.done
+    running: deque[Future[Record]] = deque()
+    with ProcessPoolExecutor() as pool:
+        while True:
+            while len(running) < 2 * (os.cpu_count() or 1) and asked < count:
+                if time.perf_counter() - began > seconds:
+                    break
+                following = min(count, asked + TOGETHER)
+                running.append(pool.submit(measured, record.seed, asked, following))
+                asked = following
+            if not running:
+                break
+            # In their order: what is kept is always the first so many.
+            record.add(running.popleft().result())
+            record.seconds = before + time.perf_counter() - began
+            keep(record)
+
+
+def measured(seed: int, first: int, last: int) -> Record:
+    """Count the problems of a seed from number ``first`` to before ``last``."""
+    part = Record(seed)
+    for index in range(first, last):
+        _measure_one(part, family_of(index), np.random.default_rng([seed, index]))
+        part.done += 1
+    return part
 
 
 def _measure_one(record: Record, family: Family, draws: np.random.Generator) -> None:
@@ -91,6 +135,10 @@ def _measure_one(record: Record, family: Family, draws: np.random.Generator) -> 
         case = make_case(family, draws)
     except DynamicsError as refusal:
         record.unknown[f"{family}: {refusal.code}"] += 1
+        return
+    except Exception as fault:
+        record.unknown[f"{family}: {type(fault).__name__}"] += 1
+        record.documents.append(f"no reference for a problem of {family}: {fault!r}")
         return
     record.drawn[f"{family}: {' to '.join(case.drawn.window.ends)}"] += 1
     for tier in TIERS:

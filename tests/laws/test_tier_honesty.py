@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.benchmarks.honesty_counts import TIERS, Record, measure
+from tests.benchmarks.honesty_counts import TIERS, Record, measured
 from tests.support.claims import CLAIMS
 from tests.support.random_documents import FAMILIES
 
@@ -13,9 +13,7 @@ SEED = 20
 
 @pytest.fixture(scope="module")
 def record() -> Record:
-    found = Record(SEED)
-    measure(found, COUNT, 60.0)
-    return found
+    return measured(SEED, 0, COUNT)
 
 
 @pytest.mark.parametrize("tier", TIERS)

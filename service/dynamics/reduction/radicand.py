@@ -61,10 +61,12 @@ def scan_half(loop: Loop, g3_sign: int) -> HalfLoop:
     radicand = precise_radicand(loop, g3_sign)
     if _vanishes(radicand):
         return HalfLoop((), (-1,), "blocked", "blocked")
-    cuts = _tail("north", radicand)
+    inner: list[Place] = []
     for panel, series in resolved_panels(loop, g3_sign, radicand):
-        cuts.extend(_cuts(panel, series, radicand))
-    cuts.extend(_tail("south", radicand)[::-1])
+        inner.extend(_cuts(panel, series, radicand))
+    # A critical point next to an edge is found from both panels, from one of them beyond the edge.
+    inner.sort(key=lambda place: place.v().mid())
+    cuts = [*_tail("north", radicand), *inner, *_tail("south", radicand)[::-1]]
     zeros, signs = zeros_between(cuts, radicand)
     first, last = classify_pole(radicand, "north"), classify_pole(radicand, "south")
     if g3_sign < 0:

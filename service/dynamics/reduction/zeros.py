@@ -144,10 +144,8 @@ def _crossing(radicand: Radicand, left: Place, right: Place) -> Zero:
 
 
 def _common_region(left: Place, right: Place) -> tuple[Place, Place]:
-    """Express two neighbouring places in one coordinate; regions meet at a quarter of the half loop."""
-    if left.region == "north":
-        return Place("middle", left.x), right
-    return left, Place("middle", arb.pi() - right.x)
+    """Express two neighbouring places in one coordinate; regions meet far away from the poles."""
+    return Place("middle", left.v()), Place("middle", right.v())
 
 
 def enclose_zero(function: Callable[[arb], arb], a: arb, b: arb) -> arb:

@@ -132,8 +132,8 @@ def _taylor_coefficients() -> tuple[FloatArray, FloatArray]:
 def _without_turns(N: Series, d: float) -> Series:
     """Return N / (d² sin²θ): N is even and vanishes twice at 0 and π."""
     strip = N.strip
-    if not N.is_known:
-        return N
+    if not (N.is_known and d * d > 0.0):
+        return strip.unknown
     # sin²θ = −(z − 1/z)²/4.
     half = -4.0 / (d * d) * _tails(_tails(N.coefficients[len(N.coefficients) // 2 :].real))
     guess = strip.series(np.concatenate((half[:0:-1], half)), 0.0)

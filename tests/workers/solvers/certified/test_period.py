@@ -176,3 +176,16 @@ def test_one_series_of_time_and_many_pieces_of_it_have_the_same_inverse(A, C, te
             assert all(a.overlaps(b) for a, b in zip(slow, fast, strict=True))
             # Far more than is lost next to a turn, where p is a root of what is left of N.
             assert max(float(b.rad()) for b in fast) < 2.0**-70
+
+
+@pytest.mark.parametrize("half_width", ["1e-60", "1e-170"])
+def test_small_oscillations_take_one_time_however_small(half_width):
+    rigid_body = body(3, 1)
+    text = "(3*g1^2 + g3^2)*((g2 - 1/3)^2 - e^2)"
+
+    def period(epsilon: str) -> arb:
+        potential = formula(text, rigid_body, {"e": epsilon})
+        return certify(rigid_body, potential, PlanarMotion(Fraction(1, 2)), [], 64).period
+
+    # It differs by the square of the width.
+    assert period(half_width).overlaps(period("1e-20"))
