@@ -1,4 +1,4 @@
-"""The certified tier: a motion whose samples are the midpoints of proven enclosures."""
+"""Motions whose samples are the midpoints of proven enclosures: the certified tier, and what needs it."""
 
 from dataclasses import replace
 from fractions import Fraction
@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from service.dynamics.enclosure import RADIUS, parts_for, split
 from service.dynamics.errors import DynamicsError
-from service.dynamics.motion import COLUMNS, Motion
+from service.dynamics.motion import COLUMNS, PROVEN_SAMPLES, Motion
 from service.dynamics.problem import Accuracy, Problem, StateMotion
 from workers.solvers.certified.certify import Certified, certify
+from workers.solvers.certified.errors import CertifiedUnavailableError
+from workers.solvers.errors import AccuracyNotMetError
 
 FloatArray = NDArray[np.float64]
 
@@ -40,21 +42,52 @@ def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certifi
     """
     if isinstance(problem.motion, StateMotion):
         raise DynamicsError("the certified tier is for planar motions", pointer="/accuracy/tier")
-    times = [Fraction(t) for t in motion.times.tolist()]
-    found = certify(problem.body, problem.potential, problem.motion, times, problem.accuracy.bits)
+    found = _certify(problem, motion)
     parts = parts_for(problem.accuracy.bits)
     rows = [[split(ball, parts) for ball in state] for state in found.states]
-    first = np.array([[doubles[0] for doubles, _ in row] for row in rows])
+    proven = replace(_rounded(motion, found), conventions=found.conventions)
+    return proven, found, _columns(rows, parts)
+
+
+def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
+    """Return ``motion``; if its samples are worse than the tolerance, with such as are rounded enclosures.
+
+    Its function of time stays what it is, and says its own error.
+
+    Raises
+    ------
+    AccuracyNotMetError
+        There is no enclosure of this kind of motion, or its rounding to doubles is worse as well.
+    """
+    if motion.error <= problem.tolerance:
+        return motion
+    try:
+        found = _certify(problem, motion)
+    except CertifiedUnavailableError:
+        raise AccuracyNotMetError(motion.error, problem.tolerance) from None
+    proven = _rounded(motion, found)
+    if not proven.error <= problem.tolerance:
+        raise AccuracyNotMetError(min(motion.error, proven.error), problem.tolerance)
+    return replace(proven, evidence={**motion.evidence, PROVEN_SAMPLES: found.method})
+
+
+def _certify(problem: Problem, motion: Motion) -> Certified:
+    times = [Fraction(t) for t in motion.times.tolist()]
+    return certify(problem.body, problem.potential, problem.motion, times, problem.accuracy.bits)
+
+
+def _rounded(motion: Motion, found: Certified) -> Motion:
+    """Return ``motion`` with the doubles nearest to the midpoints, and how far these are from the truth."""
+    samples = np.array([[float(ball.mid()) for ball in state] for state in found.states])
     error = max(
         (
-            _error(ball, doubles[0])
-            for state, row in zip(found.states, rows, strict=True)
-            for ball, (doubles, _) in zip(state, row, strict=True)
+            _error(ball, double)
+            for state, row in zip(found.states, samples.tolist(), strict=True)
+            for ball, double in zip(state, row, strict=True)
         ),
         default=0.0,
     )
-    proven = replace(motion, samples=first, error=error, conventions=found.conventions)
-    return proven, found, _columns(rows, parts)
+    return replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error)
 
 
 def _columns(rows: list[list[tuple[list[float], float]]], parts: int) -> dict[str, FloatArray]:

@@ -21,12 +21,12 @@ from service.schemas.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem import read_problem
 from service.storage.solutions.accuracy_store import shipped_table
 from service.storage.solutions.codec import encode_arrays, encode_dense
-from workers.certification import beside_enclosures, certified_samples
+from workers.certification import beside_enclosures, certified_samples, with_tolerance_kept
 from workers.findings import find_out
 from workers.solvers.cross_check import compare
 from workers.solvers.integration.solve import integrate_state
 from workers.solvers.quadrature.description import FIRST_PASSAGE
-from workers.solvers.quadrature.solve import planar_start, solve_planar
+from workers.solvers.quadrature.solve import attempt_planar, planar_start, solve_planar
 from workers.summary import summarise
 
 FloatArray = NDArray[np.float64]
@@ -71,6 +71,9 @@ def solve_checked(document_json: str) -> SolveOutcome:
 def solve(problem: Problem) -> Motion:
     """Solve a problem by the method it asks for; ``auto`` prefers the quadrature.
 
+    ``auto`` and ``both`` keep every tolerance that can be kept: where doubles do
+    not, the samples are rounded from enclosures.
+
     Raises
     ------
     DynamicsError
@@ -84,10 +87,12 @@ def solve(problem: Problem) -> Motion:
     if problem.method == "integration":
         state = planar_start(problem.body, problem.potential, problem.motion)
         return _integrate(problem, state[:3], state[3:])
-    motion = solve_planar(problem)
+    if problem.method == "quadrature":
+        return solve_planar(problem)
+    motion = attempt_planar(problem)
     if problem.method == "both":
-        return replace(motion, cross_check=_cross_check(problem, motion))
-    return motion
+        motion = replace(motion, cross_check=_cross_check(problem, motion))
+    return with_tolerance_kept(problem, motion)
 
 
 def _integrate(

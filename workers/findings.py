@@ -7,7 +7,7 @@ from flint import ctx
 
 from service.dynamics.euler_poisson import areas_integral
 from service.dynamics.further_integrals import FurtherIntegral, find_further_integrals, integral_drift
-from service.dynamics.motion import Estimate, Motion
+from service.dynamics.motion import PROVEN_SAMPLES, Estimate, Motion
 from service.dynamics.potentials.notice import Notice
 from service.dynamics.problem import PlanarMotion, Problem
 from workers.solvers.closed_form.lame import transverse_stability
@@ -52,6 +52,10 @@ def find_out(problem: Problem, motion: Motion) -> Findings:
     notices = list(problem.potential.notices)
     drifts, further, orientation = None, tuple[FurtherDrift, ...](), None
     stability, closed_trace = None, None
+    if PROVEN_SAMPLES in motion.evidence:
+        between = motion.dense.error_at(motion.times)
+        text = f"the samples are rounded from proven enclosures; between them errors are up to {between:.1e}"
+        notices.append(Notice(PROVEN_SAMPLES, text, "/accuracy"))
     if "invariants" in problem.outputs:
         drifts = measure_drifts(problem.body, problem.potential, motion)
         further = _further(problem, motion)

@@ -10,6 +10,9 @@ from service.dynamics.reduction.window import Window
 COLUMNS: tuple[str, ...] = ("p", "q", "r", "g1", "g2", "g3")
 """The six variables of the Euler-Poisson equations, in the order of every array."""
 
+PROVEN_SAMPLES = "proven_samples"
+"""Key of the evidence: how the samples were enclosed, where they are better than their function of time."""
+
 SolvedBy = Literal["quadrature", "integration"]
 
 

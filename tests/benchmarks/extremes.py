@@ -215,8 +215,10 @@ default start, {SAMPLES} samples over one period unless said otherwise. Errors a
 six variables, against the motion in balls of {BITS} bits; times are of a single run. A code is a refusal.
 
 The tiers go the way of `auto`, which knows the closed form of these potentials; the errors of `certified` are
-those of its doubles, its enclosures are far smaller. `quadrature` does without closed forms, once for 1e-10
-and once for 1e-2. `solve_ivp` is SciPy's DOP853 at rtol 1e-10;
+those of its doubles, its enclosures are far smaller. Where doubles do not keep a tier, it has these
+samples too, and refuses where their very rounding is more than it promises: a tolerance is absolute.
+`quadrature` does without closed forms and enclosures, once for 1e-10 and once for 1e-2. `solve_ivp` is
+SciPy's DOP853 at rtol 1e-10;
 `heyoka` is the service's own integration, asked for 1e-2. Both start from the rounded state with B = 3/2,
 and have {PATIENCE:.0f} s: next to a separatrix, and where the motion is unstable against q ≠ 0, no
 integrator in doubles can stay on it for long.

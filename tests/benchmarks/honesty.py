@@ -63,7 +63,8 @@ the service does it, and compared with the certified motion in balls of {bits} b
 curves, windows, starts and signs are random; gaps to separatrices, to the equator and to the pole go
 down to 1e{smallest:.0f}; the times are 0, some within one period and some up to {latest:.0f} periods, one in
 five times backwards. A claim is exceeded if the true number is proven to be further away; smallest is
-the least claimed/actual of the samples.
+the least claimed/actual of the samples. Samples that are rounded enclosures claim what they miss, a ratio
+of 1; they are of 64 bits, and the reference is made anew in 128.
 
 | tier | family | asked | solved | refused | exceeded | smallest |
 | --- | --- | --- | --- | --- | --- | --- |"""

@@ -33,10 +33,11 @@ def test_lambda_from_1e_minus_12_to_1e12(method, exponent):
     reflected = three_terms(-1, "1/20", 0, nu, PERIODS, method=method, tolerance="1e-7")
     if exponent < 0:
         assert reflected.code == "no_motion"  # 2 b1/nu² is more than |a1| x1
-    elif exponent == 3:
+    elif exponent == 3 or (method == "auto" and exponent < 12):
         require_claims(reflected, elliptic("WE", nu=nu, a1=-ONE, b1=Fraction(1, 20), c1=ZERO))
     else:
-        assert reflected.code == "accuracy_not_met"  # p turns within 1e-21 at lambda = 1e6
+        # p turns within 1e-21 at lambda = 1e6: only balls see that; and half an ulp of r = 1e12 is 6e-5.
+        assert reflected.code == "accuracy_not_met"
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -120,8 +121,10 @@ def test_a_libration_next_to_the_pole_is_found_however_small(a1):
 
 def test_a_reflection_at_1e_minus_300_is_not_taken_for_an_end_at_the_pole():
     # 2 b1 / nu² = |a1| x there: p turns, g3 does not. A motion said to end at the pole would be another one.
-    answer = three_terms(-1, "1e-299", 0, 1, {"periods": 1, "samples": 3})
-    assert answer.code == "accuracy_not_met"
+    start_turn_start = {"periods": 1, "samples": 3}
+    answer = three_terms(-1, "1e-299", 0, 1, start_turn_start)
+    require_claims(answer, elliptic("WE", nu=ONE, a1=-ONE, b1=Fraction("1e-299"), c1=ZERO))
+    assert three_terms(-1, "1e-299", 0, 1, start_turn_start, method="quadrature").code == "accuracy_not_met"
 
 
 @pytest.mark.parametrize("b1", ["-1e-20", "-1e-100", "-1e-150", "-1e-250"])

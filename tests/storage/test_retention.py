@@ -23,10 +23,11 @@ def prune(database, days=30.0, **options):
     return prune_samples(database, older_than_seconds=days * DAY, pause=lambda _: None, **options)
 
 
-def solve(jobs, *, tier="standard", samples=b"samples"):
+def solve(jobs, *, samples=b"samples", **summary):
     job = jobs.submit(PROBLEM, new_id())
     claim = jobs.claim("worker", lease_seconds=60.0)
-    assert jobs.finish_success(claim, {**SUMMARY, "tier": tier}, dense=b"dense", samples=samples)
+    found = {**SUMMARY, "tier": "standard", **summary}
+    assert jobs.finish_success(claim, found, dense=b"dense", samples=samples)
     return jobs.get(job.id).solution_id
 
 
@@ -64,6 +65,13 @@ def test_enclosures_are_kept_for_ever(jobs, database):
     certified = age(database, solve(jobs, tier="certified"), 1000)
     assert prune(database) == Pruned()
     assert kept(database) == {certified}
+
+
+def test_samples_better_than_their_function_of_time_are_kept_for_ever(jobs, database):
+    proven = age(database, solve(jobs, evidence={"proven_samples": "elliptic", "nodes": 3}), 1000)
+    age(database, solve(jobs, evidence={"nodes": 3}), 1000)
+    assert prune(database).solutions == 1
+    assert kept(database) == {proven}
 
 
 def test_a_dry_run_only_counts(jobs, database):

@@ -7,7 +7,7 @@ import pytest
 
 from service.dynamics.accuracy import TIER_TOLERANCES
 from service.schemas.problem import read_problem
-from service.storage.solutions.codec import decode_arrays
+from service.storage.solutions.codec import decode_arrays, decode_dense
 from tests.support.golden import GOLDEN
 from workers.computation import solve_checked, solve_document
 
@@ -51,10 +51,53 @@ def test_a_tolerance_stands_for_the_cheapest_tier_that_keeps_it(tolerance, tier)
     assert outcome.summary["error"] <= float(tolerance)
 
 
-def test_what_no_tier_can_promise_at_that_time_is_refused_with_the_figure():
-    golden = GOLDEN[4]  # A = 3C: no closed form, and the error of the period adds up
-    late = document(golden, {"tier": "high"}) | {"time": {"times": ["1e9"]}}
+@pytest.mark.parametrize("tolerance", ["2e-15", "1e-15"])
+@pytest.mark.parametrize("golden", GOLDEN, ids=lambda golden: golden.name)
+def test_the_least_tolerance_is_kept_by_rounded_enclosures(golden, tolerance):
+    outcome = solve_document(json.dumps(document(golden, {"tolerance": tolerance})))
+    assert outcome.summary is not None, outcome.error
+    claimed = outcome.summary["error"]
+    assert claimed <= float(tolerance)
+    assert gap(outcome, golden) <= claimed + 2.3e-16  # as above
+    assert outcome.summary["evidence"]["proven_samples"] in ("elliptic", "integral")
+    # What lies between the samples says that it is worse.
+    assert [notice["code"] for notice in outcome.summary["warnings"]] == ["proven_samples"]
+    assert decode_dense(outcome.dense).error_at(decode_arrays(outcome.samples)["t"]) > claimed
+
+
+LATE = {"time": {"times": ["1e9"]}}
+"""Without a closed form the error of a period adds up."""
+
+
+def test_late_times_that_doubles_do_not_reach_come_from_enclosures():
+    golden = GOLDEN[4]  # A = 3C
+    doubles, balls = (
+        solve_document(json.dumps(document(golden, {"tier": tier}) | LATE)) for tier in ("high", "certified")
+    )
+    assert doubles.summary["error"] <= TIER_TOLERANCES["high"]
+    mine, proven = decode_arrays(doubles.samples), decode_arrays(balls.samples)
+    for name in ("p", "r", "g1", "g2", "g3"):
+        assert mine[name] == proven[name]  # both are the doubles nearest to midpoints
+
+
+def test_what_a_method_cannot_promise_at_that_time_is_refused_with_the_figure():
+    late = document(GOLDEN[4], {"tier": "high"}, method="quadrature") | LATE
     outcome = solve_document(json.dumps(late))
+    assert outcome.error["code"] == "accuracy_not_met"
+
+
+def test_numbers_whose_very_rounding_is_larger_than_the_tolerance_are_refused():
+    fast = document(GOLDEN[0], {"tolerance": "1e-15"})
+    fast["potential"] = {"type": "gravity", "a": "-1e6"}  # half an ulp of r = 1112 is 1e-13
+    outcome = solve_document(json.dumps(fast))
+    assert outcome.error["code"] == "accuracy_not_met"
+    assert "e-14, above" in outcome.error["detail"]
+
+
+def test_a_motion_without_enclosures_is_refused():
+    endless = document(GOLDEN[0], {"tolerance": "1e-15"})
+    endless["potential"] = {"type": "expression", "expression": "g2^2-g1^2"}  # falls into the pole for ever
+    outcome = solve_document(json.dumps(endless))
     assert outcome.error["code"] == "accuracy_not_met"
 
 

@@ -1,7 +1,8 @@
 """Old samples are deleted; whoever asks for them later has them made again from the dense output.
 
 Kept for ever are the dense outputs, the enclosures of the certified tier (their
-radii cannot be made again), chunks of sweeps, and the rows of jobs.
+radii cannot be made again), samples rounded from enclosures (the dense output has
+fewer digits), chunks of sweeps, and the rows of jobs.
 """
 
 import logging
@@ -10,10 +11,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sqlalchemy import ColumnElement, delete, func, or_, select
+from sqlalchemy import ColumnElement, and_, delete, func, or_, select
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from service.dynamics.motion import PROVEN_SAMPLES
 from service.storage.clock import database_now
 from service.storage.database import Database
 from service.storage.ids import first_id
@@ -127,7 +129,8 @@ def _next_old(session: Session, last: str, before: float) -> list[tuple[str, int
 
 
 def _can_be_remade() -> ColumnElement[bool]:
-    return or_(SolutionRow.tier.is_(None), SolutionRow.tier != "certified")
+    proven = SolutionRow.summary[("evidence", PROVEN_SAMPLES)].as_string()
+    return and_(or_(SolutionRow.tier.is_(None), SolutionRow.tier != "certified"), proven.is_(None))
 
 
 def _delete(session: Session, solution_ids: list[str]) -> Pruned:

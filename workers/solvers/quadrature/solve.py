@@ -58,10 +58,15 @@ def solve_planar(problem: Problem) -> Motion:
     AccuracyNotMetError
         The error is larger than the tolerance.
     """
-    solved = with_enough_bits(problem, _solve)
+    solved = attempt_planar(problem)
     if not solved.error <= problem.tolerance:
         raise AccuracyNotMetError(solved.error, problem.tolerance)
     return solved
+
+
+def attempt_planar(problem: Problem) -> Motion:
+    """Return what :func:`solve_planar` does, however large its error is; raises the rest of its errors."""
+    return with_enough_bits(problem, _solve)
 
 
 def planar_start(body: RigidBody, potential: Potential, motion: PlanarMotion) -> tuple[float, ...]:
