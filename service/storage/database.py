@@ -57,14 +57,24 @@ class Database:
             if self._fault is not None:
                 self._fault.reach("after")
 
+    @contextmanager
+    def write_rows(self) -> Iterator[Connection]:
+        """Open a transaction as :meth:`write` does, for statements on tables: nobody keeps track of rows."""
+        with self._writer.begin() as connection:
+            yield connection
+            if self._fault is not None:
+                self._fault.reach("before")
+        if self._fault is not None:
+            self._fault.reach("after")
+
     def close(self) -> None:
         """Close every pooled connection."""
         self.engine.dispose()
 
 
-def is_postgres(session: Session) -> bool:
-    """Say whether a session's database is Postgres; else it is SQLite."""
-    return session.get_bind().dialect.name == "postgresql"
+def is_postgres(connection: Connection) -> bool:
+    """Say whether a connection's database is Postgres; else it is SQLite."""
+    return connection.dialect.name == "postgresql"
 
 
 def make_engine(url: str) -> Engine:

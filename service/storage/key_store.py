@@ -5,11 +5,11 @@ import string
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import func, or_, select, update
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, func, or_, select, update
 
 from service.jobs.keys import ApiKey, KeyNotFoundError, Role, key_hash, key_prefix
 from service.jobs.states import FINISHED, JobState
+from service.storage.base import table_of
 from service.storage.clock import DatabaseNow
 from service.storage.database import Database
 from service.storage.ids import new_id
@@ -17,6 +17,7 @@ from service.storage.jobs.records import instant, optional_instant
 from service.storage.operation_tables import ApiKeyRow
 from service.storage.tables import JobRow
 
+_KEYS = table_of(ApiKeyRow)
 _ALPHABET = string.digits + string.ascii_uppercase + string.ascii_lowercase
 _PUBLIC_CHARACTERS = 8
 _SECRET_CHARACTERS = 43
@@ -122,17 +123,14 @@ class KeyStore:
             return session.scalar(select(func.count()).select_from(some.subquery())) or 0
 
 
-def charge(session: Session, key_id: str | None, size: int) -> None:
+def charge(connection: Connection, key_id: str | None, size: int) -> None:
     """Add bytes that were stored for a key, or with a minus removed; in the transaction that does so.
 
     The last thing of a transaction: until its end, others that store for the same key wait.
     """
     if key_id is not None:
-        session.execute(
-            update(ApiKeyRow)
-            .where(ApiKeyRow.id == key_id)
-            .values(stored_bytes=ApiKeyRow.stored_bytes + size)
-            .execution_options(synchronize_session=False)
+        connection.execute(
+            update(_KEYS).where(_KEYS.c.id == key_id).values(stored_bytes=_KEYS.c.stored_bytes + size)
         )
 
 

@@ -131,7 +131,7 @@ def test_who_has_stored_enough_may_read_and_not_submit(client, jobs, database):
 def test_what_is_stored_is_limited_by_the_installation_if_not_by_the_key(url, database):
     key, text = KeyStore(database).create(Role.SUBMIT, limits=KeyLimits())
     with database.write() as session:
-        charge(session, key.id, 2 * 10**6)
+        charge(session.connection(), key.id, 2 * 10**6)
     for megabytes, status in ((2, 429), (3, 202)):
         with served(url, max_stored_mb=megabytes) as client:
             assert client.post("/v1/jobs", json=STATE, headers=header(text)).status_code == status

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sqlalchemy import text
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, text
 
 from service.jobs.dispatch import Dispatcher
 from service.jobs.wakeup import Doorbell
@@ -28,7 +27,7 @@ class Installation:
         self.engine = engine
         self.folder = folder
         self.database = Database(url)
-        self.dispatcher: Dispatcher[Session] = dispatcher_of(Settings(database_url=url, engine=engine))
+        self.dispatcher: Dispatcher[Connection] = dispatcher_of(Settings(database_url=url, engine=engine))
         self.jobs = SqlJobStore(self.database, self.dispatcher)
         self.solutions = SolutionStore(self.database)
         self.sweeps = SweepStore(self.database, self.dispatcher)

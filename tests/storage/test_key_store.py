@@ -140,9 +140,9 @@ def test_a_solution_that_is_used_again_costs_nothing(jobs, keys):
 def test_what_is_removed_is_given_back(database, keys):
     mine, _ = keys.create(Role.SUBMIT)
     with database.write() as session:
-        charge(session, mine.id, 10)
-        charge(session, mine.id, -4)
-        charge(session, None, 10**6)
+        charge(session.connection(), mine.id, 10)
+        charge(session.connection(), mine.id, -4)
+        charge(session.connection(), None, 10**6)
     assert stored_bytes(keys, mine.prefix) == 6
 
 

@@ -58,7 +58,7 @@ def test_a_claim_needs_no_sorting_however_long_the_queue(database):
 
     event.listen(database.engine, "before_cursor_execute", explain)
     with database.write() as session:
-        assert TableDispatcher().take(session, 2) is None
+        assert TableDispatcher().take(session.connection(), 2) is None
     _, plan = statements
     assert "ix_jobs_queue" in plan
     assert "B-TREE" not in plan

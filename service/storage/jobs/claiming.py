@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from typing import Any  # of a row that the statement describes
 
-from sqlalchemy import Row, bindparam, insert, update
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, Row, bindparam, insert, update
 
 from service.jobs.dispatch import Dispatcher
 from service.jobs.job import Claim, Taken
@@ -45,20 +44,20 @@ _BEGIN = insert(table_of(AttemptRow))
 
 
 def take_jobs(
-    session: Session, dispatcher: Dispatcher[Session], worker: str, count: int, lease_seconds: float
+    connection: Connection, dispatcher: Dispatcher[Connection], worker: str, count: int, lease_seconds: float
 ) -> Taken | None:
     """Claim the next jobs, and finish at once those whose problems have been solved meanwhile.
 
     None if nothing is delivered; what is delivered may all be out of date.
     """
-    ids = dispatcher.take(session, count) if count else None
+    ids = dispatcher.take(connection, count) if count else None
     if ids is None:
         return None
-    claims, solutions = _claim(session, ids, worker, lease_seconds)
+    claims, solutions = _claim(connection, ids, worker, lease_seconds)
     reused = [
         claim
         for claim in claims
-        if claim.digest in solutions and succeed(session, claim, solutions[claim.digest], reused=True)
+        if claim.digest in solutions and succeed(connection, claim, solutions[claim.digest], reused=True)
     ]
     return Taken(
         tuple(claim for claim in claims if claim not in reused), tuple(claim.job_id for claim in reused)
@@ -66,25 +65,25 @@ def take_jobs(
 
 
 def _claim(
-    session: Session, ids: Sequence[str], worker: str, lease_seconds: float
+    connection: Connection, ids: Sequence[str], worker: str, lease_seconds: float
 ) -> tuple[list[Claim], dict[str, str]]:
     """Claim those of the jobs that are queued, in one compare-and-set, in the order of the queue.
 
     Returns also the solutions that equal problems have already, by their digests.
     """
     given = {"ids": ids, "claimant": worker, "lease_seconds": lease_seconds}
-    if is_postgres(session):
-        rows: Sequence[Row[*tuple[Any, ...]]] = session.execute(_CLAIM_AND_BEGIN, given).all()
+    if is_postgres(connection):
+        rows: Sequence[Row[*tuple[Any, ...]]] = connection.execute(_CLAIM_AND_BEGIN, given).all()
         solutions = {row.digest: row.solved for row in rows if row.solved is not None}
     else:
-        rows = session.execute(_CLAIM, given).all()
+        rows = connection.execute(_CLAIM, given).all()
         attempts = [
             {"job_id": row.id, "number": row.attempt, "worker": worker, "started_at": row.started_at}
             for row in rows
         ]
         if attempts:
-            session.execute(_BEGIN, attempts)
-        solutions = solved(session, sorted({row.digest for row in rows}))
+            connection.execute(_BEGIN, attempts)
+        solutions = solved(connection, sorted({row.digest for row in rows}))
     claims = [
         Claim(
             job_id=row.id,
@@ -94,7 +93,7 @@ def _claim(
             digest=row.digest,
             key_id=row.key_id,
             kind=JobKind(row.kind),
-            sweep=None if row.sweep_id is None else sweep_moves.begin(session, row.sweep_id),
+            sweep=None if row.sweep_id is None else sweep_moves.begin(connection, row.sweep_id),
             sweep_id=row.sweep_id,
         )
         for row in sorted(rows, key=lambda row: (-row.priority, row.id))

@@ -1,6 +1,6 @@
 """Which dispatcher an installation has."""
 
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection
 
 from service.jobs.dispatch import Dispatcher
 from service.settings import Settings
@@ -8,6 +8,6 @@ from service.storage.jobs.procrastinate_dispatcher import ProcrastinateDispatche
 from service.storage.jobs.table_dispatcher import TableDispatcher
 
 
-def dispatcher_of(settings: Settings) -> Dispatcher[Session]:
+def dispatcher_of(settings: Settings) -> Dispatcher[Connection]:
     """Return the dispatcher of the chosen engine."""
     return ProcrastinateDispatcher() if settings.engine == "procrastinate" else TableDispatcher()

@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import bindparam, insert, select, update
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, bindparam, insert, select, update
 
 from service.jobs.job import Claim
 from service.jobs.states import AttemptOutcome, JobState, sources
@@ -56,7 +55,7 @@ _DIGESTS = 500
 
 
 def store_solution(
-    session: Session, claim: Claim, summary: Mapping[str, object], dense: bytes, samples: bytes
+    connection: Connection, claim: Claim, summary: Mapping[str, object], dense: bytes, samples: bytes
 ) -> bool:
     """Insert the solution of a claimed job and its arrays, and mark the job, if the claim holds."""
     solution_id = new_id()
@@ -72,34 +71,34 @@ def store_solution(
         **_moves(claim, solution_id, reused=False),
         **{NEW + name: value for name, value in columns.items()},
     }
-    if is_postgres(session):
+    if is_postgres(connection):
         given |= {"dense": dense, "samples": samples}
-        return session.scalar(_STORE_AND_SUCCEED, given) is not None
+        return connection.scalar(_STORE_AND_SUCCEED, given) is not None
     # One writer at a time: the claim that holds here still holds below.
-    if session.scalar(_INSERT_SOLUTION, given) is None:
+    if connection.scalar(_INSERT_SOLUTION, given) is None:
         return False
-    session.execute(_INSERT_DENSE, {"solution_id": solution_id, "data": dense})
-    session.execute(_INSERT_SAMPLES, {"solution_id": solution_id, "data": samples})
-    return succeed(session, claim, solution_id, reused=False)
+    connection.execute(_INSERT_DENSE, {"solution_id": solution_id, "data": dense})
+    connection.execute(_INSERT_SAMPLES, {"solution_id": solution_id, "data": samples})
+    return succeed(connection, claim, solution_id, reused=False)
 
 
-def succeed(session: Session, claim: Claim, solution_id: str, *, reused: bool) -> bool:
+def succeed(connection: Connection, claim: Claim, solution_id: str, *, reused: bool) -> bool:
     """Mark the job of ``claim`` succeeded with a stored solution, if the claim holds."""
     moves = _moves(claim, solution_id, reused=reused)
-    if session.scalar(_SUCCEED, moves) is None:
+    if connection.scalar(_SUCCEED, moves) is None:
         return False
-    session.execute(_END_ATTEMPT, moves)
+    connection.execute(_END_ATTEMPT, moves)
     return True
 
 
-def solved(session: Session, digests: Sequence[str]) -> dict[str, str]:
+def solved(connection: Connection, digests: Sequence[str]) -> dict[str, str]:
     """Return the first solution of each digest that has one: then a job of it succeeded."""
     found: dict[str, str] = {}
     for start in range(0, len(digests), _DIGESTS):
         # The first comes last, and stays.
         found.update(
             (row.digest, row.id)
-            for row in session.execute(_SOLVED, {"digests": digests[start : start + _DIGESTS]})
+            for row in connection.execute(_SOLVED, {"digests": digests[start : start + _DIGESTS]})
         )
     return found
 

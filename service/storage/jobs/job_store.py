@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import bindparam, func, select, update
+from sqlalchemy import Connection, bindparam, func, select, update
 from sqlalchemy.orm import Session
 
 from service.jobs.dispatch import Dispatcher
@@ -34,7 +34,7 @@ _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
 class SqlJobStore:
     """The :class:`~service.jobs.store.JobStore` in SQLite or Postgres."""
 
-    def __init__(self, database: Database, dispatcher: Dispatcher[Session] | None = None) -> None:
+    def __init__(self, database: Database, dispatcher: Dispatcher[Connection] | None = None) -> None:
         """Without a dispatcher, workers look at the table."""
         self._database = database
         self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
@@ -101,8 +101,8 @@ class SqlJobStore:
     def take(self, worker: str, count: int, *, lease_seconds: float) -> Taken:
         """Take the first jobs of the queue, in its order."""
         while True:
-            with self._database.write() as session:
-                taken = take_jobs(session, self._dispatcher, worker, count, lease_seconds)
+            with self._database.write_rows() as connection:
+                taken = take_jobs(connection, self._dispatcher, worker, count, lease_seconds)
             if taken is None:
                 return Taken()
             if taken != Taken():
@@ -129,18 +129,18 @@ class SqlJobStore:
         self, claim: Claim, outcome: Outcome, *, then_take: int = 0, lease_seconds: float = 0.0
     ) -> tuple[bool, Taken]:
         """Finish a job and take others by one commit."""
+        if isinstance(outcome, SolveOutcome) and outcome.error is None:
+            with self._database.write_rows() as connection:
+                kept = _succeed(connection, claim, outcome)
+                taken = take_jobs(connection, self._dispatcher, claim.worker, then_take, lease_seconds)
+                return kept, taken or Taken()
         with self._database.write() as session:
             if isinstance(outcome, ChunkOutcome):
                 kept = self._finish_chunk(session, claim, outcome)
-            elif outcome.error is not None:
-                kept = self._fail(session, claim, outcome.error)
-            elif outcome.summary is not None:
-                kept = store_solution(session, claim, outcome.summary, outcome.dense, outcome.samples)
-                if kept:
-                    charge(session, claim.key_id, len(outcome.dense) + len(outcome.samples))
             else:
-                raise ValueError("the computation returned neither a summary nor an error")
-            taken = take_jobs(session, self._dispatcher, claim.worker, then_take, lease_seconds)
+                kept = self._fail(session, claim, outcome.error or {})
+            rows = session.connection()
+            taken = take_jobs(rows, self._dispatcher, claim.worker, then_take, lease_seconds)
             return kept, taken or Taken()
 
     def finish_success(
@@ -179,8 +179,8 @@ class SqlJobStore:
 
     def repair(self) -> int:
         """Deliver anew the jobs that are due and whose delivery was lost."""
-        with self._database.write() as session:
-            return self._dispatcher.repair(session)
+        with self._database.write_rows() as connection:
+            return self._dispatcher.repair(connection)
 
     def reconcile(self, *, max_attempts: int, retry_seconds: float = 0.0) -> tuple[str, ...]:
         """Queue again, or give up, every job whose lease has ended."""
@@ -217,13 +217,22 @@ class SqlJobStore:
 
     def _deliver(self, session: Session, queued: Sequence[JobRow]) -> None:
         session.flush()
-        self._dispatcher.dispatch(session, [delivery_of(row) for row in queued])
+        self._dispatcher.dispatch(session.connection(), [delivery_of(row) for row in queued])
 
     def _deliver_after_loss(self, session: Session, sweep: SweepRow | None, job_id: str) -> None:
         """Deliver the job that is queued again, or what takes the place of a chunk that is given up."""
         further = sweep_moves.replace_failed(session, sweep, job_id)
         job = session.get_one(JobRow, job_id, populate_existing=True)
         self._deliver(session, [job, *further] if job.state == JobState.QUEUED.value else further)
+
+
+def _succeed(connection: Connection, claim: Claim, outcome: SolveOutcome) -> bool:
+    if outcome.summary is None:
+        raise ValueError("the computation returned neither a summary nor an error")
+    if not store_solution(connection, claim, outcome.summary, outcome.dense, outcome.samples):
+        return False
+    charge(connection, claim.key_id, len(outcome.dense) + len(outcome.samples))
+    return True
 
 
 def _row(session: Session, job_id: str) -> JobRow:

@@ -14,10 +14,9 @@ from procrastinate import SyncPsycopgConnector
 from procrastinate.exceptions import AlreadyEnqueued
 from procrastinate.jobs import Job
 from procrastinate.manager import JobManager, get_channel_for_queues
-from psycopg import Connection
-from sqlalchemy import Select, String, bindparam, column, exists, select, table, text
+from psycopg import Connection as PostgresConnection
+from sqlalchemy import Connection, Select, String, bindparam, column, exists, select, table, text
 from sqlalchemy import cast as sql_cast
-from sqlalchemy.orm import Session
 
 from service.jobs.dispatch import Delivery
 from service.jobs.states import JobState
@@ -58,47 +57,49 @@ class ProcrastinateDispatcher:
     """The :class:`~service.jobs.dispatch.Dispatcher` of the engine for many machines."""
 
     def __init__(self) -> None:
-        # It never connects: every query is given the session's connection.
+        # It never connects: every query is given the transaction's connection.
         self._connector = SyncPsycopgConnector()
         self._manager = JobManager(self._connector)
 
-    def dispatch(self, session: Session, deliveries: Sequence[Delivery]) -> None:
+    def dispatch(self, connection: Connection, deliveries: Sequence[Delivery]) -> None:
         """Put rows into Procrastinate's queue; its trigger notifies whoever listens after the commit."""
         if deliveries:
             self._manager.batch_defer_jobs(
-                [_queued(delivery) for delivery in deliveries], connection=_connection(session)
+                [_queued(delivery) for delivery in deliveries], connection=_driver(connection)
             )
 
-    def take(self, session: Session, count: int) -> Sequence[str] | None:
+    def take(self, connection: Connection, count: int) -> Sequence[str] | None:
         """Take deliveries out of the queue, and return those of jobs that can be claimed."""
-        connection = _connection(session)
+        driver = _driver(connection)
         delivered: list[str] = []
         while len(delivered) < count:
-            found = self._connector.execute_query_one_with_connection(connection, query=_TAKE, queue=QUEUE)
+            found = self._connector.execute_query_one_with_connection(driver, query=_TAKE, queue=QUEUE)
             if found["id"] is None:
                 break
             delivered.append(str(found["args"]["job"]))
         if not delivered:
             return None
-        return list(session.scalars(_CLAIMABLE, {"ids": delivered}))
+        return list(connection.scalars(_CLAIMABLE, {"ids": delivered}))
 
-    def repair(self, session: Session) -> int:
+    def repair(self, connection: Connection) -> int:
         """Deliver the jobs at the head of our queue that are not in Procrastinate's."""
-        lost = session.execute(_without_delivery()).all()
+        lost = connection.execute(_without_delivery()).all()
+        if not lost:
+            return 0
         deliveries = [Delivery(row.id, row.attempt, row.priority, row.ready_at) for row in lost]
         try:
-            self.dispatch(session, deliveries)
+            with connection.begin_nested():
+                self.dispatch(connection, deliveries)
         except AlreadyEnqueued:
-            session.rollback()  # another worker has just done it
-            return 0
+            return 0  # another worker has just done it
         return len(deliveries)
 
 
 def _without_delivery() -> Select[str, int, int, float]:
     due = (
-        select(JobRow.id, JobRow.attempt, JobRow.priority, JobRow.ready_at)
-        .where(JobRow.state == JobState.QUEUED.value, JobRow.ready_at <= DatabaseNow())
-        .order_by(JobRow.priority.desc(), JobRow.id)
+        select(_JOBS.c.id, _JOBS.c.attempt, _JOBS.c.priority, _JOBS.c.ready_at)
+        .where(_JOBS.c.state == JobState.QUEUED.value, _JOBS.c.ready_at <= DatabaseNow())
+        .order_by(_JOBS.c.priority.desc(), _JOBS.c.id)
         .limit(_REPAIRED)
         .subquery()
     )
@@ -123,6 +124,6 @@ def _queued(delivery: Delivery) -> Job:
     )
 
 
-def _connection(session: Session) -> Connection:
-    """Return the connection of the session's transaction."""
-    return cast(Connection, session.connection().connection.driver_connection)
+def _driver(connection: Connection) -> PostgresConnection:
+    """Return the driver's connection, in the midst of the transaction."""
+    return cast(PostgresConnection, connection.connection.driver_connection)

@@ -27,7 +27,7 @@ def insert_jobs(
     The rows that are returned do not belong to the session.
     """
     now = database_now(session)
-    solutions = solved(session, sorted({digest for _, digest in problems}))
+    solutions = solved(session.connection(), sorted({digest for _, digest in problems}))
     values: list[dict[str, object]] = []
     for problem, digest in problems:
         solution_id = solutions.get(digest)

@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from sqlalchemy import Integer, bindparam, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, Integer, bindparam, select
 
 from service.jobs.dispatch import Delivery
 from service.jobs.states import JobState
@@ -25,13 +24,13 @@ _FIRST = (
 class TableDispatcher:
     """The :class:`~service.jobs.dispatch.Dispatcher` of the local engine: the table itself."""
 
-    def dispatch(self, session: Session, deliveries: Sequence[Delivery]) -> None:
+    def dispatch(self, connection: Connection, deliveries: Sequence[Delivery]) -> None:
         """Do nothing: the row of a queued job is its delivery."""
 
-    def take(self, session: Session, count: int) -> Sequence[str] | None:
+    def take(self, connection: Connection, count: int) -> Sequence[str] | None:
         """Return the first jobs of the queue that are ready."""
-        return list(session.scalars(_FIRST, {"count": count})) or None
+        return list(connection.scalars(_FIRST, {"count": count})) or None
 
-    def repair(self, session: Session) -> int:
+    def repair(self, connection: Connection) -> int:
         """Do nothing: what is in the table is delivered."""
         return 0

@@ -7,14 +7,14 @@ took them in different orders would wait for each other.
 
 from collections.abc import Iterable
 
-from sqlalchemy import func, literal_column, select, update
+from sqlalchemy import Connection, func, literal_column, select, update
 from sqlalchemy.orm import Session, defer
 
 from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_rest, further
 from service.jobs.job import Claim
 from service.jobs.outcome import ChunkOutcome
 from service.jobs.states import AttemptOutcome, JobKind, JobState, sources
-from service.storage.base import Document
+from service.storage.base import Document, table_of
 from service.storage.clock import DatabaseNow, database_now
 from service.storage.ids import new_id
 from service.storage.jobs.moves import end_attempt, fence, move
@@ -23,6 +23,7 @@ from service.storage.sweep_tables import SweepChunkRow, SweepRow
 from service.storage.sweeps.chunk_codec import ChunkPoints, chunk_outcome
 from service.storage.tables import JobRow
 
+_SWEEPS = table_of(SweepRow)
 _NO_DIGEST = ""
 """Chunks are not looked up by what they compute."""
 
@@ -36,22 +37,19 @@ def hold(session: Session, sweep_id: str | None) -> SweepRow | None:
     return session.scalar(row.with_for_update())
 
 
-def begin(session: Session, sweep_id: str) -> Document:
+def begin(connection: Connection, sweep_id: str) -> Document:
     """Mark a sweep running, since one of its chunks was claimed; return its document."""
     # Not waited for: its holder may wait for the chunk that was claimed, and marks it as well.
     idle = (
-        select(SweepRow.id)
-        .where(SweepRow.id == sweep_id, SweepRow.state == JobState.QUEUED.value)
+        select(_SWEEPS.c.id)
+        .where(_SWEEPS.c.id == sweep_id, _SWEEPS.c.state == JobState.QUEUED.value)
         .with_for_update(skip_locked=True)
         .scalar_subquery()
     )
-    session.execute(
-        update(SweepRow)
-        .where(SweepRow.id == idle)
-        .values(state=JobState.RUNNING.value, started_at=DatabaseNow())
-        .execution_options(synchronize_session=False)
-    )
-    return session.scalars(select(SweepRow.document).where(SweepRow.id == sweep_id)).one()
+    values = {"state": JobState.RUNNING.value, "started_at": DatabaseNow()}
+    connection.execute(update(_SWEEPS).where(_SWEEPS.c.id == idle).values(values))
+    document: Document = connection.scalars(select(_SWEEPS.c.document).where(_SWEEPS.c.id == sweep_id)).one()
+    return document
 
 
 def queue_chunks(session: Session, sweep: SweepRow, ranges: Iterable[Range], most: int) -> list[JobRow]:
@@ -151,7 +149,7 @@ def _store(
     elif sweep.state == JobState.QUEUED.value:
         sweep.state, sweep.started_at = JobState.RUNNING.value, database_now(session)
     session.flush()
-    charge(session, sweep.key_id, len(outcome.data))
+    charge(session.connection(), sweep.key_id, len(outcome.data))
     return rows
 
 

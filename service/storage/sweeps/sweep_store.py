@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
-from sqlalchemy import func, select
+from sqlalchemy import Connection, func, select
 from sqlalchemy.orm import Session, defer
 
 from service.jobs.chunking import PILOT_POINTS, Range
@@ -42,7 +42,7 @@ class StoredChunk:
 class SweepStore:
     """Writes and reads sweeps and their points."""
 
-    def __init__(self, database: Database, dispatcher: Dispatcher[Session] | None = None) -> None:
+    def __init__(self, database: Database, dispatcher: Dispatcher[Connection] | None = None) -> None:
         """Without a dispatcher, workers look at the table."""
         self._database = database
         self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
@@ -73,7 +73,7 @@ class SweepStore:
             session.flush()
             jobs = sweep_moves.queue_chunks(session, row, [pilot], most)
             session.flush()
-            self._dispatcher.dispatch(session, [delivery_of(job) for job in jobs])
+            self._dispatcher.dispatch(session.connection(), [delivery_of(job) for job in jobs])
             return _record(row, row.created_at)
 
     def get(self, sweep_id: str) -> SweepRecord:

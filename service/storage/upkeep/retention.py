@@ -148,5 +148,5 @@ def _delete(session: Session, solution_ids: list[str]) -> Pruned:
         assert key_id is not None
         by_key[key_id] = by_key.get(key_id, 0) + sizes[solution_id]
     for key_id in sorted(by_key):
-        charge(session, key_id, -by_key[key_id])
+        charge(session.connection(), key_id, -by_key[key_id])
     return Pruned(len(sizes), sum(sizes.values()))
