@@ -32,10 +32,9 @@ class Dispatcher(Protocol[Transaction]):
         ...
 
     def take(self, transaction: Transaction, count: int) -> Sequence[str] | None:
-        """Return the ids of at most ``count`` jobs, locked: they can be claimed in this transaction.
+        """Return the ids of at most ``count`` delivered jobs, to be claimed in this transaction.
 
-        None if nothing is delivered; an empty sequence if what was delivered
-        is not to be claimed any more.
+        None if nothing is delivered; what is need not be claimable any more.
         """
         ...
 

@@ -1,5 +1,8 @@
 """A job and its delivery are one: both happen, or neither."""
 
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 from sqlalchemy import inspect, text
 
@@ -14,9 +17,8 @@ class RefusalError(Exception):
 
 def test_a_submission_that_is_rolled_back_leaves_nothing(installation):
     class FallsAfterwards(type(installation.dispatcher)):
-        def dispatch(self, session, deliveries):
-            super().dispatch(session, deliveries)
-            session.flush()
+        def dispatch(self, connection, deliveries):
+            super().dispatch(connection, deliveries)
             raise RefusalError
 
     store = SqlJobStore(installation.database, FallsAfterwards())
@@ -79,6 +81,21 @@ def test_only_what_is_due_and_not_delivered_is_repaired(installation, jobs):
     assert jobs.repair() == 0
     for job_id in submitted:
         jobs.cancel(job_id)
+
+
+def test_two_that_repair_at_once_deliver_once(installation, jobs):
+    job = jobs.submit({}, "repaired twice")
+    installation.lose_deliveries()
+    with ThreadPoolExecutor(1) as pool:
+        with installation.database.write_rows() as connection:
+            first = installation.dispatcher.repair(connection)
+            second = pool.submit(jobs.repair)
+            # By now it has seen the loss, and waits for the end of this transaction.
+            time.sleep(0.3)
+        assert second.result(timeout=30) == 0
+    assert first == (installation.engine == "procrastinate")
+    assert [claim.job_id for claim in jobs.take("worker", 5, lease_seconds=60).claims] == [job.id]
+    jobs.cancel(job.id)
 
 
 def contents(installation):

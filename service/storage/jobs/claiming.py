@@ -3,23 +3,34 @@
 from collections.abc import Sequence
 from typing import Any  # of a row that the statement describes
 
-from sqlalchemy import Connection, Row, bindparam, insert, update
+from sqlalchemy import Connection, Row, bindparam, insert, select, update
 
 from service.jobs.dispatch import Dispatcher
 from service.jobs.job import Claim, Taken
-from service.jobs.states import JobKind, JobState, sources
+from service.jobs.states import JobKind, JobState
 from service.storage.base import table_of
 from service.storage.clock import DatabaseNow
 from service.storage.database import is_postgres
 from service.storage.jobs.finishing import solved, succeed
 from service.storage.jobs.joint_statements import claim_and_begin
+from service.storage.jobs.moves import may_become
 from service.storage.sweeps import sweep_moves
 from service.storage.tables import AttemptRow, JobRow
 
 _JOBS = table_of(JobRow)
+_CLAIMABLE = (
+    select(_JOBS.c.id)
+    .where(
+        _JOBS.c.id.in_(bindparam("ids", expanding=True)),
+        may_become(JobState.RUNNING),
+        _JOBS.c.ready_at <= DatabaseNow(),
+    )
+    # Whoever holds the row makes an end of the job; waiting for several could wait in a circle.
+    .with_for_update(skip_locked=True)
+)
 _CLAIM = (
     update(_JOBS)
-    .where(_JOBS.c.id.in_(bindparam("ids", expanding=True)), _JOBS.c.state.in_(sources(JobState.RUNNING)))
+    .where(_JOBS.c.id.in_(_CLAIMABLE))
     .values(
         state=JobState.RUNNING.value,
         owner=bindparam("claimant"),

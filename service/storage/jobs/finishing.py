@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy import Connection, bindparam, insert, select, update
 
 from service.jobs.job import Claim
-from service.jobs.states import AttemptOutcome, JobState, sources
+from service.jobs.states import AttemptOutcome, JobState
 from service.storage.base import table_of
 from service.storage.clock import DatabaseNow
 from service.storage.database import is_postgres
 from service.storage.ids import new_id
 from service.storage.jobs.joint_statements import NEW, insert_solution, store_and_succeed
+from service.storage.jobs.moves import may_become
 from service.storage.solutions.summary import summary_columns
 from service.storage.tables import AttemptRow, DenseOutputRow, JobRow, SamplesRow, SolutionRow
 
@@ -20,7 +21,7 @@ _INSERT_DENSE = insert(table_of(DenseOutputRow))
 _INSERT_SAMPLES = insert(table_of(SamplesRow))
 _FENCE = (
     _JOBS.c.id == bindparam("job"),
-    _JOBS.c.state.in_(sources(JobState.SUCCEEDED)),
+    may_become(JobState.SUCCEEDED),
     _JOBS.c.owner == bindparam("claimant"),
     _JOBS.c.attempt == bindparam("try"),
 )

@@ -8,14 +8,23 @@ happened; nothing is read first and written afterwards.
 import random
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import ColumnElement, func, select, update
+from sqlalchemy import ColumnElement, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from service.jobs.job import Attempt, Claim
 from service.jobs.states import FINISHED, AttemptOutcome, JobState, after_loss, pause_after, sources
+from service.storage.base import table_of
 from service.storage.clock import DatabaseNow, database_now
 from service.storage.jobs.records import attempt_of
 from service.storage.tables import AttemptRow, JobRow
+
+_JOBS = table_of(JobRow)
+
+
+def may_become(target: JobState) -> ColumnElement[bool]:
+    """Return the guard of every move to ``target``."""
+    # Not by IN, whose list SQLAlchemy writes anew at each execution.
+    return or_(*(_JOBS.c.state == state.value for state in sources(target)))
 
 
 def fence(claim: Claim) -> tuple[ColumnElement[bool], ...]:
@@ -34,7 +43,7 @@ def move(session: Session, target: JobState, *guard: ColumnElement[bool], **valu
         values["finished_at"] = DatabaseNow()
     statement = (
         update(JobRow)
-        .where(JobRow.state.in_(sources(target)), *guard)
+        .where(may_become(target), *guard)
         .values(state=target.value, owner=None, lease_until=None, **values)
         .returning(JobRow.id)
         .execution_options(synchronize_session=False)

@@ -15,7 +15,7 @@ from procrastinate.exceptions import AlreadyEnqueued
 from procrastinate.jobs import Job
 from procrastinate.manager import JobManager, get_channel_for_queues
 from psycopg import Connection as PostgresConnection
-from sqlalchemy import Connection, Select, String, bindparam, column, exists, select, table, text
+from sqlalchemy import Connection, Select, String, column, exists, select, table, text
 from sqlalchemy import cast as sql_cast
 
 from service.jobs.dispatch import Delivery
@@ -38,17 +38,6 @@ _TAKE: LiteralString = """
 """
 """Fetch a job and delete it: what Procrastinate's worker does by two statements."""
 _JOBS = table_of(JobRow)
-_CLAIMABLE = (
-    select(_JOBS.c.id)
-    .where(
-        _JOBS.c.id.in_(bindparam("ids", expanding=True)),
-        _JOBS.c.state == JobState.QUEUED.value,
-        _JOBS.c.ready_at <= DatabaseNow(),
-    )
-    .order_by(_JOBS.c.priority.desc(), _JOBS.c.id)
-    # Whoever holds the row makes an end of the job; waiting for several could wait in a circle.
-    .with_for_update(skip_locked=True)
-)
 _DELIVERIES = table("procrastinate_jobs", column("queueing_lock"))
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -69,7 +58,7 @@ class ProcrastinateDispatcher:
             )
 
     def take(self, connection: Connection, count: int) -> Sequence[str] | None:
-        """Take deliveries out of the queue, and return those of jobs that can be claimed."""
+        """Take deliveries out of the queue."""
         driver = _driver(connection)
         delivered: list[str] = []
         while len(delivered) < count:
@@ -77,9 +66,7 @@ class ProcrastinateDispatcher:
             if found["id"] is None:
                 break
             delivered.append(str(found["args"]["job"]))
-        if not delivered:
-            return None
-        return list(connection.scalars(_CLAIMABLE, {"ids": delivered}))
+        return delivered or None
 
     def repair(self, connection: Connection) -> int:
         """Deliver the jobs at the head of our queue that are not in Procrastinate's."""

@@ -17,7 +17,7 @@ from service.jobs.states import AttemptOutcome, JobKind, JobState, sources
 from service.storage.base import Document, table_of
 from service.storage.clock import DatabaseNow, database_now
 from service.storage.ids import new_id
-from service.storage.jobs.moves import end_attempt, fence, move
+from service.storage.jobs.moves import end_attempt, fence, may_become, move
 from service.storage.key_store import charge
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
 from service.storage.sweeps.chunk_codec import ChunkPoints, chunk_outcome
@@ -116,7 +116,7 @@ def cancel(session: Session, sweep: SweepRow) -> bool:
     _end(session, sweep, JobState.CANCELLED)
     cancelled = session.execute(
         update(JobRow)
-        .where(JobRow.sweep_id == sweep.id, JobRow.state.in_(sources(JobState.CANCELLED)))
+        .where(JobRow.sweep_id == sweep.id, may_become(JobState.CANCELLED))
         .values(state=JobState.CANCELLED.value, owner=None, lease_until=None, finished_at=DatabaseNow())
         .returning(JobRow.id, JobRow.attempt)
         .execution_options(synchronize_session=False)
