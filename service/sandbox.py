@@ -92,8 +92,14 @@ class Sandbox:
             return future
 
     def run(self, function: Callable[[*Arguments], T], *arguments: *Arguments, seconds: float | None) -> T:
-        """Call a module's function in a child and wait; raises what :func:`result_of` raises."""
-        return result_of(self.submit(function, *arguments, seconds=seconds))
+        """Call a module's function in a child and wait; raises what :func:`result_of` raises.
+
+        A call whose child dies is made once more: somebody else may have killed it.
+        """
+        try:
+            return result_of(self.submit(function, *arguments, seconds=seconds))
+        except SandboxCrashError:
+            return result_of(self.submit(function, *arguments, seconds=seconds))
 
     def renew(self, future: Future[T]) -> None:
         """Replace the child that should have taken ``future`` and has not; its calls are cancelled.

@@ -95,7 +95,7 @@ def refusal_of(error: Exception) -> ApiError:
             detail = "no verdict within the memory limit; a simpler formula may have one"
             return ApiError(unprocessable, "verdict_memory_limit", detail)
         case SandboxCrashError():
-            detail = "the computation of the verdict crashed; a simpler formula may have one"
+            detail = "the computation of the verdict crashed twice; a simpler formula may have one"
             return ApiError(unprocessable, "verdict_crashed", detail)
         case Exception() if is_away(error):
             detail = "the database cannot be reached at the moment; try again later"

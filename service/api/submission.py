@@ -120,6 +120,7 @@ def _examine(inside: Resources, documents: Mapping[int, _Document]) -> dict[int,
     verdicts: dict[int, _Verdict | ApiError] = {}
     calls: deque[tuple[list[int], Future[str]]] = deque()
     waiting = deque(_batches(documents))
+    crashed = set[int]()
     while waiting or calls:
         while waiting and len(calls) < _AT_WORK:
             batch = waiting.popleft()
@@ -136,6 +137,10 @@ def _examine(inside: Resources, documents: Mapping[int, _Document]) -> dict[int,
                 if len(batch) > 1:
                     # One of them is to blame, and must not take the others with it.
                     waiting.extend([index] for index in batch)
+                elif isinstance(fault, SandboxCrashError) and batch[0] not in crashed:
+                    # Once more: somebody else may have killed the child.
+                    crashed.add(batch[0])
+                    waiting.append(batch)
                 else:
                     verdicts[batch[0]] = refusal_of(fault)
             else:

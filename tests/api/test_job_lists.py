@@ -1,6 +1,9 @@
 """Many problems by one request: one answer for each, in order, and one transaction."""
 
 import json
+import os
+import signal
+from collections import deque
 
 import pytest
 
@@ -94,7 +97,7 @@ def test_priority_is_taken_kept_and_limited(client, jobs):
 
 
 def test_a_problem_that_kills_its_examination_takes_no_other_with_it(client, monkeypatch):
-    """The batch dies with it, then each is examined alone."""
+    """The batch dies with it, then each is examined alone, the one to blame twice."""
     calls = []
     submit = Sandbox.submit
 
@@ -107,14 +110,30 @@ def test_a_problem_that_kills_its_examination_takes_no_other_with_it(client, mon
     items = post(client, [with_lambda(1), with_lambda(13), with_lambda(2)]).json()["items"]
     assert [item["status"] for item in items] == [202, 422, 202]
     assert items[1]["problem"]["type"].endswith("verdict_crashed")
-    assert calls == [3, 1, 1, 1]
+    assert calls == [3, 1, 1, 1, 1]
+
+
+def test_a_problem_whose_child_is_killed_by_somebody_else_is_examined_once_more(client, monkeypatch):
+    functions = deque([die, die])
+    submit = Sandbox.submit
+
+    def interfere(self, function, text, *, seconds):
+        return submit(self, functions.popleft() if functions else function, text, seconds=seconds)
+
+    monkeypatch.setattr(Sandbox, "submit", interfere)
+    # The batch, then the first of it alone.
+    items = post(client, [with_lambda(1), with_lambda(2)]).json()["items"]
+    assert [item["status"] for item in items] == [202, 202]
+    functions.append(die)
+    assert client.post("/v1/jobs", json=with_lambda(3)).status_code == 202
+
+
+def die(text):
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def examine_or_die(text):
     """Examine problems, and die of one with λ = 13."""
-    import os  # noqa: PLC0415
-    import signal  # noqa: PLC0415
-
     if any(problem["motion"]["lambda"] == 13 for problem in json.loads(text)):
         os.kill(os.getpid(), signal.SIGKILL)
     return examination.examine_problems(text)

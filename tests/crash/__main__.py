@@ -1,9 +1,9 @@
-"""``python -m tests.crash [--minutes M] [--seed N]``: a storm on SQLite and one on Postgres, in figures."""
+"""``python -m tests.crash [--minutes M] [--seed N]``: storms on both databases and by Procrastinate."""
 
 import argparse
 import sys
 
-from tests.crash.storm import on_postgres, on_sqlite
+from tests.crash.storm import by_procrastinate, on_postgres, on_sqlite
 
 JOBS_PER_SECOND = 10
 
@@ -15,7 +15,8 @@ def main() -> None:
     options = parser.parse_args()
     seconds = 60.0 * options.minutes
     jobs = int(seconds * JOBS_PER_SECOND)
-    for name, run in (("SQLite", on_sqlite), ("Postgres", on_postgres)):
+    storms = {"SQLite": on_sqlite, "Postgres": on_postgres, "Procrastinate": by_procrastinate}
+    for name, run in storms.items():
         figures = run(seed=options.seed, jobs=jobs, seconds=seconds)
         sys.stdout.write(f"{name}: {figures.line()}\n")
         sys.stdout.flush()

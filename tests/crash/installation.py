@@ -1,4 +1,7 @@
-"""``polhode serve`` and another worker on one database, with every process that belongs to them."""
+"""``polhode serve`` and another worker on one database, with every process that belongs to them.
+
+By Procrastinate the other worker is of another host, with a working folder of its own.
+"""
 
 import contextlib
 import json
@@ -29,21 +32,24 @@ SETTINGS = {
 class Installation:
     """``polhode serve`` with its worker and another worker; started anew whenever they are dead."""
 
-    def __init__(self, url: str, folder: Path) -> None:
+    def __init__(self, url: str, folder: Path, engine: str = "local") -> None:
         self._mark = f"{os.getpid()}-{time.monotonic_ns()}"
         self._folder = folder
-        self.environment = {**os.environ, **SETTINGS, MARK: self._mark, "POLHODE_DATABASE_URL": url}
+        own = {MARK: self._mark, "POLHODE_DATABASE_URL": url, "POLHODE_ENGINE": engine}
+        self.environment = {**os.environ, **SETTINGS, **own}
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self._port = probe.getsockname()[1]
         self._commands = (["serve", "--port", str(self._port), "--workers", "1"], ["worker", "--slots", "1"])
+        self._others_folder = folder / "other" if engine == "procrastinate" else folder
+        self._others_folder.mkdir(exist_ok=True)
         self._log = (folder / "log").open("ab")
-        self._running: list[subprocess.Popen[bytes]] = [self._start(command) for command in self._commands]
+        self._running = [self._start(index) for index in range(len(self._commands))]
 
     def start_the_dead(self) -> None:
         for index, process in enumerate(self._running):
             if process.poll() is not None:
-                self._running[index] = self._start(self._commands[index])
+                self._running[index] = self._start(index)
 
     def call(self, method: str, path: str, document: object = None) -> dict:
         """Return the answer to a request; raises OSError or HTTPException if there is none, or a 503."""
@@ -91,11 +97,12 @@ class Installation:
         for process in self._running:
             process.wait()
 
-    def _start(self, command: list[str]) -> "subprocess.Popen[bytes]":
+    def _start(self, index: int) -> "subprocess.Popen[bytes]":
+        is_other = index > 0 and self._others_folder != self._folder
         return subprocess.Popen(
-            [POLHODE, *command],
-            env=self.environment,
-            cwd=self._folder,
+            [POLHODE, *self._commands[index]],
+            env={**self.environment, "POLHODE_HOST_NAME": "other"} if is_other else self.environment,
+            cwd=self._others_folder if is_other else self._folder,
             stderr=self._log,
             start_new_session=True,
         )

@@ -76,8 +76,8 @@ def on_sqlite(*, seed: int, jobs: int, seconds: float) -> Figures:
         return storm(url, Path(folder), seed=seed, jobs=jobs, seconds=seconds)
 
 
-def on_postgres(*, seed: int, jobs: int, seconds: float) -> Figures:
-    """In the middle the server crashes as well."""
+def on_postgres(*, seed: int, jobs: int, seconds: float, engine: str = "local") -> Figures:
+    """In the middle the server crashes as well. By ``procrastinate`` there are two hosts."""
 
     def crash() -> None:
         server.stop("immediate")
@@ -86,8 +86,12 @@ def on_postgres(*, seed: int, jobs: int, seconds: float) -> Figures:
 
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
         url = server.url(server.create_database())
-        migrate(url)
-        return storm(url, Path(folder), seed=seed, jobs=jobs, seconds=seconds, disaster=crash)
+        migrate(url, engine_name=engine)
+        return storm(url, Path(folder), seed=seed, jobs=jobs, seconds=seconds, engine=engine, disaster=crash)
+
+
+def by_procrastinate(*, seed: int, jobs: int, seconds: float) -> Figures:
+    return on_postgres(seed=seed, jobs=jobs, seconds=seconds, engine="procrastinate")
 
 
 def storm(
@@ -97,11 +101,12 @@ def storm(
     seed: int,
     jobs: int,
     seconds: float,
+    engine: str = "local",
     disaster: Callable[[], None] | None = None,
 ) -> Figures:
     """Let it storm for ``seconds``, with a ``disaster`` in the middle; then wait until everything is done."""
     figures, chance = Figures(), random.Random(seed)
-    installation = Installation(url, folder)
+    installation = Installation(url, folder, engine)
     database = Database(url)
     began = time.monotonic()
     try:

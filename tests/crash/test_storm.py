@@ -1,7 +1,7 @@
 """Everything is killed at random, Postgres too: every acknowledged job has exactly one result afterwards."""
 
 from tests.crash.client import SWEEP_POINTS
-from tests.crash.storm import Figures, on_postgres, on_sqlite
+from tests.crash.storm import Figures, by_procrastinate, on_postgres, on_sqlite
 
 JOBS, SECONDS = 200, 6.0
 
@@ -24,3 +24,7 @@ def test_nothing_is_lost_or_doubled_on_sqlite():
 
 def test_nothing_is_lost_or_doubled_on_postgres_that_crashes_as_well():
     is_weathered(on_postgres(seed=2, jobs=JOBS, seconds=SECONDS))
+
+
+def test_nothing_is_lost_or_doubled_by_two_hosts_with_procrastinate():
+    is_weathered(by_procrastinate(seed=3, jobs=JOBS, seconds=SECONDS))
