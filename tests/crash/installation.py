@@ -1,6 +1,6 @@
 """``polhode serve`` and another worker on one database, with every process that belongs to them.
 
-By Procrastinate the other worker is of another host, with a working folder of its own.
+By Procrastinate the other worker is of another host: it has a folder and, if allowed, a network of its own.
 """
 
 import contextlib
@@ -16,6 +16,8 @@ import urllib.request
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from tests.workers.processes import network_apart
 
 POLHODE = Path(sys.executable).with_name("polhode")
 MARK = "POLHODE_STORM"
@@ -100,7 +102,7 @@ class Installation:
     def _start(self, index: int) -> "subprocess.Popen[bytes]":
         is_other = index > 0 and self._others_folder != self._folder
         return subprocess.Popen(
-            [POLHODE, *self._commands[index]],
+            [*(network_apart() if is_other else ()), POLHODE, *self._commands[index]],
             env={**self.environment, "POLHODE_HOST_NAME": "other"} if is_other else self.environment,
             cwd=self._others_folder if is_other else self._folder,
             stderr=self._log,

@@ -15,7 +15,7 @@ from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.procrastinate_dispatcher import QUEUE, TASK
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
-from tests.workers.processes import Worker
+from tests.workers.processes import Worker, network_apart
 
 HOUR = 3600.0
 
@@ -36,7 +36,8 @@ class Installation:
         self._workers: list[Worker] = []
 
     def start_worker(self, host: int = 1, **options: object) -> Worker:
-        """Start a worker as if on a machine of its own: process group, folder, name and clock.
+        """Start a worker as if on a machine of its own: process group, folder, name, clock, and network if
+        that is allowed.
 
         The local engine serves one machine; there, hosts differ by the folder only.
         """
@@ -50,6 +51,7 @@ class Installation:
             # Before, at, and after the time of the database.
             "clock_shift": (host % 3 - 1) * HOUR,
             "doorbell": self.bell if is_local else None,
+            "begins_with": () if is_local else network_apart(),
             **options,
         }
         self._workers.append(Worker(self._url, **chosen))

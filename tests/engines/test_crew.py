@@ -1,13 +1,14 @@
 """Three workers on hosts whose clocks differ by two hours: every job is run once, whatever happens to it."""
 
 import os
+from pathlib import Path
 
 import pytest
 
 from service.jobs.states import AttemptOutcome, JobState
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.table_dispatcher import TableDispatcher
-from tests.workers.processes import wait_until
+from tests.workers.processes import network_apart, wait_until
 
 JOB_SECONDS = 4.0
 """Many times what a job takes to reach its limit of memory, on a busy machine too."""
@@ -35,7 +36,7 @@ def runs(log):
     return [int(pid) for pid in log.read_text().split()] if log.exists() else []
 
 
-def test_every_job_is_run_once_whoever_gets_it(jobs, submit, log):
+def test_every_job_is_run_once_whoever_gets_it(installation, crew, jobs, submit, log):
     submitted = []
 
     def several_have_worked():
@@ -47,6 +48,12 @@ def test_every_job_is_run_once_whoever_gets_it(jobs, submit, log):
     wait_until(several_have_worked)
     assert {tuple(outcomes(jobs, job)) for job in submitted} == {(AttemptOutcome.SUCCEEDED,)}
     assert len(runs(log)) == len(submitted)
+    apart = installation.engine == "procrastinate" and network_apart()
+    assert len({network_of(worker.process.pid) for worker in crew}) == (len(crew) if apart else 1)
+
+
+def network_of(process):
+    return Path(f"/proc/{process}/ns/net").readlink()
 
 
 def test_five_deliveries_of_a_job_run_it_once(installation, jobs, submit, log):

@@ -1,12 +1,14 @@
 """Start real workers, watch them and their children, and leave none behind."""
 
 import contextlib
+import functools
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -22,6 +24,19 @@ PATIENCE = 15.0
 """Seconds until a test gives up; far more than anything here takes on a busy machine."""
 
 T = TypeVar("T")
+
+
+@functools.cache
+def network_apart() -> tuple[str, ...]:
+    """Return what a command begins with that gets a network of its own, nothing where that is not allowed.
+
+    Files, the sockets of Postgres among them, are shared all the same.
+    """
+    command = ("unshare", "--net")
+    if shutil.which("unshare") is None:
+        return ()
+    allowed = subprocess.run([*command, "true"], capture_output=True).returncode == 0
+    return command if allowed else ()
 
 
 def wait_until(condition: Callable[[], T], patience: float = PATIENCE) -> T:
@@ -67,6 +82,7 @@ class Worker:
         doorbell: Doorbell | None = None,
         folder: Path = ROOT,
         clock_shift: float = 0.0,
+        begins_with: Sequence[str] = (),
         **settings: object,
     ) -> None:
         chosen = {
@@ -81,7 +97,7 @@ class Worker:
         command = [sys.executable, "-m", "tests.workers.worker_process", str(slots)]
         theirs = None if doorbell is None else doorbell.new_line()
         self.process = subprocess.Popen(
-            [*command, *([] if theirs is None else [str(theirs.fileno())])],
+            [*begins_with, *command, *([] if theirs is None else [str(theirs.fileno())])],
             cwd=folder,
             env={**os.environ, **environment, "POLHODE_DATABASE_URL": url},
             pass_fds=[] if theirs is None else [theirs.fileno()],
