@@ -45,7 +45,8 @@ def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certifi
     found = _certify(problem, motion)
     parts = parts_for(problem.accuracy.bits)
     rows = [[split(ball, parts) for ball in state] for state in found.states]
-    proven = replace(_rounded(motion, found), conventions=found.conventions)
+    first = np.array([[doubles[0] for doubles, _ in row] for row in rows])
+    proven = replace(_with_samples(motion, found, first), conventions=found.conventions)
     return proven, found, _columns(rows, parts)
 
 
@@ -65,7 +66,8 @@ def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
         found = _certify(problem, motion)
     except CertifiedUnavailableError:
         raise AccuracyNotMetError(motion.error, problem.tolerance) from None
-    proven = _rounded(motion, found)
+    rounded = np.array([[float(ball.mid()) for ball in state] for state in found.states])
+    proven = _with_samples(motion, found, rounded)
     if not proven.error <= problem.tolerance:
         raise AccuracyNotMetError(min(motion.error, proven.error), problem.tolerance)
     return replace(proven, evidence={**motion.evidence, PROVEN_SAMPLES: found.method})
@@ -76,9 +78,8 @@ def _certify(problem: Problem, motion: Motion) -> Certified:
     return certify(problem.body, problem.potential, problem.motion, times, problem.accuracy.bits)
 
 
-def _rounded(motion: Motion, found: Certified) -> Motion:
-    """Return ``motion`` with the doubles nearest to the midpoints, and how far these are from the truth."""
-    samples = np.array([[float(ball.mid()) for ball in state] for state in found.states])
+def _with_samples(motion: Motion, found: Certified, samples: FloatArray) -> Motion:
+    """Return ``motion`` with ``samples``, and how far these are from the truth."""
     error = max(
         (
             _error(ball, double)

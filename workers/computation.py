@@ -87,9 +87,9 @@ def solve(problem: Problem) -> Motion:
     if problem.method == "integration":
         state = planar_start(problem.body, problem.potential, problem.motion)
         return _integrate(problem, state[:3], state[3:])
-    if problem.method == "quadrature":
-        return solve_planar(problem)
-    motion = attempt_planar(problem)
+    # The method quadrature does without enclosures; those of the certified tier come on top of this.
+    is_alone = problem.method == "quadrature" or problem.accuracy.tier == "certified"
+    motion = solve_planar(problem) if is_alone else attempt_planar(problem)
     if problem.method == "both":
         motion = replace(motion, cross_check=_cross_check(problem, motion))
     return with_tolerance_kept(problem, motion)

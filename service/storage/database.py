@@ -12,7 +12,7 @@ would be gone; FULL costs one fsync a commit (0.3 ms on the disk it was measured
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from sqlite3 import Connection as SqliteConnection
 
 from psycopg import Connection as PostgresConnection
@@ -49,19 +49,19 @@ class Database:
     @contextmanager
     def write(self) -> Iterator[Session]:
         """Open a transaction that is committed at the end, or rolled back by any exception."""
-        with Session(self._writer, expire_on_commit=False) as session:
-            with session.begin():
-                yield session
-                if self._fault is not None:
-                    self._fault.reach("before")
-            if self._fault is not None:
-                self._fault.reach("after")
+        with Session(self._writer, expire_on_commit=False) as session, self._committed(session.begin()):
+            yield session
 
     @contextmanager
     def write_rows(self) -> Iterator[Connection]:
         """Open a transaction as :meth:`write` does, for statements on tables: nobody keeps track of rows."""
-        with self._writer.begin() as connection:
+        with self._writer.connect() as connection, self._committed(connection.begin()):
             yield connection
+
+    @contextmanager
+    def _committed(self, transaction: AbstractContextManager[object]) -> Iterator[None]:
+        with transaction:
+            yield
             if self._fault is not None:
                 self._fault.reach("before")
         if self._fault is not None:

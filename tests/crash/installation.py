@@ -14,7 +14,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tests.workers.processes import network_apart
@@ -42,16 +42,19 @@ class Installation:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self._port = probe.getsockname()[1]
-        self._commands = (["serve", "--port", str(self._port), "--workers", "1"], ["worker", "--slots", "1"])
-        self._others_folder = folder / "other" if engine == "procrastinate" else folder
-        self._others_folder.mkdir(exist_ok=True)
+        serve = _Launch(["serve", "--port", str(self._port), "--workers", "1"], folder)
+        other = _Launch(["worker", "--slots", "1"], folder)
+        if engine == "procrastinate":
+            other = replace(other, folder=folder / "other", host="other", begins_with=network_apart())
+            other.folder.mkdir()
+        self._launches = (serve, other)
         self._log = (folder / "log").open("ab")
-        self._running = [self._start(index) for index in range(len(self._commands))]
+        self._running = [self._start(launch) for launch in self._launches]
 
     def start_the_dead(self) -> None:
         for index, process in enumerate(self._running):
             if process.poll() is not None:
-                self._running[index] = self._start(index)
+                self._running[index] = self._start(self._launches[index])
 
     def call(self, method: str, path: str, document: object = None) -> dict:
         """Return the answer to a request; raises OSError or HTTPException if there is none, or a 503."""
@@ -99,12 +102,11 @@ class Installation:
         for process in self._running:
             process.wait()
 
-    def _start(self, index: int) -> "subprocess.Popen[bytes]":
-        is_other = index > 0 and self._others_folder != self._folder
+    def _start(self, launch: "_Launch") -> "subprocess.Popen[bytes]":
         return subprocess.Popen(
-            [*(network_apart() if is_other else ()), POLHODE, *self._commands[index]],
-            env={**self.environment, "POLHODE_HOST_NAME": "other"} if is_other else self.environment,
-            cwd=self._others_folder if is_other else self._folder,
+            [*launch.begins_with, POLHODE, *launch.command],
+            env={**self.environment, **({"POLHODE_HOST_NAME": launch.host} if launch.host else {})},
+            cwd=launch.folder,
             stderr=self._log,
             start_new_session=True,
         )
@@ -115,6 +117,17 @@ def kill(pid: int) -> bool:
         os.kill(pid, signal.SIGKILL)
         return True
     return False
+
+
+@dataclass(frozen=True)
+class _Launch:
+    """How one of the installation's processes is started."""
+
+    command: list[str]
+    folder: Path
+    host: str | None = None
+    """Its name, if it is not this machine's."""
+    begins_with: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

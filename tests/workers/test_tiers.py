@@ -86,6 +86,14 @@ def test_what_a_method_cannot_promise_at_that_time_is_refused_with_the_figure():
     assert outcome.error["code"] == "accuracy_not_met"
 
 
+def test_a_function_of_time_too_rough_to_be_cross_checked_is_refused_in_the_certified_tier():
+    late = document(GOLDEN[4], {"tier": "certified"}) | {"time": {"times": ["1e12"]}}
+    late["body"] = {**late["body"], "B": "5/2"}
+    assert solve_document(json.dumps(late)).error is None
+    checked = solve_document(json.dumps(late | {"method": "both"}))
+    assert checked.error["code"] == "accuracy_not_met"
+
+
 def test_numbers_whose_very_rounding_is_larger_than_the_tolerance_are_refused():
     fast = document(GOLDEN[0], {"tolerance": "1e-15"})
     fast["potential"] = {"type": "gravity", "a": "-1e6"}  # half an ulp of r = 1112 is 1e-13

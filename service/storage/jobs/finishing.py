@@ -105,8 +105,10 @@ def solved(connection: Connection, digests: Sequence[str]) -> dict[str, str]:
 
 
 def _moves(claim: Claim, solution_id: str, *, reused: bool) -> dict[str, object]:
-    return {**_fenced(claim), "solution": solution_id, "is_reused": reused}
-
-
-def _fenced(claim: Claim) -> dict[str, object]:
-    return {"job": claim.job_id, "claimant": claim.worker, "try": claim.attempt}
+    return {
+        "job": claim.job_id,
+        "claimant": claim.worker,
+        "try": claim.attempt,
+        "solution": solution_id,
+        "is_reused": reused,
+    }

@@ -129,19 +129,19 @@ class SqlJobStore:
         self, claim: Claim, outcome: Outcome, *, then_take: int = 0, lease_seconds: float = 0.0
     ) -> tuple[bool, Taken]:
         """Finish a job and take others by one commit."""
-        if isinstance(outcome, SolveOutcome) and outcome.error is None:
-            with self._database.write_rows() as connection:
-                kept = _succeed(connection, claim, outcome)
-                taken = take_jobs(connection, self._dispatcher, claim.worker, then_take, lease_seconds)
-                return kept, taken or Taken()
-        with self._database.write() as session:
-            if isinstance(outcome, ChunkOutcome):
-                kept = self._finish_chunk(session, claim, outcome)
-            else:
-                kept = self._fail(session, claim, outcome.error or {})
-            rows = session.connection()
-            taken = take_jobs(rows, self._dispatcher, claim.worker, then_take, lease_seconds)
-            return kept, taken or Taken()
+
+        def take(connection: Connection) -> Taken:
+            taken = take_jobs(connection, self._dispatcher, claim.worker, then_take, lease_seconds)
+            return taken or Taken()
+
+        if isinstance(outcome, ChunkOutcome):
+            with self._database.write() as session:
+                return self._finish_chunk(session, claim, outcome), take(session.connection())
+        if outcome.error is not None:
+            with self._database.write() as session:
+                return self._fail(session, claim, outcome.error), take(session.connection())
+        with self._database.write_rows() as connection:
+            return _succeed(connection, claim, outcome), take(connection)
 
     def finish_success(
         self, claim: Claim, summary: Mapping[str, object], *, dense: bytes, samples: bytes
