@@ -113,8 +113,12 @@ def unpack_arrays(packet: bytes) -> tuple[dict[str, FloatArray], dict[str, objec
         shapes = {entry["name"]: tuple(entry["shape"]) for entry in header["arrays"]}
         sizes = {name: math.prod(shape) for name, shape in shapes.items()}
         total = _WIDTH * sum(sizes.values())
+        frame = packet[8 + length :]
+        # Before memory is asked for, which a damaged frame may do by the exabyte.
+        if total and zstandard.frame_content_size(frame) != total:
+            raise ValueError("its frame does not hold what its header says")
         # An empty body has no content size in its frame: zstd then asks for a limit.
-        body = zstandard.ZstdDecompressor().decompress(packet[8 + length :], max_output_size=max(total, 1))
+        body = zstandard.ZstdDecompressor().decompress(frame, max_output_size=max(total, 1))
     except (struct.error, ValueError, KeyError, TypeError, zstandard.ZstdError) as fault:
         raise CodecError(f"the packet is damaged: {fault}") from fault
     if len(body) != total:

@@ -133,7 +133,7 @@ class SeriesRing:
         norm = left.norm * right.norm
         if len(product) > 2 * self.degree + 1 or not norm < inf:
             return self.series(product, rest)
-        return Series(self, product, rest * INFLATED + TINY, norm * INFLATED)
+        return Series(self, product, rest * INFLATED + TINY, norm * INFLATED + TINY)
 
     def scaled(self, operand: Series, factor: float) -> Series:
         """Return factor · operand, the factor being a few ulp off."""
