@@ -7,6 +7,9 @@ from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.storage.base import Base, Document, one_of
 from service.storage.sweep_tables import SweepRow
 
+SORTED_NUMBERS = ("created_at", "A", "C", "period", "energy", "error")
+"""Columns that lists of solutions are sorted by."""
+
 
 class JobRow(Base):
     """One job. ``owner`` and ``lease_until`` are set while it is running, and only then."""
@@ -21,7 +24,9 @@ class JobRow(Base):
         CheckConstraint("(kind = 'chunk') = (sweep_id IS NOT NULL)", name="sweep"),
         CheckConstraint("(state = 'running') = (owner IS NOT NULL)", name="owner"),
         CheckConstraint("(state = 'running') = (lease_until IS NOT NULL)", name="lease"),
-        Index("ix_jobs_state_id", "state", "id"),
+        # Lists of jobs, with and without a state, newest first; with it the oldest one that waits.
+        Index("ix_jobs_kind_id", "kind", "id"),
+        Index("ix_jobs_state_id_kind", "state", "id", "kind"),
         # In the order of claims.
         Index("ix_jobs_queue", "state", desc("priority"), "id"),
         Index("ix_jobs_leases", "state", "lease_until"),
@@ -85,20 +90,26 @@ class SolutionRow(Base):
     """
 
     __tablename__ = "solutions"
+    __table_args__ = (
+        # Every order of the list, in both directions.
+        *(Index(f"ix_solutions_{name}_id", name, "id") for name in SORTED_NUMBERS),
+        # Whatever is filtered by, without reading the documents.
+        Index("ix_solutions_filters", "family", "method", "tier", *SORTED_NUMBERS, "id"),
+    )
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
     job_id: Mapped[str] = mapped_column(Uuid(as_uuid=False), unique=True)
     digest: Mapped[str] = mapped_column(index=True)
     problem: Mapped[Document]
     summary: Mapped[Document]
-    created_at: Mapped[float] = mapped_column(index=True)
-    family: Mapped[str | None] = mapped_column(String(32), index=True)
+    created_at: Mapped[float]
+    family: Mapped[str | None] = mapped_column(String(32))
     method: Mapped[str | None] = mapped_column(String(32))
     tier: Mapped[str | None] = mapped_column(String(32))
     A: Mapped[float | None]
     C: Mapped[float | None]
-    period: Mapped[float | None] = mapped_column(index=True)
-    energy: Mapped[float | None] = mapped_column(index=True)
+    period: Mapped[float | None]
+    energy: Mapped[float | None]
     error: Mapped[float | None]
 
 

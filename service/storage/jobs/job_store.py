@@ -21,6 +21,7 @@ from service.storage.jobs.records import delivery_of, job_of
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.key_store import charge
+from service.storage.paging import rows_of_page
 from service.storage.sweep_tables import SweepRow
 from service.storage.sweeps import sweep_moves
 from service.storage.tables import JobRow
@@ -69,10 +70,10 @@ class SqlJobStore:
         condition = [JobRow.kind == JobKind.SOLVE.value]
         if state is not None:
             condition.append(JobRow.state == state.value)
-        statement = select(JobRow).where(*condition).order_by(JobRow.id.desc()).limit(limit).offset(offset)
+        ids = select(JobRow.id).where(*condition).order_by(JobRow.id.desc()).limit(limit).offset(offset)
         with self._database.read() as session:
             total = session.scalar(select(func.count()).select_from(JobRow).where(*condition))
-            return JobPage(tuple(job_of(row) for row in session.scalars(statement)), total or 0)
+            return JobPage(tuple(map(job_of, rows_of_page(session, JobRow, ids))), total or 0)
 
     def attempts(self, job_id: str) -> tuple[Attempt, ...]:
         """Return the history of a job, oldest first."""

@@ -4,20 +4,22 @@ A solution is written only together with the success of its job, see
 :mod:`service.storage.jobs.job_store`; hence whatever is here comes from a success.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Literal, get_args
 
-from sqlalchemy import ColumnElement, func, select
-from sqlalchemy.orm import InstrumentedAttribute
+from sqlalchemy import ColumnElement, Select, func, select
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from service.jobs.errors import SolutionNotFoundError
 from service.storage.database import Database
 from service.storage.ids import is_id
 from service.storage.jobs.records import instant
+from service.storage.paging import rows_of_page
 from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
 
+Condition = ColumnElement[bool]
 NumberColumn = Literal["A", "C", "period", "energy", "error"]
 SortColumn = Literal["created_at", "A", "C", "period", "energy", "error"]
 SORT_COLUMNS: tuple[SortColumn, ...] = get_args(SortColumn)
@@ -87,20 +89,10 @@ class SolutionStore:
     def find(self, query: SolutionQuery) -> SolutionPage:
         """Return one page of the solutions that match."""
         conditions = _conditions(query)
-        key = _column(query.sort)
-        order = key.desc() if query.descending else key.asc()
-        tie = SolutionRow.id.desc() if query.descending else SolutionRow.id.asc()
-        statement = (
-            select(SolutionRow)
-            .where(*conditions)
-            .order_by(key.is_(None), order, tie)
-            .limit(query.limit)
-            .offset(query.offset)
-        )
         with self._database.read() as session:
-            total = session.scalar(select(func.count()).select_from(SolutionRow).where(*conditions))
-            solutions = tuple(_solution_of(row) for row in session.scalars(statement))
-        return SolutionPage(solutions, total or 0)
+            total = session.scalar(select(func.count()).select_from(SolutionRow).where(*conditions)) or 0
+            rows = _rows(session, query, conditions)
+            return SolutionPage(tuple(map(_solution_of, rows)), total)
 
     def dense(self, solution_id: str) -> bytes:
         """Return the encoded dense output, or raise :class:`SolutionNotFoundError`."""
@@ -127,8 +119,8 @@ class SolutionStore:
         return data
 
 
-def _conditions(query: SolutionQuery) -> list[ColumnElement[bool]]:
-    conditions: list[ColumnElement[bool]] = []
+def _conditions(query: SolutionQuery) -> list[Condition]:
+    conditions: list[Condition] = []
     if query.job_id is not None:
         conditions.append(
             SolutionRow.job_id == query.job_id if is_id(query.job_id) else SolutionRow.id.is_(None)
@@ -145,6 +137,35 @@ def _conditions(query: SolutionQuery) -> list[ColumnElement[bool]]:
         if interval.upper is not None:
             conditions.append(_column(name) <= interval.upper)
     return conditions
+
+
+def _rows(session: Session, query: SolutionQuery, conditions: Sequence[Condition]) -> list[SolutionRow]:
+    """Return the rows of a page: first of the solutions with the number, then of those without.
+
+    Databases put nulls at different ends of an index, and "nulls last" of both
+    directions is no order of one index; each of the two parts is.
+    """
+    key = _column(query.sort)
+    if query.sort == "created_at":
+        return rows_of_page(session, SolutionRow, _ids(query, conditions, query.offset, query.limit))
+    known = [*conditions, key.is_not(None)]
+    rows = rows_of_page(session, SolutionRow, _ids(query, known, query.offset, query.limit))
+    missing = query.limit - len(rows)
+    if not missing or query.sort in query.intervals:
+        # A solution without the number is in no interval of it.
+        return rows
+    before = query.offset + len(rows)
+    if not rows and query.offset:
+        before = session.scalar(select(func.count()).select_from(SolutionRow).where(*known)) or 0
+    skipped = max(0, query.offset - before)
+    unknown = [*conditions, key.is_(None)]
+    return [*rows, *rows_of_page(session, SolutionRow, _ids(query, unknown, skipped, missing))]
+
+
+def _ids(query: SolutionQuery, conditions: Sequence[Condition], offset: int, limit: int) -> Select[str]:
+    key = _column(query.sort)
+    order = (key.desc(), SolutionRow.id.desc()) if query.descending else (key.asc(), SolutionRow.id.asc())
+    return select(SolutionRow.id).where(*conditions).order_by(*order).limit(limit).offset(offset)
 
 
 def _column(name: SortColumn) -> InstrumentedAttribute[float] | InstrumentedAttribute[float | None]:

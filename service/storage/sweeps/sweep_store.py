@@ -22,6 +22,7 @@ from service.storage.database import Database
 from service.storage.ids import is_id, new_id
 from service.storage.jobs.records import delivery_of, instant, optional_instant
 from service.storage.jobs.table_dispatcher import TableDispatcher
+from service.storage.paging import rows_of_page
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
 from service.storage.sweeps import sweep_moves
 
@@ -84,13 +85,11 @@ class SweepStore:
     def list_sweeps(self, *, state: JobState | None = None, limit: int = 50, offset: int = 0) -> SweepPage:
         """Return sweeps without their documents, newest first."""
         condition = [] if state is None else [SweepRow.state == state.value]
-        statement = (
-            select(SweepRow).where(*condition).options(defer(SweepRow.document)).order_by(SweepRow.id.desc())
-        )
+        ids = select(SweepRow.id).where(*condition).order_by(SweepRow.id.desc()).limit(limit).offset(offset)
         with self._database.read() as session:
             now = database_now(session)
             total = session.scalar(select(func.count()).select_from(SweepRow).where(*condition))
-            rows = session.scalars(statement.limit(limit).offset(offset))
+            rows = rows_of_page(session, SweepRow, ids, defer(SweepRow.document))
             return SweepPage(tuple(_progress(row, now) for row in rows), total or 0)
 
     def cancel(self, sweep_id: str) -> SweepRecord:
