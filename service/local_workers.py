@@ -50,7 +50,7 @@ class LocalWorkers:
         with line:
             options = ["--slots", str(self._settings.workers), "--wake-fd", str(line.fileno())]
             return subprocess.Popen(
-                [sys.executable, "-m", "workers", "run", *options],
+                worker_command("run", *options),
                 pass_fds=[line.fileno()],
                 env=worker_environment(self._settings),
                 start_new_session=True,
@@ -73,6 +73,11 @@ class LocalWorkers:
             if self._stopping.is_set():
                 # It was asked to stop between the check and the start.
                 self._process.terminate()
+
+
+def worker_command(*arguments: str) -> list[str]:
+    """Return the command line of a worker. ``-P``: a ``workers.py`` in the working folder is not imported."""
+    return [sys.executable, "-P", "-m", "workers", *arguments]
 
 
 def worker_environment(settings: Settings) -> dict[str, str]:

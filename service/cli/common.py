@@ -10,6 +10,7 @@ from typing import Annotated, NoReturn
 import typer
 from pydantic import ValidationError
 
+from service.local_workers import worker_command
 from service.settings import Settings
 
 REFUSED, WRONG_USAGE = 1, 2
@@ -51,7 +52,7 @@ def migrate_database(settings: Settings) -> None:
 
 def become_worker(arguments: list[str], environment: Mapping[str, str]) -> NoReturn:
     """Replace this process by one of the workers, which the service does not import."""
-    os.execve(sys.executable, [sys.executable, "-m", "workers", *arguments], dict(environment))
+    os.execve(sys.executable, worker_command(*arguments), dict(environment))
 
 
 def fail(reason: str, code: int) -> NoReturn:
