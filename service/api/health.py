@@ -31,11 +31,16 @@ def livez() -> Response:
 
 @router.get("/readyz", response_model=HealthOut, responses=refusals(503), dependencies=[without_query])
 def readyz(inside: Inside) -> Response:
-    """Say whether the database is reachable and of this version, and verdicts can be reached."""
+    """Say whether the database is reachable and of this version, and verdicts can be reached.
+
+    A worker process that dies again and again is told, and makes nothing unready: jobs are accepted.
+    """
     checks = {"database": _database(inside), "sandbox": _sandbox(inside)}
     bad = [f"{name}: {said}" for name, said in checks.items() if said != OK]
     if bad:
         raise ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "not_ready", "; ".join(bad), extras={"checks": checks})
+    if inside.local_worker is not None:
+        checks["worker"] = str(inside.local_worker())
     return json_response(HealthOut(status="ok", checks=checks))
 
 
