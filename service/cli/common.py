@@ -1,7 +1,6 @@
 """What several commands share: options, settings, and how a command fails."""
 
 import os
-import sqlite3
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,17 +36,12 @@ def settings_of(**given: object) -> Settings:
 
 def migrate_database(settings: Settings) -> None:
     """Bring the database to this version, or end with the reason why not."""
-    from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
-
-    from service.storage.jobs.procrastinate_schema import UnknownSchemaError  # noqa: PLC0415
-    from service.storage.migration import migrate  # noqa: PLC0415
+    from service.storage.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
 
     try:
-        migrate(settings.database_url, engine_name=settings.engine)
-    except (SQLAlchemyError, sqlite3.Error, ImportError, UnknownSchemaError) as fault:
-        # sqlite3.Error: its file cannot be opened. ImportError: the database's driver is not installed.
-        reason = str(getattr(fault, "orig", None) or fault).splitlines()[0]
-        fail(f"cannot migrate the database: {reason}", REFUSED)
+        migrate_or_explain(settings.database_url, engine_name=settings.engine)
+    except MigrationError as fault:
+        fail(str(fault), REFUSED)
 
 
 def become_worker(arguments: list[str], environment: Mapping[str, str]) -> NoReturn:
