@@ -1,7 +1,7 @@
 """The HTTP application: what it owns, from start to end."""
 
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.metadata import version
 
@@ -12,6 +12,7 @@ from service.api.keyring import KeyRing
 from service.api.limits import Limits
 from service.api.resources import Resources
 from service.api.routes import install
+from service.jobs.restarts import WorkerStanding
 from service.jobs.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
@@ -30,13 +31,18 @@ VERDICT_WORKERS = 2
 
 
 def create_app(
-    settings: Settings, *, doorbell: Doorbell | None = None, sandbox: Sandbox | None = None
+    settings: Settings,
+    *,
+    doorbell: Doorbell | None = None,
+    sandbox: Sandbox | None = None,
+    local_worker: Callable[[], WorkerStanding] | None = None,
 ) -> FastAPI:
     """Return the application on a database that has been migrated.
 
     ``doorbell`` is given by whoever also starts local workers, ``sandbox`` by
     whoever has one already, and they close it; without, the application has
-    its own, and nobody hears its bell.
+    its own, and nobody hears its bell. ``local_worker`` tells how those
+    workers do.
     """
     bell = doorbell or Doorbell()
 
@@ -58,10 +64,11 @@ def create_app(
             sweeps=SweepStore(database, dispatcher),
             sandbox=children,
             doorbell=bell,
-            metrics=Metrics(statistics, version=version("polhode")),
+            metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker),
             keys=ring,
             limits=Limits(settings, keys),
             waiting=threading.BoundedSemaphore(settings.waiting_places),
+            local_worker=local_worker,
         )
         try:
             yield

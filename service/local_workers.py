@@ -7,13 +7,11 @@ import sys
 import threading
 import time
 
+from service.jobs.restarts import Restarts, WorkerStanding
 from service.jobs.wakeup import Doorbell
 from service.settings import Settings
 
 logger = logging.getLogger(__name__)
-
-FIRST_PAUSE_SECONDS, LONGEST_PAUSE_SECONDS = 0.5, 30.0
-"""Before a worker process that died is started again; doubled each time it dies young."""
 
 
 class LocalWorkers:
@@ -22,15 +20,29 @@ class LocalWorkers:
     It has a session of its own, so that Ctrl-C in a terminal reaches only the
     service, which then stops it in order. If the service is killed, the worker
     hears its bell's line break, and stops.
+
+    Raises
+    ------
+    OSError
+        The system cannot start the first process.
     """
 
     def __init__(self, settings: Settings, doorbell: Doorbell) -> None:
         self._settings = settings
         self._doorbell = doorbell
         self._stopping = threading.Event()
+        self._restarts = Restarts()
+        self._last_code: int | None = None
+        self._starts_at: float | None = None
         self._process = self._start()
         self._keeper = threading.Thread(target=self._keep, name="keeper of workers", daemon=True)
         self._keeper.start()
+
+    def standing(self) -> WorkerStanding:
+        """Return whether the process runs, and how often it has died. Safe in any thread."""
+        starts_at = self._starts_at
+        left = None if starts_at is None else max(0.0, starts_at - time.monotonic())
+        return WorkerStanding(self._restarts, self._last_code, left)
 
     def expect_end(self) -> None:
         """Start no other process when this one ends. Safe in a signal handler."""
@@ -50,29 +62,47 @@ class LocalWorkers:
         with line:
             options = ["--slots", str(self._settings.workers), "--wake-fd", str(line.fileno())]
             return subprocess.Popen(
-                [sys.executable, "-m", "workers", "run", *options],
+                worker_command("run", *options),
                 pass_fds=[line.fileno()],
                 env=worker_environment(self._settings),
                 start_new_session=True,
             )
 
     def _keep(self) -> None:
-        pause = FIRST_PAUSE_SECONDS
+        began = time.monotonic()
         while True:
-            began = time.monotonic()
             code = self._process.wait()
-            if self._stopping.is_set():
+            if self._stopping.is_set() or not self._start_again(code, time.monotonic() - began):
                 return
-            if time.monotonic() - began > LONGEST_PAUSE_SECONDS:
-                pause = FIRST_PAUSE_SECONDS
-            logger.warning("the worker process ended with code %s; starting another in %g s", code, pause)
-            if self._stopping.wait(pause):
-                return
-            pause = min(2.0 * pause, LONGEST_PAUSE_SECONDS)
-            self._process = self._start()
+            began = time.monotonic()
             if self._stopping.is_set():
                 # It was asked to stop between the check and the start.
                 self._process.terminate()
+
+    def _start_again(self, code: int | None, lived_seconds: float) -> bool:
+        """Start another process, after a pause if there must be one; return False if it is to stop."""
+        while True:
+            self._last_code = code
+            self._restarts = self._restarts.after_death(lived_seconds)
+            pause = self._restarts.pause_seconds
+            self._starts_at = time.monotonic() + pause
+            logger.warning("%s", self.standing())
+            if self._stopping.wait(pause):
+                return False
+            try:
+                self._process = self._start()
+            except OSError as fault:
+                # No memory, processes or descriptors left: it may be otherwise in a while.
+                logger.warning("the worker process could not be started: %s", fault)
+                code, lived_seconds = None, 0.0
+            else:
+                self._starts_at = None
+                return True
+
+
+def worker_command(*arguments: str) -> list[str]:
+    """Return the command line of a worker. ``-P``: a ``workers.py`` in the working folder is not imported."""
+    return [sys.executable, "-P", "-m", "workers", *arguments]
 
 
 def worker_environment(settings: Settings) -> dict[str, str]:

@@ -64,6 +64,9 @@ class Sandbox:
     """
 
     def __init__(self, workers: int, *, memory_mb: int | None = None, preload: Sequence[str] = ()) -> None:
+        # Children inherit it: multiprocessing starts its helpers by `python -c`, which would else import
+        # whatever lies in the working folder under the name of a module, even `multiprocessing.py`.
+        os.environ["PYTHONSAFEPATH"] = "1"
         self._memory_mb = memory_mb
         self._lock = threading.Lock()
         self._context = multiprocessing.get_context("forkserver")

@@ -11,7 +11,8 @@ from service.jobs.hosts import OtherHostError
 from service.jobs.states import JobKind
 from service.logs import start_logging
 from service.settings import Settings
-from service.storage.migration import migrate
+from service.storage.migration import MigrationError, migrate_or_explain
+from service.storage.revisions import NewerSchemaError
 from workers.calibration.command import run as calibrate
 from workers.computation import solve_document
 from workers.doctor import examine
@@ -94,14 +95,14 @@ def run(options: argparse.Namespace) -> int:
         sys.stderr.write(f"{fault}\n")
         return 1
     start_logging(settings.log_format, settings.log_level or "info")
-    if options.wake_fd is None:
-        # Started alone. A service that starts workers has migrated before.
-        migrate(settings.database_url, engine_name=settings.engine)
     slots = options.slots if options.slots is not None else max(settings.workers, 1)
     try:
+        if options.wake_fd is None:
+            # Started alone. A service that starts workers has migrated before.
+            migrate_or_explain(settings.database_url, engine_name=settings.engine)
         computations: Computations = {JobKind.SOLVE: solve_document, JobKind.CHUNK: compute_chunk}
         run_worker(computations, settings, slots=slots, wake_fd=options.wake_fd)
-    except OtherHostError as fault:
+    except (MigrationError, NewerSchemaError, OtherHostError) as fault:
         sys.stderr.write(f"{fault}\n")
         return 1
     return 0

@@ -6,7 +6,7 @@ the service tells the same about them.
 """
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from prometheus_client import CollectorRegistry, Histogram, ProcessCollector, generate_latest
 from prometheus_client.core import (
@@ -20,6 +20,7 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.registry import Collector
 from sqlalchemy.exc import SQLAlchemyError
 
+from service.jobs.restarts import WorkerStanding
 from service.jobs.states import AttemptOutcome, JobKind
 from service.storage.upkeep.statistics import BOUNDS, LIVE, Durations, Figures, Statistics
 
@@ -33,7 +34,13 @@ REQUEST_BOUNDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 
 class Metrics:
     """The metrics of one application, in a registry of its own."""
 
-    def __init__(self, statistics: Statistics, *, version: str) -> None:
+    def __init__(
+        self,
+        statistics: Statistics,
+        *,
+        version: str,
+        local_worker: Callable[[], WorkerStanding] | None = None,
+    ) -> None:
         self._registry = CollectorRegistry()
         self._requests = Histogram(
             "polhode_http_request_seconds",
@@ -44,6 +51,8 @@ class Metrics:
         )
         self._database = _DatabaseCollector(statistics, version)
         self._registry.register(self._database)
+        if local_worker is not None:
+            self._registry.register(_WorkerCollector(local_worker))
         ProcessCollector(registry=self._registry)
 
     def observe(self, method: str, route: str, status: int, seconds: float) -> None:
@@ -53,6 +62,24 @@ class Metrics:
     def text(self) -> bytes:
         """Return all metrics in the Prometheus text format."""
         return generate_latest(self._registry)
+
+
+class _WorkerCollector(Collector):
+    """Tells how the worker process beside this service does."""
+
+    def __init__(self, standing: Callable[[], WorkerStanding]) -> None:
+        self._standing = standing
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield whether it runs, how often it has died, and how long it is paused."""
+        now = self._standing()
+        says = "The worker process of this service runs."
+        yield GaugeMetricFamily("polhode_local_worker_up", says, int(now.is_running))
+        yield CounterMetricFamily(
+            "polhode_local_worker_deaths", "How often it has died.", now.restarts.deaths
+        )
+        says = "Time until it is started again, since it died at once; 0 while it runs."
+        yield GaugeMetricFamily("polhode_local_worker_pause_seconds", says, now.seconds_to_start or 0.0)
 
 
 class _DatabaseCollector(Collector):

@@ -3,9 +3,7 @@
 from concurrent.futures import CancelledError
 from http import HTTPStatus
 
-from alembic.script import ScriptDirectory
 from fastapi import APIRouter, Response
-from sqlalchemy import text
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.api.errors import ApiError
@@ -15,7 +13,7 @@ from service.api.responses import json_response, refusals
 from service.examination import answer_ping
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.solution import HealthOut
-from service.storage.migration import migrations_folder
+from service.storage.revisions import fault_of, stored_revision
 
 router = APIRouter(tags=["health"])
 
@@ -31,22 +29,26 @@ def livez() -> Response:
 
 @router.get("/readyz", response_model=HealthOut, responses=refusals(503), dependencies=[without_query])
 def readyz(inside: Inside) -> Response:
-    """Say whether the database is reachable and of this version, and verdicts can be reached."""
+    """Say whether the database is reachable and of this version, and verdicts can be reached.
+
+    A worker process that dies again and again is told, and makes nothing unready: jobs are accepted.
+    """
     checks = {"database": _database(inside), "sandbox": _sandbox(inside)}
     bad = [f"{name}: {said}" for name, said in checks.items() if said != OK]
     if bad:
         raise ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "not_ready", "; ".join(bad), extras={"checks": checks})
+    if inside.local_worker is not None:
+        checks["worker"] = str(inside.local_worker())
     return json_response(HealthOut(status="ok", checks=checks))
 
 
 def _database(inside: Resources) -> str:
     try:
         with inside.database.read() as session:
-            stored = session.scalar(text("SELECT version_num FROM alembic_version"))
+            stored = stored_revision(session.connection())
     except SQLAlchemyError:
-        return "cannot be read, or has no tables; polhode migrate makes them"
-    wanted = ScriptDirectory(str(migrations_folder())).get_current_head()
-    return OK if stored == wanted else f"schema {stored}, needed is {wanted}; polhode migrate brings it there"
+        return "cannot be read"
+    return fault_of(stored) or OK
 
 
 def _sandbox(inside: Resources) -> str:

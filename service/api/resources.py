@@ -1,6 +1,7 @@
 """What every endpoint works with, made once by the app."""
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -9,6 +10,7 @@ from fastapi import Depends, Request
 from service.api.exposition import Metrics
 from service.api.keyring import KeyRing
 from service.api.limits import Limits
+from service.jobs.restarts import WorkerStanding
 from service.jobs.store import JobStore
 from service.jobs.wakeup import Doorbell
 from service.sandbox import Sandbox
@@ -34,6 +36,8 @@ class Resources:
     limits: Limits
     waiting: threading.BoundedSemaphore
     """Places for clients that wait for their job: each takes a thread."""
+    local_worker: Callable[[], WorkerStanding] | None
+    """Tells how the worker process beside this service does, if there is one."""
 
 
 def _resources(request: Request) -> Resources:

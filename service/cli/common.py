@@ -1,7 +1,6 @@
 """What several commands share: options, settings, and how a command fails."""
 
 import os
-import sqlite3
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Annotated, NoReturn
 import typer
 from pydantic import ValidationError
 
+from service.local_workers import worker_command
 from service.settings import Settings
 
 REFUSED, WRONG_USAGE = 1, 2
@@ -36,22 +36,17 @@ def settings_of(**given: object) -> Settings:
 
 def migrate_database(settings: Settings) -> None:
     """Bring the database to this version, or end with the reason why not."""
-    from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
-
-    from service.storage.jobs.procrastinate_schema import UnknownSchemaError  # noqa: PLC0415
-    from service.storage.migration import migrate  # noqa: PLC0415
+    from service.storage.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
 
     try:
-        migrate(settings.database_url, engine_name=settings.engine)
-    except (SQLAlchemyError, sqlite3.Error, ImportError, UnknownSchemaError) as fault:
-        # sqlite3.Error: its file cannot be opened. ImportError: the database's driver is not installed.
-        reason = str(getattr(fault, "orig", None) or fault).splitlines()[0]
-        fail(f"cannot migrate the database: {reason}", REFUSED)
+        migrate_or_explain(settings.database_url, engine_name=settings.engine)
+    except MigrationError as fault:
+        fail(str(fault), REFUSED)
 
 
 def become_worker(arguments: list[str], environment: Mapping[str, str]) -> NoReturn:
     """Replace this process by one of the workers, which the service does not import."""
-    os.execve(sys.executable, [sys.executable, "-m", "workers", *arguments], dict(environment))
+    os.execve(sys.executable, worker_command(*arguments), dict(environment))
 
 
 def fail(reason: str, code: int) -> NoReturn:

@@ -87,7 +87,9 @@ def _serve(settings: Settings, listener: socket.socket) -> None:
 
     try:
         config = uvicorn.Config(
-            create_app(settings, doorbell=doorbell),
+            create_app(
+                settings, doorbell=doorbell, local_worker=None if workers is None else workers.standing
+            ),
             access_log=False,
             log_config=None,
             timeout_graceful_shutdown=FINISH_REQUESTS_SECONDS,

@@ -35,7 +35,7 @@ def backup(
         fail(f"no backup: {fault}", REFUSED)
     jobs, solutions = (contents.rows.get(name, 0) for name in ("jobs", "solutions"))
     size = file.stat().st_size / 1e6
-    say(f"{file}: {jobs} jobs, {solutions} solutions, schema {contents.revision}, {size:.1f} MB")
+    say(f"{file}: {jobs} jobs, {solutions} solutions, {contents.schema}, {size:.1f} MB")
 
 
 def restore(

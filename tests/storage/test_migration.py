@@ -14,7 +14,8 @@ from service.storage.database import Database, make_engine
 from service.storage.ids import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.table_dispatcher import TableDispatcher
-from service.storage.migration import migrate, migrations_folder
+from service.storage.migration import migrate
+from service.storage.revisions import migrations_folder
 from service.storage.schema import METADATA
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.storage.solutions.solution_store import SolutionStore

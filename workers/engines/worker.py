@@ -14,6 +14,7 @@ from service.storage.database import Database
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import WorkerRegistry
+from service.storage.revisions import refuse_newer
 from workers.engines.loop import EngineLoop, Waker
 from workers.engines.presence import Presence
 from workers.engines.procrastinate import Notifications
@@ -31,6 +32,8 @@ def run_worker(computations: Computations, settings: Settings, *, slots: int, wa
     ------
     OtherHostError
         The engine is for one machine, and another one works on the database.
+    NewerSchemaError
+        A later version has changed the database, perhaps since the service that starts this worker began.
     """
     # Slots share the cores already; and the stacks of idle threads would count as a job's memory.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -41,6 +44,7 @@ def run_worker(computations: Computations, settings: Settings, *, slots: int, wa
     registry = WorkerRegistry(database, lease_seconds=settings.lease_seconds)
     presence = Presence(registry, worker, seconds=settings.lease_seconds)
     try:
+        refuse_newer(database.engine)
         presence.begin(alone=settings.engine == "local")
         try:
             with about(worker=worker.name):

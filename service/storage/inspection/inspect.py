@@ -3,17 +3,14 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from alembic.script import ScriptDirectory
 from sqlalchemy import func, select, text
-from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
-from service.storage.availability import is_away
 from service.storage.database import Database
 from service.storage.inspection.invariants import Invariant, invariants_of_jobs
 from service.storage.inspection.key_invariants import invariants_of_keys
 from service.storage.inspection.sweep_invariants import invariants_of_sweeps
-from service.storage.migration import migrations_folder
+from service.storage.revisions import fault_of, newest_revision, stored_revision
 
 EXAMPLES = 5
 """Ids that are told of the rows that break a law."""
@@ -83,18 +80,12 @@ def check(database: Database, invariant: Invariant) -> Finding:
 
 def check_schema(database: Database) -> Finding:
     """Say whether the tables are those of this version."""
-    wanted = ScriptDirectory(str(migrations_folder())).get_current_head()
-    try:
-        with database.read() as session:
-            stored = session.scalar(text("SELECT version_num FROM alembic_version"))
-    except DBAPIError as fault:
-        if is_away(fault):
-            raise
-        stored = None
-    finding = Finding(
-        "schema", f"the schema is that of this version, {wanted}; polhode migrate brings it there"
-    )
-    return finding if stored == wanted else replace(finding, broken=1, examples=(str(stored),))
+    with database.read() as session:
+        stored = stored_revision(session.connection())
+    law, fault = f"the schema is that of this version, {newest_revision()}", fault_of(stored)
+    if fault is None:
+        return Finding("schema", law)
+    return Finding("schema", f"{law}: {fault}", broken=1, examples=(str(stored),))
 
 
 def _check_file(database: Database) -> Iterator[Finding]:

@@ -13,8 +13,9 @@ from sqlalchemy import make_url
 from sqlalchemy.exc import ArgumentError
 
 from service.storage.migration import migrate
+from service.storage.revisions import known_revisions
 from service.storage.upkeep import postgres_backup, sqlite_backup
-from service.storage.upkeep.backup_checks import BackupError, Contents, known_revisions
+from service.storage.upkeep.backup_checks import BackupError, Contents
 
 
 def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:

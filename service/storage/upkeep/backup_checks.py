@@ -3,9 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from alembic.script import ScriptDirectory
-
-from service.storage.migration import migrations_folder
+from service.storage.revisions import known_revisions, newest_revision
 
 NOT_OURS = "it is not a database of polhode, or has never been migrated"
 
@@ -23,11 +21,15 @@ class Contents:
     rows: Mapping[str, int]
     """By table."""
 
-
-def known_revisions() -> frozenset[str]:
-    """Return the schemas that this version can bring to its own."""
-    scripts = ScriptDirectory(str(migrations_folder()))
-    return frozenset(script.revision for script in scripts.walk_revisions())
+    @property
+    def schema(self) -> str:
+        """The schema in words: a backup of a later version can be made, and is told as such."""
+        if self.revision in known_revisions():
+            return f"schema {self.revision}"
+        return (
+            f"schema {self.revision}, of a later version: this one, with {newest_revision()}, "
+            "cannot restore it"
+        )
 
 
 def refuse_jobs(jobs: int) -> None:

@@ -1,0 +1,3 @@
+from tests.support.api import app, client, stored, verdicts
+
+__all__ = ["app", "client", "stored", "verdicts"]
