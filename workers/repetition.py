@@ -1,4 +1,9 @@
-"""Solutions that are stored, solved once more: the same bits, or at least the same numbers."""
+"""Solutions that are stored, solved once more: the same bits by a like processor, else the same numbers.
+
+Bits are promised where the whole provenance is equal: version, numerics,
+libraries, and the features of the processor. Between others a number is
+promised within its error, and an error, itself an estimate, is not compared.
+"""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -15,12 +20,13 @@ from service.dynamics.orientation import trajectory_columns, trajectory_errors
 from service.jobs.outcome import SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database import Database
-from service.storage.solutions.codec import CodecError, decode_dense
+from service.storage.solutions.codec import CodecError, decode_dense, unpack_arrays
 from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
 from workers.computation import solve_document
 
 TIMES = 33
 """At which two functions of time are compared."""
+_NUMBERS = ("period", "energy")
 
 
 class Sameness(StrEnum):
@@ -29,9 +35,9 @@ class Sameness(StrEnum):
     IDENTICAL = "identical"
     """Bit by bit, but for the time it took."""
     WITHIN_ERRORS = "within_errors"
-    """Other bits, of another version or another machine; closer than both errors together."""
+    """Other bits, of another version or another processor; closer than both errors together."""
     DIFFERENT = "different"
-    """Further apart than both errors allow: at least one of the two is wrong."""
+    """Further apart than both errors allow, or other numbers of the same provenance: one of them is wrong."""
     FAILED = "failed"
     """There is no new solution."""
 
@@ -97,14 +103,19 @@ def _repeat(stored: _Stored, sandbox: Sandbox, seconds: float) -> Repetition:
         return Repetition(stored.solution, Sameness.IDENTICAL, "the same bits")
     try:
         distance = _distance(stored, outcome.summary, decode_dense(outcome.dense))
+        has_same_numbers = _has_same_numbers(stored, outcome)
     except CodecError as fault:
         return Repetition(stored.solution, Sameness.DIFFERENT, str(fault))
-    by = " by this version on another machine" if _same_version(stored, outcome.summary) else ""
-    if distance <= 1.0:
-        detail = f"other bits than were stored{by}, apart by {distance:.2g} of both errors"
-        return Repetition(stored.solution, Sameness.WITHIN_ERRORS, detail)
-    detail = f"apart by {distance:.2g} of what both errors allow"
-    return Repetition(stored.solution, Sameness.DIFFERENT, detail)
+    if distance > 1.0:
+        detail = f"apart by {distance:.2g} of what both errors allow"
+        return Repetition(stored.solution, Sameness.DIFFERENT, detail)
+    changed = _changed_provenance(stored, outcome.summary)
+    apart = f"apart by {distance:.2g} of both errors"
+    if not changed and not has_same_numbers:
+        detail = f"other bits than the same program stored on a like processor, {apart}"
+        return Repetition(stored.solution, Sameness.DIFFERENT, detail)
+    by = f" with another {', '.join(changed)}" if changed else ", which only describe the numbers"
+    return Repetition(stored.solution, Sameness.WITHIN_ERRORS, f"other bits than were stored{by}, {apart}")
 
 
 def _is_identical(stored: _Stored, outcome: SolveOutcome) -> bool:
@@ -118,13 +129,34 @@ def _is_identical(stored: _Stored, outcome: SolveOutcome) -> bool:
     )
 
 
-def _same_version(stored: _Stored, summary: Mapping[str, object]) -> bool:
-    return stored.summary.get("provenance") == summary.get("provenance")
+def _has_same_numbers(stored: _Stored, outcome: SolveOutcome) -> bool:
+    assert outcome.summary is not None
+    return (
+        _has_same_arrays(stored.dense, outcome.dense)
+        and (stored.samples is None or _has_same_arrays(stored.samples, outcome.samples))
+        and all(stored.summary.get(name) == outcome.summary.get(name) for name in _NUMBERS)
+    )
+
+
+def _has_same_arrays(one: bytes, other: bytes) -> bool:
+    """Compare the bits of arrays, not of packets: another version of the library packs them otherwise."""
+    (arrays, _), (others, _) = unpack_arrays(one), unpack_arrays(other)
+    return arrays.keys() == others.keys() and all(
+        array.tobytes() == others[name].tobytes() for name, array in arrays.items()
+    )
+
+
+def _changed_provenance(stored: _Stored, summary: Mapping[str, object]) -> list[str]:
+    """Return what of the provenance differs; older solutions that tell no processor are of another one."""
+    before, now = stored.summary.get("provenance"), summary["provenance"]
+    assert isinstance(now, Mapping)
+    known = before if isinstance(before, Mapping) else {}
+    return [name for name, value in now.items() if known.get(name) != value]
 
 
 def _distance(stored: _Stored, summary: Mapping[str, object], dense: DenseOutput) -> float:
     """Return the largest distance of two corresponding numbers, in units of the sum of their errors."""
-    numbers = [_apart(stored.summary.get(name), summary.get(name)) for name in ("period", "energy")]
+    numbers = [_apart(stored.summary.get(name), summary.get(name)) for name in _NUMBERS]
     return max(*numbers, _functions_apart(decode_dense(stored.dense), dense))
 
 

@@ -11,6 +11,7 @@ from service.dynamics.motion import Estimate, Motion
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Problem
 from workers.findings import Findings
+from workers.processor import libraries, processor
 from workers.solvers.certified.certify import Certified
 from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability
@@ -47,7 +48,17 @@ def summarise(
         "conventions": motion.conventions,
         "warnings": [asdict(notice) for notice in findings.notices],
         "evidence": dict(motion.evidence),
-        "provenance": {"version": version("polhode"), "numerics": NUMERICS},
+        "provenance": provenance(),
+    }
+
+
+def provenance() -> Document:
+    """Return what computes here. What is equal in all of it gives equal problems the same bits."""
+    return {
+        "version": version("polhode"),
+        "numerics": NUMERICS,
+        "processor": processor(),
+        "libraries": libraries(),
     }
 
 

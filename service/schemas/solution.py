@@ -108,8 +108,17 @@ class CostOut(ResponseModel):
 class ProvenanceOut(ResponseModel):
     """What computed the solution."""
 
-    version: str
-    numerics: int
+    version: str = Field(description="Of the program.")
+    numerics: int = Field(description="Version of what is computed: grows whenever a digit may change.")
+    processor: str | None = Field(
+        default=None,
+        description="Architecture of the processor and the features that libraries choose their"
+        " instructions by. Solutions of one problem have the same bits if all of their provenance is equal,"
+        " else the same numbers within their errors. Null for solutions that were stored before it was told.",
+    )
+    libraries: str | None = Field(
+        default=None, description="Versions of the libraries that computed; null like `processor`."
+    )
 
 
 class SolutionOut(ResponseModel):

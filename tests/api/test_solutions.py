@@ -15,6 +15,13 @@ def test_a_solution_is_found_from_its_job_and_names_it(client, stored):
     assert client.get(f"/v1/jobs/{stored.job.id}").json()["solution"] == stored.solution_id
 
 
+def test_a_solution_from_before_processors_were_told_says_none(client, jobs):
+    assert client.post("/v1/jobs", json=STATE).status_code == 202
+    found = finish(jobs, summary={**SUMMARY, "provenance": {"version": "0.1.0", "numerics": 1}})
+    shown = client.get(f"/v1/solutions/{found.solution_id}").json()["provenance"]
+    assert shown == {"version": "0.1.0", "numerics": 1, "processor": None, "libraries": None}
+
+
 @pytest.fixture
 def several(client, jobs):
     found = []

@@ -1,12 +1,20 @@
-"""``python -m tests.golden.write``: write the digits of the declared numerics anew."""
+"""``python -m tests.golden.write``: write the digits of the declared numerics.
 
+If the file is of these numerics, only the bits of this processor are added to
+it; else everything is written anew.
+"""
+
+import hashlib
 import json
+import os
+from collections.abc import Mapping
 from pathlib import Path
 
 from service.dynamics.numerics import NUMERICS
 from service.storage.solutions.codec import decode_arrays
 from tests.golden.documents import DOCUMENTS
 from workers.computation import solve_document
+from workers.processor import HIDING, libraries, processor
 
 FILE = Path(__file__).with_name("digits.json")
 
@@ -16,15 +24,32 @@ def computed(document: dict[str, object]) -> dict[str, object]:
     assert outcome.summary is not None, outcome.error
     summary = outcome.summary
     columns = {name: values.tolist() for name, values in decode_arrays(outcome.samples).items()}
-    is_integrated = summary["method"] == "integration"
-    exact = {} if is_integrated else {name: summary[name] for name in ("period", "energy")}
-    return {"exact": json.loads(json.dumps(exact)), "columns": columns}
+    numbers = {name: summary[name] for name in ("period", "energy", "error")}
+    return {"numbers": json.loads(json.dumps(numbers)), "columns": columns}
+
+
+def bits_of(found: Mapping[str, object]) -> str:
+    """Return a digest of every bit of what was computed; JSON writes a double in full."""
+    return hashlib.sha256(json.dumps(found, sort_keys=True).encode()).hexdigest()
+
+
+def key() -> str:
+    """Return what the bits belong to."""
+    return f"{processor()}; {libraries()}"
+
+
+def belong_to_the_key(name: str) -> bool:
+    """Say whether the key decides the bits: from heyoka nothing of the processor can be hidden."""
+    return "state" not in name or not any(os.environ.get(each) for each in HIDING)
 
 
 def main() -> None:
-    digits = {name: computed(document) for name, document in DOCUMENTS.items()}
-    text = json.dumps({"numerics": NUMERICS, "digits": digits}, indent=1)
-    FILE.write_text(text + "\n", encoding="utf-8")
+    found = {name: computed(document) for name, document in DOCUMENTS.items()}
+    stored = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
+    if stored.get("numerics") != NUMERICS:
+        stored = {"numerics": NUMERICS, "digits": found, "bits": {}}
+    stored["bits"][key()] = {name: bits_of(each) for name, each in found.items() if belong_to_the_key(name)}
+    FILE.write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

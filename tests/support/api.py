@@ -67,7 +67,12 @@ SUMMARY = {
     "conventions": ["symmetric_pole_passage"],
     "evidence": {"nodes": 64, "departure": 1e-15},
     "cost": {"compute_seconds": 0.004},
-    "provenance": {"version": "0.1.0", "numerics": 1},
+    "provenance": {
+        "version": "0.1.0",
+        "numerics": 1,
+        "processor": "x86_64 X86_V3",
+        "libraries": "numpy 2.0.0",
+    },
 }
 
 

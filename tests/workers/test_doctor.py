@@ -16,6 +16,7 @@ from service.storage.database import Database
 from service.storage.inspection import blob_inspection
 from service.storage.inspection.blob_inspection import check_blobs
 from service.storage.jobs.job_store import SqlJobStore
+from service.storage.solutions import codec
 from service.storage.solutions.codec import decode_dense, encode_dense
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
@@ -91,7 +92,32 @@ def test_samples_that_were_removed_to_save_space_are_not_missed(database, solved
     assert {each.sameness for each in repeated().values()} == {Sameness.IDENTICAL}
 
 
-def test_other_bits_within_the_errors_are_told_and_beyond_them_refused(database, solved, repeated):
+def summary_of(database, solution_id):
+    with database.read() as session:
+        return dict(session.get(SolutionRow, solution_id).summary)
+
+
+def comes_from_elsewhere(database, solution_id, **changes):
+    """Make a solution one that another processor, or another version, has stored."""
+    summary = summary_of(database, solution_id)
+    provenance = {k: v for k, v in (summary["provenance"] | changes).items() if v is not None}
+    change(database, SolutionRow, solution_id, summary={**summary, "provenance": provenance})
+
+
+ELSEWHERE = [
+    {"processor": "x86_64 AVX2 BLAS:Haswell"},
+    {"libraries": "numpy 1.0"},
+    {"version": "0.0.1"},
+    {"processor": None, "libraries": None},
+]
+
+
+@pytest.mark.parametrize("elsewhere", ELSEWHERE, ids=[" ".join(each) for each in ELSEWHERE])
+def test_between_processors_other_bits_within_the_errors_are_told_and_beyond_them_refused(
+    database, solved, repeated, elsewhere
+):
+    for each in solved.values():
+        comes_from_elsewhere(database, each, **elsewhere)
     planar = function_of(database, solved["planar"])
     change(database, DenseOutputRow, solved["planar"], data=shifted(planar, planar.error))
     state = function_of(database, solved["state"])
@@ -100,13 +126,49 @@ def test_other_bits_within_the_errors_are_told_and_beyond_them_refused(database,
     again = repeated()
     assert again[solved["planar"]].sameness is Sameness.WITHIN_ERRORS
     assert again[solved["planar"]].is_clean
+    assert f"with another {', '.join(elsewhere)}" in again[solved["planar"]].detail
     assert again[solved["state"]].sameness is Sameness.DIFFERENT
     assert not again[solved["state"]].is_clean
 
 
+def test_between_processors_errors_are_estimates(database, solved, repeated):
+    """The same problem's error, the rest of a cancellation in doubles, differs in its digits elsewhere."""
+    summary = summary_of(database, solved["planar"])
+    energy = {**summary["energy"], "error": summary["energy"]["error"] * 1.001}
+    change(database, SolutionRow, solved["planar"], summary={**summary, "energy": energy})
+    comes_from_elsewhere(database, solved["planar"], processor="aarch64")
+    assert repeated()[solved["planar"]].sameness is Sameness.WITHIN_ERRORS
+
+
+def test_a_like_processor_finds_the_same_bits_or_one_of_the_two_is_wrong(database, solved, repeated):
+    planar = function_of(database, solved["planar"])
+    change(database, DenseOutputRow, solved["planar"], data=shifted(planar, planar.error))
+    with database.write() as session:
+        session.execute(text("DELETE FROM samples"))
+    found = repeated()[solved["planar"]]
+    assert (found.sameness, found.is_clean) == (Sameness.DIFFERENT, False)
+    assert "like processor" in found.detail
+
+
+def test_other_words_about_the_same_numbers_are_no_other_numbers(database, solved, repeated):
+    summary = summary_of(database, solved["planar"])
+    change(database, SolutionRow, solved["planar"], summary={**summary, "conventions": ["another"]})
+    found = repeated()[solved["planar"]]
+    assert (found.sameness, found.is_clean) == (Sameness.WITHIN_ERRORS, True)
+
+
+def test_arrays_that_are_packed_otherwise_are_the_same_numbers(database, solved, repeated, monkeypatch):
+    planar = function_of(database, solved["planar"])
+    packed = encode_dense(planar)
+    monkeypatch.setattr(codec, "_LEVEL", 19)
+    packed_otherwise = encode_dense(planar)
+    assert packed_otherwise != packed
+    change(database, DenseOutputRow, solved["planar"], data=packed_otherwise)
+    assert repeated()[solved["planar"]].is_clean
+
+
 def test_a_changed_period_is_refused(database, solved, repeated):
-    with database.read() as session:
-        summary = dict(session.get(SolutionRow, solved["planar"]).summary)
+    summary = summary_of(database, solved["planar"])
     summary["period"] = {**summary["period"], "value": np.nextafter(summary["period"]["value"], 9.0) + 1e-9}
     change(database, SolutionRow, solved["planar"], summary=summary)
     assert repeated()[solved["planar"]].sameness is Sameness.DIFFERENT
