@@ -2,9 +2,10 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import APIRouter, Depends, Response
+from pydantic import Field
 
+from service.api.queries import QueryModel, query_of, query_parameters
 from service.api.resources import Inside
 from service.api.responses import json_response, refusals
 from service.dynamics.accuracy import MotionKind
@@ -15,10 +16,8 @@ from service.storage.solutions.accuracy_store import AccuracyStore
 router = APIRouter(prefix="/v1/accuracy", tags=["accuracy"])
 
 
-class AccuracyQuery(BaseModel):
+class AccuracyQuery(QueryModel):
     """Which rows."""
-
-    model_config = ConfigDict(extra="forbid")
 
     tier: Tier | None = None
     kind: MotionKind | None = Field(default=None, description="Of a periodic planar motion its ends.")
@@ -28,8 +27,12 @@ class AccuracyQuery(BaseModel):
         return self.tier in (None, row.tier) and self.kind in (None, row.kind)
 
 
-@router.get("", response_model=AccuracyOut, responses=refusals())
-def get_accuracy(query: Annotated[AccuracyQuery, Query()], inside: Inside) -> Response:
+@router.get(
+    "", response_model=AccuracyOut, responses=refusals(), openapi_extra=query_parameters(AccuracyQuery)
+)
+def get_accuracy(
+    query: Annotated[AccuracyQuery, Depends(query_of(AccuracyQuery))], inside: Inside
+) -> Response:
     """Show the table of the latest `polhode calibrate`, before the first the one that is shipped."""
     answer = AccuracyOut.of(AccuracyStore(inside.database).current())
     chosen = {

@@ -5,7 +5,7 @@ from http import HTTPStatus
 from fastapi import APIRouter, Response
 
 from service.api.errors import ApiError
-from service.api.requests import without_query
+from service.api.queries import without_query
 from service.api.resources import Inside
 from service.api.responses import json_response, refusals
 from service.dynamics.enclosure import MAX_PARTS, RADIUS, as_decimals, join

@@ -4,7 +4,7 @@ from fastapi import APIRouter, Response
 
 from service.api.catalogue.cases import cases
 from service.api.catalogue.families import families
-from service.api.requests import without_query
+from service.api.queries import without_query
 from service.api.responses import json_response, refusals
 from service.schemas.catalogue import FamiliesOut
 

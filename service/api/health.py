@@ -7,7 +7,7 @@ from fastapi import APIRouter, Response
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.api.errors import ApiError
-from service.api.requests import without_query
+from service.api.queries import without_query
 from service.api.resources import Inside, Resources
 from service.api.responses import json_response, refusals
 from service.examination import answer_ping

@@ -5,13 +5,14 @@ from dataclasses import replace
 from http import HTTPStatus
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Query, Response
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import APIRouter, Depends, Header, Response
+from pydantic import Field
 
 from service.api.documentation import request_body
 from service.api.errors import ApiError
 from service.api.prefer import wait_seconds
-from service.api.requests import Body, read_json, without_query
+from service.api.queries import QueryModel, query_of, query_parameters, without_query
+from service.api.requests import Body, read_json
 from service.api.resources import Inside, Resources
 from service.api.responses import json_response, refusals
 from service.api.security import Holder, check_owner
@@ -50,20 +51,16 @@ EXAMPLES: dict[str, object] = {
 }
 
 
-class JobsQuery(BaseModel):
+class JobsQuery(QueryModel):
     """Which jobs."""
-
-    model_config = ConfigDict(extra="forbid")
 
     state: JobState | None = None
     limit: int = Field(default=50, ge=1, le=200)
     offset: int = Field(default=0, ge=0, le=10**9)
 
 
-class SubmitQuery(BaseModel):
+class SubmitQuery(QueryModel):
     """How urgent."""
-
-    model_config = ConfigDict(extra="forbid")
 
     priority: int = Field(default=0, ge=-100, le=100, description="Larger first; equal ones by age")
 
@@ -76,13 +73,13 @@ class SubmitQuery(BaseModel):
         200: {"model": JobOut, "description": "With `Prefer: wait=S`: the job has finished in time"},
         **refusals(400, 413, 415, 503),
     },
-    openapi_extra=request_body("ProblemIn", EXAMPLES, several=True),
+    openapi_extra={**request_body("ProblemIn", EXAMPLES, several=True), **query_parameters(SubmitQuery)},
 )
 def submit(
     content: Body,
     inside: Inside,
     holder: Holder,
-    query: Annotated[SubmitQuery, Query()],
+    query: Annotated[SubmitQuery, Depends(query_of(SubmitQuery))],
     prefer: Annotated[
         str | None, Header(description="`wait=S`: wait up to S ≤ 60 seconds for the job to finish")
     ] = None,
@@ -168,8 +165,8 @@ def _submitted(job: Job, inside: Resources, seconds: int | None) -> Response:
     return json_response(_out(job), status=status, headers=headers)
 
 
-@router.get("", response_model=JobPageOut, responses=refusals())
-def list_jobs(query: Annotated[JobsQuery, Query()], inside: Inside) -> Response:
+@router.get("", response_model=JobPageOut, responses=refusals(), openapi_extra=query_parameters(JobsQuery))
+def list_jobs(query: Annotated[JobsQuery, Depends(query_of(JobsQuery))], inside: Inside) -> Response:
     """List jobs, newest first."""
     page = inside.jobs.list_jobs(state=query.state, limit=query.limit, offset=query.offset)
     items = [_out(job) for job in page.jobs]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from http import HTTPStatus
 
-from service.api.errors import ApiError, invalid_request
+from service.api.errors import ApiError
 from service.dynamics.problem import Problem, TimeList
 from service.jobs.keys import ApiKey
 from service.schemas.faults import Fault, InvalidProblemError
@@ -139,16 +139,9 @@ def check_problem_samples(problem: Problem, settings: Settings) -> None:
         raise InvalidProblemError([_too_many_samples(pointer, samples, settings)])
 
 
-def check_query_samples(samples: int, settings: Settings) -> None:
-    """Do the same for the samples of a query.
-
-    Raises
-    ------
-    ApiError
-        422: they are too many.
-    """
-    if samples > settings.max_samples:
-        raise invalid_request([_too_many_samples("?samples", samples, settings)])
+def query_samples_faults(samples: int, settings: Settings) -> list[Fault]:
+    """Return the fault of the samples of a query, if they are more than that."""
+    return [_too_many_samples("?samples", samples, settings)] if samples > settings.max_samples else []
 
 
 def _too_many_samples(pointer: str, samples: int, settings: Settings) -> Fault:

@@ -3,7 +3,7 @@
 from fastapi import APIRouter, Response
 
 from service.api.exposition import TEXT_FORMAT
-from service.api.requests import without_query
+from service.api.queries import without_query
 from service.api.resources import Inside
 from service.api.responses import refusals
 

@@ -4,12 +4,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+from pydantic_core import PydanticCustomError
 
-from service.api.errors import invalid_request
-from service.dynamics.errors import InvalidNumberError
-from service.dynamics.exact import exact_number
+from service.api.queries import Asked, QueryModel
 from service.schemas.faults import Fault
+from service.schemas.numbers import read_exact
 from service.schemas.sweep import Sweep
 from service.storage.sweeps.point_query import INDEX, OUTCOME, Condition, Operator, PointQuery
 
@@ -24,10 +24,8 @@ _CONDITION = re.compile(r"\s*([^<>=!]+?)\s*(<=|>=|<|>|=)\s*([^<>=]+?)\s*\Z")
 _OPERATORS: dict[str, Operator] = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "=": "="}
 
 
-class PointsQuery(BaseModel):
+class PointsQuery(QueryModel):
     """Which points, which of their columns, and in which order."""
-
-    model_config = ConfigDict(extra="forbid")
 
     where: list[str] = Field(
         default_factory=list,
@@ -50,37 +48,32 @@ class PointsQuery(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What a client asks for, checked."""
+    """What a client asks for, as far as it can be had."""
 
     query: PointQuery
     columns: tuple[str, ...]
     series: tuple[str, ...]
     """Those of the columns that are functions of time."""
+    faults: tuple[Fault, ...]
+    """Everything that is wrong with the query."""
 
 
-def read_query(query: PointsQuery, sweep: Sweep, *, has_lists: bool) -> Wish:
-    """Return what is asked for of ``sweep``; ``has_lists`` tells whether the format can hold series.
-
-    Raises
-    ------
-    ApiError
-        422 with every fault of the query.
-    """
-    faults: list[Fault] = []
+def read_wish(asked: Asked[PointsQuery], sweep: Sweep, *, has_lists: bool) -> Wish:
+    """Return what is asked for of ``sweep``; ``has_lists`` tells whether the format can hold series."""
+    query, faults = asked.parameters, list(asked.faults)
     numbers = (INDEX, *sweep.pointers, *sweep.keep)
     columns = (*numbers, OUTCOME, *(sweep.series_columns if has_lists else ()))
     if query.columns is not None:
-        accepted, columns = columns, tuple(name.strip() for name in query.columns.split(","))
-        faults += [_unknown("?columns", name, accepted) for name in columns if name not in accepted]
-        if len(set(columns)) < len(columns):
+        accepted, wanted = columns, [name.strip() for name in query.columns.split(",")]
+        faults += [_unknown("?columns", name, accepted) for name in wanted if name not in accepted]
+        if len(set(wanted)) < len(wanted):
             faults.append(Fault("?columns", "invalid_value", "a column is there twice; once is accepted"))
+        columns = tuple(name for name in wanted if name in accepted)
     texts = [text for given in query.where for text in given.split(",")]
     conditions, outcomes = _read_conditions(texts, numbers, faults)
     order = None if query.order is None else query.order.removeprefix("-")
     if order is not None and order not in numbers:
         faults.append(_unknown("?order", order, numbers))
-    if faults:
-        raise invalid_request(faults)
     return Wish(
         PointQuery(
             conditions=tuple(conditions),
@@ -92,6 +85,7 @@ def read_query(query: PointsQuery, sweep: Sweep, *, has_lists: bool) -> Wish:
         ),
         columns,
         tuple(name for name in columns if name in sweep.series_columns),
+        tuple(faults),
     )
 
 
@@ -116,9 +110,9 @@ def _read_conditions(
             faults.append(_unknown("?where", column, (*numbers, OUTCOME)))
         else:
             try:
-                conditions.append(Condition(column, _OPERATORS[sign], float(exact_number(value))))
-            except (InvalidNumberError, OverflowError):
-                message = f"{value[:40]!r} is not a number; accepted are 1.5, 1e-12 and 17/10"
+                conditions.append(Condition(column, _OPERATORS[sign], float(read_exact(value))))
+            except PydanticCustomError as fault:
+                message = f"{text[:60]!r}: {fault.message()}"
                 faults.append(Fault("?where", "invalid_number", message))
     return conditions, outcomes
 

@@ -1,11 +1,12 @@
 """GET /v1/sweeps/{id}/points: the points that are done, a page of JSON or a stream."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain, islice
 from typing import Annotated
 
 import orjson
-from fastapi import APIRouter, Header, Query, Response
+from fastapi import APIRouter, Depends, Header, Response
 from fastapi.responses import StreamingResponse
 
 from service.api.errors import invalid_request
@@ -18,8 +19,9 @@ from service.api.point_queries import (
     MOST_SORTED_NUMBERS,
     PointsQuery,
     Wish,
-    read_query,
+    read_wish,
 )
+from service.api.queries import Asked, asked_of, query_parameters, refuse_if_any
 from service.api.resources import Inside
 from service.api.responses import refusals
 from service.jobs.sweeps import SweepRecord
@@ -46,10 +48,11 @@ POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
         },
         **refusals(404, 406),
     },
+    openapi_extra=query_parameters(PointsQuery),
 )
 def get_points(
     sweep_id: str,
-    query: Annotated[PointsQuery, Query()],
+    asked: Annotated[Asked[PointsQuery], Depends(asked_of(PointsQuery))],
     inside: Inside,
     accept: Annotated[str | None, Header()] = None,
 ) -> Response:
@@ -57,10 +60,12 @@ def get_points(
     media_type = preferred([JSON, *STREAMS], accept)
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
-    wish = read_query(query, sweep, has_lists=media_type != CSV)
+    wish = read_wish(asked, sweep, has_lists=media_type != CSV)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     if media_type == JSON:
+        refuse_if_any([*wish.faults, *_faults_of_page(wish.query.limit, reader)])
         return _page(record, wish, reader)
+    refuse_if_any(wish.faults)
     _check_size_of_sort(wish, reader)
     told = {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
     # The first block now: whatever goes wrong with it can still be told.
@@ -89,11 +94,18 @@ def _page(record: SweepRecord, wish: Wish, reader: PointReader) -> Response:
 
 
 def _page_rows(asked: int | None, reader: PointReader) -> int:
-    most = max(1, min(MOST_ROWS, MOST_NUMBERS // reader.row_numbers))
+    return min(_most_rows(reader), DEFAULT_ROWS) if asked is None else asked
+
+
+def _most_rows(reader: PointReader) -> int:
+    return max(1, min(MOST_ROWS, MOST_NUMBERS // reader.row_numbers))
+
+
+def _faults_of_page(asked: int | None, reader: PointReader) -> Iterator[Fault]:
+    most = _most_rows(reader)
     if asked is not None and asked > most:
         message = f"{asked} points on a page; 1 to {most} are accepted, NDJSON and Arrow have no limit"
-        raise invalid_request([Fault("?limit", "out_of_range", message)])
-    return min(most, DEFAULT_ROWS) if asked is None else asked
+        yield Fault("?limit", "out_of_range", message)
 
 
 def _check_size_of_sort(wish: Wish, reader: PointReader) -> None:

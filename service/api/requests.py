@@ -1,12 +1,11 @@
-"""Bodies and queries, read by ourselves: what is wrong with them is told as a problem document."""
+"""Bodies, read by ourselves: what is wrong with them is told as a problem document."""
 
 from http import HTTPStatus
 from typing import Annotated
 
 from fastapi import Depends, Request
 
-from service.api.errors import ApiError, invalid_request
-from service.schemas.faults import Fault
+from service.api.errors import ApiError
 from service.schemas.strict_json import InvalidJsonError, parse_json
 
 MAX_BODY_BYTES = 1_000_000
@@ -31,19 +30,8 @@ async def _read_body(request: Request) -> bytes:
     return bytes(content)
 
 
-def _refuse_query(request: Request) -> None:
-    faults = [
-        Fault(f"?{name}", "unknown_parameter", "no parameters are accepted here")
-        for name in request.query_params
-    ]
-    if faults:
-        raise invalid_request(faults)
-
-
 Body = Annotated[bytes, Depends(_read_body)]
 """The type of an endpoint's parameter that receives the raw body."""
-without_query = Depends(_refuse_query)
-"""For endpoints that have no query parameters: refuses any."""
 
 
 def read_json(content: bytes) -> object:

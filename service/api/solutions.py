@@ -3,12 +3,15 @@
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query, Response
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import APIRouter, Depends, Response
+from pydantic import Field
 
-from service.api.requests import without_query
+from service.api.queries import Number, QueryModel, query_of, query_parameters, without_query
 from service.api.resources import Inside
 from service.api.responses import json_response, refusals
+from service.dynamics.motion import SolvedBy
+from service.dynamics.problem import Tier
+from service.schemas.potentials import FamilyName
 from service.schemas.solution import SolutionOut, SolutionPageOut
 from service.storage.solutions.solution_store import (
     NUMBER_COLUMNS,
@@ -28,32 +31,34 @@ Sort = Literal[
 ]  # fmt: skip
 
 
-class SolutionsQuery(BaseModel):
+class SolutionsQuery(QueryModel):
     """Which solutions, in which order; limits are inclusive."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
     job: str | None = Field(default=None, description="The job that computed it.")
-    family: str | None = Field(default=None, description="The potential's `type`.")
-    method: str | None = None
-    tier: str | None = None
-    A_min: float | None = None
-    A_max: float | None = None
-    C_min: float | None = None
-    C_max: float | None = None
-    period_min: float | None = None
-    period_max: float | None = None
-    energy_min: float | None = None
-    energy_max: float | None = None
-    error_min: float | None = None
-    error_max: float | None = None
+    family: FamilyName | None = Field(default=None, description="The potential's `type`.")
+    method: SolvedBy | None = None
+    tier: Tier | None = None
+    A_min: Number | None = None
+    A_max: Number | None = None
+    C_min: Number | None = None
+    C_max: Number | None = None
+    period_min: Number | None = None
+    period_max: Number | None = None
+    energy_min: Number | None = None
+    energy_max: Number | None = None
+    error_min: Number | None = None
+    error_max: Number | None = None
     sort: Sort = Field(default="-created_at", description="With - in front: largest first.")
     limit: int = Field(default=50, ge=1, le=200)
     offset: int = Field(default=0, ge=0, le=10**9)
 
 
-@router.get("", response_model=SolutionPageOut, responses=refusals())
-def list_solutions(query: Annotated[SolutionsQuery, Query()], inside: Inside) -> Response:
+@router.get(
+    "", response_model=SolutionPageOut, responses=refusals(), openapi_extra=query_parameters(SolutionsQuery)
+)
+def list_solutions(
+    query: Annotated[SolutionsQuery, Depends(query_of(SolutionsQuery))], inside: Inside
+) -> Response:
     """Find solutions by their numbers; those without the number they are sorted by come last."""
     page = inside.solutions.find(_store_query(query))
     items = [_out(solution) for solution in page.solutions]

@@ -3,11 +3,12 @@
 from http import HTTPStatus
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Response
-from pydantic import BaseModel, ConfigDict, Field
+from fastapi import APIRouter, Depends, Response
+from pydantic import Field
 
 from service.api.documentation import request_body
-from service.api.requests import Body, read_json, without_query
+from service.api.queries import QueryModel, query_of, query_parameters, without_query
+from service.api.requests import Body, read_json
 from service.api.resources import Inside
 from service.api.responses import json_response, refusals
 from service.api.security import Holder, check_owner
@@ -46,10 +47,8 @@ EXAMPLES: dict[str, object] = {
 }
 
 
-class SweepsQuery(BaseModel):
+class SweepsQuery(QueryModel):
     """Which sweeps."""
-
-    model_config = ConfigDict(extra="forbid")
 
     state: JobState | None = None
     limit: int = Field(default=50, ge=1, le=200)
@@ -89,8 +88,10 @@ def submit(content: Body, inside: Inside, holder: Holder) -> Response:
     return json_response(_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
 
 
-@router.get("", response_model=SweepPageOut, responses=refusals())
-def list_sweeps(query: Annotated[SweepsQuery, Query()], inside: Inside) -> Response:
+@router.get(
+    "", response_model=SweepPageOut, responses=refusals(), openapi_extra=query_parameters(SweepsQuery)
+)
+def list_sweeps(query: Annotated[SweepsQuery, Depends(query_of(SweepsQuery))], inside: Inside) -> Response:
     """List sweeps, newest first, without their documents."""
     page = inside.sweeps.list_sweeps(state=query.state, limit=query.limit, offset=query.offset)
     items = [SweepStateOut.model_validate(_state(record)) for record in page.sweeps]

@@ -1,18 +1,19 @@
 """GET /v1/solutions/{id}/trajectory: stored samples, or samples at any other times."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from http import HTTPStatus
 from typing import Annotated, Literal
 
 import numpy as np
-from fastapi import APIRouter, Header, Query, Response
+from fastapi import APIRouter, Depends, Header, Response
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BeforeValidator, Field
 
-from service.api.errors import ApiError, invalid_request
+from service.api.errors import ApiError
 from service.api.formats import Trajectory, choose_format, media_types
-from service.api.limits import check_query_samples
+from service.api.limits import query_samples_faults
+from service.api.queries import Asked, QueryModel, asked_of, query_parameters, read_number, refuse_if_any
 from service.api.resources import Inside, Resources
 from service.api.responses import refusals
 from service.dynamics.dense_output import DenseOutput
@@ -20,34 +21,39 @@ from service.dynamics.enclosure import is_part
 from service.dynamics.motion import COLUMNS
 from service.dynamics.orientation import (
     QUATERNION,
+    column_names,
     evaluated_alone,
     orientation_errors,
     trajectory_columns,
     trajectory_errors,
 )
 from service.dynamics.sampling import sample_times
+from service.jobs.errors import SolutionNotFoundError
 from service.schemas.asked_series import asked_series
 from service.schemas.faults import Fault
 from service.schemas.numbers import MAX_SAMPLES
 from service.schemas.solution import TrajectoryOut
+from service.settings import Settings
 from service.storage.solutions.codec import decode_arrays, decode_dense
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
 SOURCE_HEADER = "Polhode-Samples"
+TIMES = ("start", "stop", "samples")
+"""The parameters that ask for other times than the stored ones."""
 LATEST = 1e15
 """Largest |t|: beyond it a double cannot tell a phase."""
 
 FloatArray = NDArray[np.float64]
+# The bounds come first: behind another validator they would not be in the description.
+Instant = Annotated[float, Field(ge=-LATEST, le=LATEST), BeforeValidator(read_number)]
 
 
-class TrajectoryQuery(BaseModel):
+class TrajectoryQuery(QueryModel):
     """Which times and columns."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-    start: float | None = Field(default=None, ge=-LATEST, le=LATEST, description="0 if left out.")
-    stop: float | None = Field(default=None, ge=-LATEST, le=LATEST)
+    start: Instant | None = Field(default=None, description="0 if left out.")
+    stop: Instant | None = None
     samples: int | None = Field(
         default=None, ge=1, le=MAX_SAMPLES, description="Equidistant from start to stop, both included."
     )
@@ -66,10 +72,11 @@ class TrajectoryQuery(BaseModel):
         },
         **refusals(404, 406),
     },
+    openapi_extra=query_parameters(TrajectoryQuery),
 )
 def get_trajectory(
     solution_id: str,
-    query: Annotated[TrajectoryQuery, Query()],
+    asked: Annotated[Asked[TrajectoryQuery], Depends(asked_of(TrajectoryQuery))],
     inside: Inside,
     accept: Annotated[str | None, Header()] = None,
 ) -> Response:
@@ -78,17 +85,18 @@ def get_trajectory(
     Samples that are no longer stored are made again from the dense output.
     """
     write = choose_format(accept)
-    asked = query.start, query.stop, query.samples
-    if asked == (None, None, None):
+    query, is_stored = asked.parameters, asked.sent.isdisjoint(TIMES)
+    faults = [*asked.faults, *([] if is_stored else _faults_of_times(asked, inside.settings))]
+    if faults:
+        refuse_if_any([*faults, *_faults_of_columns(inside, solution_id, query.columns)])
+    if is_stored:
         packet = inside.solutions.samples_if_kept(solution_id)
         samples = _remade(inside, solution_id) if packet is None else _stored(inside, solution_id, packet)
     else:
-        times = _times(query)
-        check_query_samples(len(times), inside.settings)
         dense = decode_dense(inside.solutions.dense(solution_id))
         _require_series(dense.columns)
         alone = dense if query.columns is None else evaluated_alone(dense, _names(query.columns))
-        samples = _evaluated(alone, times)
+        samples = _evaluated(alone, _times(query))
     response = write(_selected(samples, query.columns))
     response.headers[SOURCE_HEADER] = samples.source
     return response
@@ -144,19 +152,44 @@ def _require_series(columns: Collection[str]) -> None:
         raise ApiError(HTTPStatus.NOT_FOUND, "no_series", detail)
 
 
-def _times(query: TrajectoryQuery) -> FloatArray:
-    message = "start, stop and samples go together; only start may be left out"
-    faults = [
-        Fault(f"?{name}", "missing_parameter", message)
-        for name, value in (("stop", query.stop), ("samples", query.samples))
-        if value is None
-    ]
+def _faults_of_times(asked: Asked[TrajectoryQuery], settings: Settings) -> Iterator[Fault]:
+    """Yield what is wrong with the times beside what could not be read."""
+    query = asked.parameters
+    for name in ("stop", "samples"):
+        if name not in asked.sent:
+            message = "start, stop and samples go together; only start may be left out"
+            yield Fault(f"?{name}", "missing_parameter", message)
     start = query.start or 0.0
-    if query.stop is not None and query.stop < start:
-        faults.append(Fault("?stop", "out_of_range", f"stop must be ≥ start = {start}"))
-    if faults or query.stop is None or query.samples is None:
-        raise invalid_request(faults)
-    return np.linspace(start, query.stop, query.samples)
+    is_start_known = query.start is not None or "start" not in asked.sent
+    if is_start_known and query.stop is not None and query.stop < start:
+        yield Fault("?stop", "out_of_range", f"stop must be ≥ start = {start}")
+    yield from query_samples_faults(query.samples or 0, settings)
+
+
+def _faults_of_columns(inside: Resources, solution_id: str, columns: str | None) -> list[Fault]:
+    """Return what is wrong with the columns, as far as the solution can say it."""
+    if columns is None:
+        return []
+    try:
+        dense = decode_dense(inside.solutions.dense(solution_id))
+    except SolutionNotFoundError:
+        return []
+    return _unknown_columns(_names(columns), ["t", *column_names(dense)])
+
+
+def _unknown_columns(wanted: Sequence[str], there: Sequence[str]) -> list[Fault]:
+    listed = ", ".join(there)
+    return [
+        Fault("?columns", "unknown_column", f"there is no column {name[:40]!r} here; accepted are {listed}")
+        for name in dict.fromkeys(wanted)
+        if name not in there
+    ]
+
+
+def _times(query: TrajectoryQuery) -> FloatArray:
+    assert query.stop is not None
+    assert query.samples is not None
+    return np.linspace(query.start or 0.0, query.stop, query.samples)
 
 
 def _names(columns: str) -> list[str]:
@@ -166,11 +199,7 @@ def _names(columns: str) -> list[str]:
 def _selected(samples: _Samples, names: str | None) -> Trajectory:
     """Return the columns asked for, with the largest of their errors."""
     wanted = list(samples.columns) if names is None else _names(names)
-    unknown = [name for name in wanted if name not in samples.columns]
-    if unknown:
-        listed = ", ".join(samples.columns)
-        message = f"there is no column {unknown[0][:40]!r} here; accepted are {listed}"
-        raise invalid_request([Fault("?columns", "unknown_column", message)])
+    refuse_if_any(_unknown_columns(wanted, list(samples.columns)))
     errors = {**samples.orientation, **dict.fromkeys(COLUMNS, samples.error), "t": 0.0}
     error = max(errors.get(name, samples.error) for name in wanted)
     return Trajectory({name: samples.columns[name] for name in wanted}, error)

@@ -4,7 +4,8 @@ from fastapi import APIRouter, Response
 
 from service.api.documentation import request_body
 from service.api.examining import examine
-from service.api.requests import Body, read_json, without_query
+from service.api.queries import without_query
+from service.api.requests import Body, read_json
 from service.api.resources import Inside
 from service.api.responses import json_response, refusals
 from service.examination import examine_question

@@ -3,6 +3,7 @@
 import math
 import re
 from fractions import Fraction
+from typing import Self
 
 from service.dynamics.errors import InvalidNumberError
 
@@ -13,8 +14,30 @@ MAX_EXPONENT = 400
 MAX_INTEGER_DIGITS = MAX_DIGITS + MAX_EXPONENT + 1
 """Digits of an integer, alone or in a ratio: enough to write any accepted decimal as a ratio."""
 
-_DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,4})?\Z", re.ASCII)
+_DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 _RATIONAL = re.compile(r"([+-]?\d+)(?:/(\d+))?\Z", re.ASCII)
+
+
+class NumberBeyondDoubles(float):
+    """A decimal whose nearest double is 0 or infinite, though the number itself is neither.
+
+    As a float it is that double. :func:`exact_number` reads the text, so that a
+    JSON number 1e-400 is judged as the string "1e-400" is, and never taken for 0.
+    """
+
+    __slots__ = ("text",)
+    text: str
+
+    def __new__(cls, text: str) -> Self:
+        """Return the nearest double of the decimal ``text``, with the text."""
+        number = super().__new__(cls, text)
+        number.text = text
+        return number
+
+
+def is_zero_text(text: str) -> bool:
+    """Whether a decimal is 0: no digit of it other than 0 comes before the exponent."""
+    return not any(digit in "123456789" for digit in text.lower().partition("e")[0])
 
 
 def exact_number(value: int | float | str | Fraction) -> Fraction:
@@ -32,6 +55,8 @@ def exact_number(value: int | float | str | Fraction) -> Fraction:
         return value
     if isinstance(value, bool):
         raise InvalidNumberError(f'{value} is not a number; write a number or a string such as "17/10"')
+    if isinstance(value, NumberBeyondDoubles):
+        value = value.text
     if isinstance(value, float):
         if not math.isfinite(value):
             raise InvalidNumberError(f"{value} is not finite; finite numbers are accepted")

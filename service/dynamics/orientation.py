@@ -73,18 +73,29 @@ def trajectory_columns(dense: DenseOutput, times: FloatArray) -> dict[str, Float
     return {**columns, **(_orientation(dense, times, values) if has_orientation(dense) else {})}
 
 
+def column_names(dense: DenseOutput) -> tuple[str, ...]:
+    """Return the names of the columns of :func:`trajectory_columns`, in their order."""
+    plain = [name for name in dense.columns if _is_plain(name)]
+    return (*plain, *_turning(dense))
+
+
+def _turning(dense: DenseOutput) -> list[str]:
+    """Return the names of the columns that tell the orientation."""
+    if all(_is_plain(name) for name in dense.columns):
+        return []
+    return [*QUATERNION, *(name for name in PRECESSION if name in dense.columns)]
+
+
 def evaluated_alone(dense: DenseOutput, names: Collection[str]) -> DenseOutput:
     """Return the function of time without columns that none of a client's ``names`` is made of.
 
-    All of it if a name is neither ``t`` nor one of :func:`trajectory_columns`.
+    All of it if a name is neither ``t`` nor one of :func:`column_names`.
     """
-    plain = [name for name in dense.columns if _is_plain(name)]
-    others = [name for name in dense.columns if not _is_plain(name)]
-    turning = [*QUATERNION, *(set(PRECESSION) & set(others))] if others else []
-    if not set(names) <= {"t", *plain, *turning}:
+    if not set(names) <= {"t", *column_names(dense)}:
         return dense
-    wanted = [name for name in plain if name in names]
-    return dense.only(wanted + (others if set(names) & set(turning) else []))
+    wanted = [name for name in dense.columns if _is_plain(name) and name in names]
+    others = [name for name in dense.columns if not _is_plain(name)]
+    return dense.only(wanted + (others if set(names) & set(_turning(dense)) else []))
 
 
 def trajectory_errors(dense: DenseOutput, times: FloatArray) -> dict[str, float]:

@@ -36,7 +36,7 @@ def read_angle(value: object) -> str:
         raise refuse("invalid_type", 'a number, or a formula such as "pi/4", is expected')
     if isinstance(value, str):
         try:
-            return str(exact_number(value))
+            value = exact_number(value)
         except InvalidNumberError:
             return value
     return str(read_exact(value))

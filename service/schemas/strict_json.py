@@ -1,7 +1,10 @@
 """JSON as RFC 8259 has it: no NaN, no infinities, no field given twice."""
 
 import json
+import math
 from collections.abc import Sequence
+
+from service.dynamics.exact import NumberBeyondDoubles, is_zero_text
 
 MAX_INTEGER_CHARACTERS = 1000
 """Longer integers are refused before they cost quadratic time; numbers of problems have far fewer digits."""
@@ -25,7 +28,11 @@ def parse_json(content: bytes) -> object:
         raise InvalidJsonError(f"byte {fault.start + 1} is not UTF-8") from fault
     try:
         document: object = json.loads(
-            text, parse_constant=_refuse_constant, parse_int=_integer, object_pairs_hook=_object
+            text,
+            parse_constant=_refuse_constant,
+            parse_int=_integer,
+            parse_float=_double,
+            object_pairs_hook=_object,
         )
         if "\\u" in text:
             # An escaped half of a surrogate pair stands for no character and cannot be stored or sent.
@@ -49,6 +56,14 @@ def _integer(text: str) -> int:
             f"an integer of {len(text)} characters; at most {MAX_INTEGER_CHARACTERS} are accepted"
         )
     return int(text)
+
+
+def _double(text: str) -> float:
+    """Return the nearest double; where that is 0 or infinite, one that knows the number it stands for."""
+    double = float(text)
+    if math.isinf(double) or (double == 0.0 and not is_zero_text(text)):
+        return NumberBeyondDoubles(text)
+    return double
 
 
 def _object(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
