@@ -6,12 +6,15 @@ Children are forked from a clean server process that has imported the heavy
 modules once, so that a child that was killed is replaced within milliseconds.
 
 A child never outlives the process that asked for it, even if that one is
-killed: the kernel sends it SIGKILL when the pipe to it closes. The usual
-PR_SET_PDEATHSIG would follow the fork server, which itself stays as long as
-any child does.
+killed: the kernel sends it SIGKILL when the pipe to it closes. PR_SET_PDEATHSIG
+alone would not do, since it follows the fork server, which itself stays as long
+as any child does. It is set besides: children that have lost their fork server
+cannot be watched any more, and would go on taking calls from the pipe of their
+successors.
 """
 
 import contextlib
+import ctypes
 import fcntl
 import multiprocessing
 import os
@@ -19,8 +22,9 @@ import resource
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing.process import BaseProcess
@@ -35,6 +39,18 @@ T = TypeVar("T")
 Arguments = TypeVarTuple("Arguments")
 
 _MIB = 1024 * 1024
+_PR_SET_PDEATHSIG = 1
+
+START_SECONDS = 30.0
+"""A free child that has not taken a call by then never will; importing the heavy modules takes less."""
+_LOOK_SECONDS = 0.5
+"""How often whoever waits for a call makes sure that it can still come to an end."""
+_RENEWALS = 3
+"""How often a call is made anew because the processes around it died."""
+_FORK_SERVER_LOST = 255
+"""Exit code that multiprocessing reports for children whose fork server was killed."""
+_BREAKAGES = (OSError, EOFError, RuntimeError, BrokenProcessPool)
+"""What starting a child, or handing it a call, raises when the processes around it have died."""
 
 
 class SandboxTimeoutError(Exception):
@@ -47,6 +63,10 @@ class SandboxMemoryError(Exception):
 
 class SandboxCrashError(Exception):
     """The child died: killed from outside, or crashed by a compiled library."""
+
+
+class SandboxBrokenError(SandboxCrashError):
+    """The processes around the child died, as its fork server: the computation is not to blame."""
 
 
 class Sandbox:
@@ -78,7 +98,9 @@ class Sandbox:
         """Start the children now, so that the first call need not wait for them."""
         with self._lock:
             for seat in self._seats:
-                self._usable_pool(seat)
+                # A pool that cannot start now is made anew by the first call.
+                with contextlib.suppress(*_BREAKAGES):
+                    self._usable_pool(seat)
 
     def submit(
         self, function: Callable[[*Arguments], T], *arguments: *Arguments, seconds: float | None
@@ -90,19 +112,76 @@ class Sandbox:
         """
         with self._lock:
             seat = min(self._seats, key=_Seat.load)
-            future: Future[T] = self._usable_pool(seat).schedule(function, args=arguments, timeout=seconds)
-            seat.calls.append(future)
-            return future
+            for _ in range(_RENEWALS):
+                try:
+                    future: Future[T] = self._usable_pool(seat).schedule(
+                        function, args=arguments, timeout=seconds
+                    )
+                except _BREAKAGES as fault:
+                    cause = fault
+                    self._replace_pool(seat)
+                else:
+                    seat.calls.append(future)
+                    return future
+        raise SandboxBrokenError("no child process can be started") from cause
 
-    def run(self, function: Callable[[*Arguments], T], *arguments: *Arguments, seconds: float | None) -> T:
+    def run(
+        self,
+        function: Callable[[*Arguments], T],
+        *arguments: *Arguments,
+        seconds: float | None,
+        submitted: Callable[[Future[T]], None] | None = None,
+    ) -> T:
         """Call a module's function in a child and wait; raises what :func:`result_of` raises.
 
-        A call whose child dies is made once more: somebody else may have killed it.
+        A call whose child dies is made once more: somebody else may have killed
+        it. One that ends because the processes around the child died is made
+        anew some times more. ``submitted`` is given the future of every try.
         """
-        try:
-            return result_of(self.submit(function, *arguments, seconds=seconds))
-        except SandboxCrashError:
-            return result_of(self.submit(function, *arguments, seconds=seconds))
+        crashes = breakages = 0
+        while True:
+            try:
+                future = self.submit(function, *arguments, seconds=seconds)
+                if submitted is not None:
+                    submitted(future)
+                return self._wait_for(future, seconds)
+            except SandboxBrokenError:
+                breakages += 1
+                if breakages > _RENEWALS:
+                    raise
+                self._replace_idle()
+            except SandboxCrashError:
+                crashes += 1
+                if crashes > 1:
+                    raise
+
+    def _wait_for(self, future: Future[T], seconds: float | None) -> T:
+        """Return the result of a call; raises if it cannot come to an end any more."""
+        start_by = time.monotonic() + START_SECONDS
+        while not wait([future], timeout=_LOOK_SECONDS).done:
+            if self._is_lost(future, late=time.monotonic() > start_by):
+                self.renew(future)
+                raise SandboxBrokenError("the call was lost with the processes that should make it")
+            if seconds is not None and time.monotonic() > start_by + seconds:
+                self.renew(future)
+                raise SandboxTimeoutError("the child could not be stopped at the time limit")
+        return result_of(future)
+
+    def _replace_idle(self) -> None:
+        """Give the free seats new processes and pipes: the old children may have died with a lock in hand."""
+        with self._lock:
+            for seat in self._seats:
+                if not seat.load():
+                    self._replace_pool(seat)
+
+    def _is_lost(self, future: Future[T], *, late: bool) -> bool:
+        """Nobody is left to make the call, or a free child should have taken it long ago."""
+        with self._lock:
+            for seat in self._seats:
+                if future in seat.calls:
+                    idle = seat.load() == 1 and not future.running()
+                    return not future.done() and (not seat.pool.active or (late and idle))
+        return not future.done()
 
     def renew(self, future: Future[T]) -> None:
         """Replace the child that should have taken ``future`` and has not; its calls are cancelled.
@@ -180,9 +259,11 @@ def result_of(future: Future[T]) -> T:
     except MemoryError as fault:
         raise SandboxMemoryError("the memory limit was reached") from fault
     except ProcessExpired as fault:
+        if fault.exitcode == _FORK_SERVER_LOST:
+            raise SandboxBrokenError("the fork server of the child process died") from fault
         raise SandboxCrashError(f"the child process {_cause_of_death(fault.exitcode)}") from fault
     except BrokenProcessPool as fault:
-        raise SandboxCrashError("the pool of child processes broke") from fault
+        raise SandboxBrokenError("the pool of child processes broke") from fault
 
 
 def _cause_of_death(exit_code: int) -> str:
@@ -194,8 +275,9 @@ def _cause_of_death(exit_code: int) -> str:
 
 
 def _stop(pool: ProcessPool) -> None:
-    pool.stop()  # type: ignore[no-untyped-call]
-    pool.join()
+    with contextlib.suppress(*_BREAKAGES):
+        pool.stop()  # type: ignore[no-untyped-call]
+        pool.join()
 
 
 def _confine_child(memory_mb: int | None, logging: Logging | None) -> None:
@@ -214,6 +296,7 @@ def _confine_child(memory_mb: int | None, logging: Logging | None) -> None:
 def _die_with(parent: BaseProcess) -> None:
     pipe = parent.sentinel
     if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))  # with the fork server, too
         fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
         fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
         fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
