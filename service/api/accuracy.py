@@ -19,8 +19,10 @@ router = APIRouter(prefix="/v1/accuracy", tags=["accuracy"])
 class AccuracyQuery(QueryModel):
     """Which rows."""
 
-    tier: Tier | None = None
-    kind: MotionKind | None = Field(default=None, description="Of a periodic planar motion its ends.")
+    tier: Tier | None = Field(default=None, description="Only what was measured of this tier.")
+    kind: MotionKind | None = Field(
+        default=None, description="Only this kind of motion: of a periodic planar one its ends."
+    )
 
     def admits(self, row: AccuracyRowOut | UnavailableOut) -> bool:
         """Tell whether a row was asked for."""

@@ -46,8 +46,7 @@ def describe(app: FastAPI) -> dict[str, object]:
         ],
         ref_template=_TEMPLATE,
     )
-    # Refusals leave out what does not apply to them.
-    definitions["$defs"]["ProblemDetailsOut"]["required"] = ["type", "title", "status", "detail"]
+    _describe_refusals(definitions["$defs"])
     components = document.setdefault("components", {})
     assert isinstance(components, dict)
     schemas = components.setdefault("schemas", {})
@@ -64,16 +63,27 @@ def describe(app: FastAPI) -> dict[str, object]:
     return document
 
 
+def _describe_refusals(schemas: dict[str, dict[str, object]]) -> None:
+    """Say what pydantic cannot: which fields every refusal has, and that a list's answer holds refusals."""
+    schemas["ProblemDetailsOut"]["required"] = ["type", "title", "status", "detail"]
+    properties = schemas["JobItemOut"]["properties"]
+    assert isinstance(properties, dict)
+    refusal = {"$ref": _TEMPLATE.format(model="ProblemDetailsOut")}
+    properties["problem"] = {
+        "anyOf": [refusal, {"type": "null"}],
+        "description": properties["problem"]["description"],
+    }
+
+
 def _describe_access(document: Mapping[str, object]) -> None:
-    """Say of every operation which role it needs, and that it can be refused for want of it."""
+    """Say of every operation which role it needs, and the refusals that it has in common with the others."""
     paths = document["paths"]
     assert isinstance(paths, dict)
-    further = {str(status): entry for status, entry in refusals(401, 403, 429).items()}
+    for_all = {str(status): entry for status, entry in refusals(500).items()}
+    with_keys = {str(status): entry for status, entry in refusals(401, 403, 429, 503).items()}
     for path, operations in paths.items():
         for method, operation in operations.items():
             role = ACCESS[path][method.upper()]
-            if role is OPEN:
-                operation["security"] = []
-                continue
-            operation["security"] = [{}, {_SCHEME: [role.value]}]
+            further = for_all if role is OPEN else {**for_all, **with_keys}
+            operation["security"] = [] if role is OPEN else [{}, {_SCHEME: [role.value]}]
             operation["responses"] = dict(sorted({**further, **operation["responses"]}.items()))

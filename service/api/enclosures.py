@@ -5,6 +5,7 @@ from http import HTTPStatus
 from fastapi import APIRouter, Response
 
 from service.api.errors import ApiError
+from service.api.places import SolutionId
 from service.api.queries import without_query
 from service.api.resources import Inside
 from service.api.responses import json_response, refusals
@@ -22,7 +23,7 @@ router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
     responses=refusals(404),
     dependencies=[without_query],
 )
-def get_enclosures(solution_id: str, inside: Inside) -> Response:
+def get_enclosures(solution_id: SolutionId, inside: Inside) -> Response:
     """Return the six variables at the stored times as decimals with proven radii."""
     stored = decode_arrays(inside.solutions.samples(solution_id))
     names = [name for name in COLUMNS if f"{name}.{RADIUS}" in stored]

@@ -22,13 +22,13 @@ _PING_SECONDS = 5.0
 
 
 @router.get("/livez", response_model=HealthOut, responses=refusals(), dependencies=[without_query])
-def livez() -> Response:
+def get_liveness() -> Response:
     """Answer: the process serves."""
     return json_response(HealthOut(status="ok", checks={}))
 
 
 @router.get("/readyz", response_model=HealthOut, responses=refusals(503), dependencies=[without_query])
-def readyz(inside: Inside) -> Response:
+def get_readiness(inside: Inside) -> Response:
     """Say whether the database is reachable and of this version, and verdicts can be reached.
 
     A worker process that dies again and again is told, and makes nothing unready: jobs are accepted.

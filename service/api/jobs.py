@@ -10,6 +10,7 @@ from pydantic import Field
 
 from service.api.documentation import request_body
 from service.api.errors import ApiError
+from service.api.places import JobId
 from service.api.prefer import wait_seconds
 from service.api.queries import QueryModel, query_of, query_parameters, without_query
 from service.api.requests import Body, read_json
@@ -54,15 +55,15 @@ EXAMPLES: dict[str, object] = {
 class JobsQuery(QueryModel):
     """Which jobs."""
 
-    state: JobState | None = None
-    limit: int = Field(default=50, ge=1, le=200)
-    offset: int = Field(default=0, ge=0, le=10**9)
+    state: JobState | None = Field(default=None, description="Only jobs in this state.")
+    limit: int = Field(default=50, ge=1, le=200, description="Items on a page at most.")
+    offset: int = Field(default=0, ge=0, le=10**9, description="Items to leave out first.")
 
 
 class SubmitQuery(QueryModel):
     """How urgent."""
 
-    priority: int = Field(default=0, ge=-100, le=100, description="Larger first; equal ones by age")
+    priority: int = Field(default=0, ge=-100, le=100, description="Larger first; equal ones by age.")
 
 
 @router.post(
@@ -75,13 +76,13 @@ class SubmitQuery(QueryModel):
     },
     openapi_extra={**request_body("ProblemIn", EXAMPLES, several=True), **query_parameters(SubmitQuery)},
 )
-def submit(
+def submit_job(
     content: Body,
     inside: Inside,
     holder: Holder,
     query: Annotated[SubmitQuery, Depends(query_of(SubmitQuery))],
     prefer: Annotated[
-        str | None, Header(description="`wait=S`: wait up to S ≤ 60 seconds for the job to finish")
+        str | None, Header(description="`wait=S`: wait up to S ≤ 60 seconds for the job to finish.")
     ] = None,
 ) -> Response:
     """Check a problem and queue it; an equal problem that was solved before brings its solution.
@@ -174,7 +175,7 @@ def list_jobs(query: Annotated[JobsQuery, Depends(query_of(JobsQuery))], inside:
 
 
 @router.get("/{job_id}", response_model=JobOut, responses=refusals(404), dependencies=[without_query])
-def get_job(job_id: str, inside: Inside) -> Response:
+def get_job(job_id: JobId, inside: Inside) -> Response:
     """Show a job."""
     return json_response(_out(inside.jobs.get(job_id)))
 
@@ -182,7 +183,7 @@ def get_job(job_id: str, inside: Inside) -> Response:
 @router.post(
     "/{job_id}/cancel", response_model=JobOut, responses=refusals(404, 409), dependencies=[without_query]
 )
-def cancel(job_id: str, inside: Inside, holder: Holder) -> Response:
+def cancel_job(job_id: JobId, inside: Inside, holder: Holder) -> Response:
     """Cancel a queued or running job at once; cancelling again changes nothing.
 
     Of a job that was submitted with another key it takes the role operate.

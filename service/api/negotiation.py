@@ -2,8 +2,15 @@
 
 from collections.abc import Sequence
 from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import Header
 
 from service.api.errors import ApiError
+
+# Not declared: OpenAPI says to ignore a parameter of this name, since each answer lists its media types.
+Accept = Annotated[str | None, Header(include_in_schema=False)]
+"""The type of an endpoint's parameter that receives what the client accepts; None if it does not say."""
 
 
 def preferred(offered: Sequence[str], accept: str | None) -> str:

@@ -6,11 +6,12 @@ from itertools import chain, islice
 from typing import Annotated
 
 import orjson
-from fastapi import APIRouter, Depends, Header, Response
+from fastapi import APIRouter, Depends, Response
 from fastapi.responses import StreamingResponse
 
 from service.api.errors import invalid_request
-from service.api.negotiation import preferred
+from service.api.negotiation import Accept, preferred
+from service.api.places import SweepId
 from service.api.point_formats import CSV, JSON, STREAMS, rows
 from service.api.point_queries import (
     DEFAULT_ROWS,
@@ -51,10 +52,10 @@ POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
     openapi_extra=query_parameters(PointsQuery),
 )
 def get_points(
-    sweep_id: str,
+    sweep_id: SweepId,
     asked: Annotated[Asked[PointsQuery], Depends(asked_of(PointsQuery))],
     inside: Inside,
-    accept: Annotated[str | None, Header()] = None,
+    accept: Accept = None,
 ) -> Response:
     """Return the points that are done, with conditions, sorted, and only the columns that are wanted."""
     media_type = preferred([JSON, *STREAMS], accept)

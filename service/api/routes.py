@@ -1,6 +1,7 @@
 """All endpoints with their errors and their description, put on an application."""
 
 from fastapi import FastAPI
+from fastapi.routing import APIRoute
 
 from service.api import (
     accuracy,
@@ -43,6 +44,10 @@ def install(app: FastAPI) -> None:
     check_roles(routers)
     for router in routers:
         app.include_router(router)
+        for route in router.routes:
+            if isinstance(route, APIRoute):
+                # Clients are generated with these names: short, and the same whatever the path.
+                route.operation_id = route.name
     handlers.install(app)
     app.add_middleware(Guard)
     app.add_middleware(Observation)

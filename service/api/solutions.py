@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends, Response
 from pydantic import Field
 
+from service.api.places import SolutionId
 from service.api.queries import Number, QueryModel, query_of, query_parameters, without_query
 from service.api.resources import Inside
 from service.api.responses import json_response, refusals
@@ -36,21 +37,21 @@ class SolutionsQuery(QueryModel):
 
     job: str | None = Field(default=None, description="The job that computed it.")
     family: FamilyName | None = Field(default=None, description="The potential's `type`.")
-    method: SolvedBy | None = None
-    tier: Tier | None = None
-    A_min: Number | None = None
-    A_max: Number | None = None
-    C_min: Number | None = None
-    C_max: Number | None = None
-    period_min: Number | None = None
-    period_max: Number | None = None
-    energy_min: Number | None = None
-    energy_max: Number | None = None
-    error_min: Number | None = None
-    error_max: Number | None = None
+    method: SolvedBy | None = Field(default=None, description="What computed it.")
+    tier: Tier | None = Field(default=None, description="The tier that computed it.")
+    A_min: Number | None = Field(default=None, description="Smallest A.")
+    A_max: Number | None = Field(default=None, description="Largest A.")
+    C_min: Number | None = Field(default=None, description="Smallest C.")
+    C_max: Number | None = Field(default=None, description="Largest C.")
+    period_min: Number | None = Field(default=None, description="Smallest period.")
+    period_max: Number | None = Field(default=None, description="Largest period.")
+    energy_min: Number | None = Field(default=None, description="Smallest energy h.")
+    energy_max: Number | None = Field(default=None, description="Largest energy h.")
+    error_min: Number | None = Field(default=None, description="Smallest claimed error.")
+    error_max: Number | None = Field(default=None, description="Largest claimed error.")
     sort: Sort = Field(default="-created_at", description="With - in front: largest first.")
-    limit: int = Field(default=50, ge=1, le=200)
-    offset: int = Field(default=0, ge=0, le=10**9)
+    limit: int = Field(default=50, ge=1, le=200, description="Items on a page at most.")
+    offset: int = Field(default=0, ge=0, le=10**9, description="Items to leave out first.")
 
 
 @router.get(
@@ -70,7 +71,7 @@ def list_solutions(
 @router.get(
     "/{solution_id}", response_model=SolutionOut, responses=refusals(404), dependencies=[without_query]
 )
-def get_solution(solution_id: str, inside: Inside) -> Response:
+def get_solution(solution_id: SolutionId, inside: Inside) -> Response:
     """Show a solution without its arrays."""
     return json_response(_out(inside.solutions.get(solution_id)))
 

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Depends, Response
 from pydantic import Field
 
 from service.api.documentation import request_body
+from service.api.places import SweepId
 from service.api.queries import QueryModel, query_of, query_parameters, without_query
 from service.api.requests import Body, read_json
 from service.api.resources import Inside
@@ -50,9 +51,9 @@ EXAMPLES: dict[str, object] = {
 class SweepsQuery(QueryModel):
     """Which sweeps."""
 
-    state: JobState | None = None
-    limit: int = Field(default=50, ge=1, le=200)
-    offset: int = Field(default=0, ge=0, le=10**9)
+    state: JobState | None = Field(default=None, description="Only sweeps in this state.")
+    limit: int = Field(default=50, ge=1, le=200, description="Items on a page at most.")
+    offset: int = Field(default=0, ge=0, le=10**9, description="Items to leave out first.")
 
 
 @router.post(
@@ -63,7 +64,7 @@ class SweepsQuery(QueryModel):
     openapi_extra=request_body("SweepIn", EXAMPLES),
     dependencies=[without_query],
 )
-def submit(content: Body, inside: Inside, holder: Holder) -> Response:
+def submit_sweep(content: Body, inside: Inside, holder: Holder) -> Response:
     """Check a sweep and queue its first points; the others follow as those are done.
 
     The base must be a problem with the first value of each axis. Whether a
@@ -99,7 +100,7 @@ def list_sweeps(query: Annotated[SweepsQuery, Depends(query_of(SweepsQuery))], i
 
 
 @router.get("/{sweep_id}", response_model=SweepOut, responses=refusals(404), dependencies=[without_query])
-def get_sweep(sweep_id: str, inside: Inside) -> Response:
+def get_sweep(sweep_id: SweepId, inside: Inside) -> Response:
     """Show a sweep and how far it has come."""
     return json_response(_out(inside.sweeps.get(sweep_id)))
 
@@ -107,7 +108,7 @@ def get_sweep(sweep_id: str, inside: Inside) -> Response:
 @router.post(
     "/{sweep_id}/cancel", response_model=SweepOut, responses=refusals(404, 409), dependencies=[without_query]
 )
-def cancel(sweep_id: str, inside: Inside, holder: Holder) -> Response:
+def cancel_sweep(sweep_id: SweepId, inside: Inside, holder: Holder) -> Response:
     """Cancel a queued or running sweep at once; the points that are done stay. Again changes nothing.
 
     Of a sweep that was submitted with another key it takes the role operate.

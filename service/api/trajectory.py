@@ -6,13 +6,15 @@ from http import HTTPStatus
 from typing import Annotated, Literal
 
 import numpy as np
-from fastapi import APIRouter, Depends, Header, Response
+from fastapi import APIRouter, Depends, Response
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field
 
 from service.api.errors import ApiError
 from service.api.formats import Trajectory, choose_format, media_types
 from service.api.limits import query_samples_faults
+from service.api.negotiation import Accept
+from service.api.places import SolutionId
 from service.api.queries import Asked, QueryModel, asked_of, query_parameters, read_number, refuse_if_any
 from service.api.resources import Inside, Resources
 from service.api.responses import refusals
@@ -53,7 +55,7 @@ class TrajectoryQuery(QueryModel):
     """Which times and columns."""
 
     start: Instant | None = Field(default=None, description="0 if left out.")
-    stop: Instant | None = None
+    stop: Instant | None = Field(default=None, description="Last time, not before start.")
     samples: int | None = Field(
         default=None, ge=1, le=MAX_SAMPLES, description="Equidistant from start to stop, both included."
     )
@@ -75,10 +77,10 @@ class TrajectoryQuery(QueryModel):
     openapi_extra=query_parameters(TrajectoryQuery),
 )
 def get_trajectory(
-    solution_id: str,
+    solution_id: SolutionId,
     asked: Annotated[Asked[TrajectoryQuery], Depends(asked_of(TrajectoryQuery))],
     inside: Inside,
-    accept: Annotated[str | None, Header()] = None,
+    accept: Accept = None,
 ) -> Response:
     """Return the samples at the problem's times, or with start, stop and samples those at any other times.
 

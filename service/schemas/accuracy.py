@@ -23,20 +23,20 @@ from service.schemas.verdict import ResponseModel
 class MachineOut(ResponseModel):
     """Where the seconds were measured."""
 
-    cpus: int
+    cpus: int = Field(description="Number of processors.")
     model: str | None = Field(description="Name of the processor, if known.")
-    system: str
+    system: str = Field(description="Operating system.")
 
 
 class AccuracyRowOut(ResponseModel):
     """What a tier reached, and took, on one problem."""
 
-    tier: Tier
+    tier: Tier = Field(description="The tier that was measured.")
     kind: MotionKind = Field(description="Of a periodic planar motion its ends.")
-    family: Family
+    family: Family = Field(description="The kind of potential.")
     claimed_error: float = Field(description="What the solution says its error is at most.")
     error: float = Field(description="Largest departure from the reference in any of the six variables.")
-    reference: Reference
+    reference: Reference = Field(description="What computed the reference.")
     reference_error: float = Field(description="Bound of the reference's own error.")
     seconds: float = Field(description="For 1000 samples, median, when the problem's structure is known.")
     seconds_per_1000: float = Field(description="For each 1000 samples more.")
@@ -45,11 +45,11 @@ class AccuracyRowOut(ResponseModel):
 class UnavailableOut(ResponseModel):
     """A tier that did not solve one of the problems."""
 
-    tier: Tier
-    kind: MotionKind
-    family: Family
-    code: str
-    detail: str
+    tier: Tier = Field(description="The tier that was tried.")
+    kind: MotionKind = Field(description="Of a periodic planar motion its ends.")
+    family: Family = Field(description="The kind of potential.")
+    code: str = Field(description="The code of the error with which it failed.")
+    detail: str = Field(description="A sentence for people.")
 
 
 class AccuracyTableModel(ResponseModel):
@@ -58,13 +58,13 @@ class AccuracyTableModel(ResponseModel):
     source: Source = Field(
         description="`shipped`: another machine's; `measured`: by `polhode calibrate` here."
     )
-    date: str = Field(json_schema_extra={"format": "date-time"})
-    version: str
-    numerics: int
-    machine: MachineOut
+    date: str = Field(description="When it was measured, UTC.", json_schema_extra={"format": "date-time"})
+    version: str = Field(description="Of polhode that was measured.")
+    numerics: int = Field(description="Raised whenever a computed digit changes.")
+    machine: MachineOut = Field(description="Where it was measured.")
     repetitions: int = Field(description="Measurements of each of the seconds.")
-    rows: list[AccuracyRowOut]
-    unavailable: list[UnavailableOut]
+    rows: list[AccuracyRowOut] = Field(description="The measurements.")
+    unavailable: list[UnavailableOut] = Field(description="Tiers that did not solve some of the problems.")
 
     @classmethod
     def of(cls, table: AccuracyTable) -> Self:

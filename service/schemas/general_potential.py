@@ -27,7 +27,7 @@ _FIELDS = {
     for name in (function, *(f"{function}_{quadrant}" for quadrant in QUADRANTS))
 }
 """The fields with formulas, and their variables."""
-_OF_ONE_QUADRANT = "for this pair of signs of g1 and g3: p is plus, m minus"
+_OF_ONE_QUADRANT = "Formula for this pair of signs of g1 and g3: p is plus, m minus."
 
 
 def read_angle(value: object) -> str:
@@ -52,19 +52,19 @@ Angle = Annotated[
 class GeneralIn(FormulaModel):
     """V1[F] + (A g1² + C g3²) G(g2), whose motions have the energy -F(w)."""
 
-    type: Literal["general"]
-    F: str | None = Field(default=None, description="formula in w for all quadrants", examples=["k*w"])
+    type: Literal["general"] = Field(description="Says which family this is.")
+    F: str | None = Field(default=None, description="Formula in w for all quadrants.", examples=["k*w"])
     F_pp: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
     F_mp: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
     F_pm: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
     F_mm: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
-    G: str | None = Field(default=None, description="formula in g2 for all quadrants; 0 if left out")
+    G: str | None = Field(default=None, description="Formula in g2 for all quadrants; 0 if left out.")
     G_pp: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
     G_mp: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
     G_pm: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
     G_mm: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
     reference_angle: Angle = Field(
-        default="pi/4", description="atan2(|g3|, |g1|) where V1 = 0; a formula without variables"
+        default="pi/4", description="atan2(|g3|, |g1|) where V1 = 0, in radians; a formula without variables."
     )
 
     @model_validator(mode="after")

@@ -13,8 +13,8 @@ StateName = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 class JobOut(ResponseModel):
     """One piece of queued work."""
 
-    id: str
-    state: StateName
+    id: str = Field(description="Of the job, a UUID; later jobs have larger ones.")
+    state: StateName = Field(description="The last three are final.")
     priority: int = Field(description="Larger first.")
     attempt: int = Field(description="Number of times a worker has taken it.")
     progress: float = Field(description="From 0 to 1.")
@@ -22,29 +22,29 @@ class JobOut(ResponseModel):
     reused: bool = Field(description="Its solution was computed for an earlier job.")
     solution: str | None = Field(description="Id of the solution, when succeeded.")
     problem: dict[str, object] = Field(description="The document as it was sent.")
-    created_at: datetime
+    created_at: datetime = Field(description="When it was submitted, UTC.")
     started_at: datetime | None = Field(description="When the last attempt began.")
-    finished_at: datetime | None
+    finished_at: datetime | None = Field(description="When it came to its final state.")
 
 
 class JobItemOut(ResponseModel):
     """What became of one problem of a list."""
 
     status: int = Field(description="As if it had been sent alone: 202, or that of its refusal.")
-    job: JobOut | None
+    job: JobOut | None = Field(description="The job, if it was accepted.")
     problem: dict[str, object] | None = Field(description="A problem document: what refuses it.")
 
 
 class JobListOut(ResponseModel):
     """What became of the problems of a list, in its order."""
 
-    items: list[JobItemOut]
+    items: list[JobItemOut] = Field(description="One for each problem.")
 
 
 class JobPageOut(ResponseModel):
     """Some jobs, newest first."""
 
-    items: list[JobOut]
+    items: list[JobOut] = Field(description="The jobs, newest first.")
     total: int = Field(description="Jobs that match in all.")
-    limit: int
-    offset: int
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")

@@ -21,12 +21,15 @@ from service.schemas.numbers import Exact, Nonzero, Positive, Sign, WindowNumber
 UNIT_TOLERANCE = Fraction(1, 10**12)
 """How far from 1 the length of gamma may be; it is not normalised in silence."""
 
+_G2_SIGN = "Sign of g2: the hemisphere; 1 if left out."
+_S_SIGN = "Sign of s = r/(A g1) = -p/(C g3): which way it goes along the curve; 1 if left out."
+
 
 class EquatorStartIn(WireModel):
     """Start where g2 = 0."""
 
-    at: Literal["equator"]
-    s_sign: Sign = 1
+    at: Literal["equator"] = Field(description="Says which kind of start this is.")
+    s_sign: Sign = Field(default=1, description=_S_SIGN)
 
     def to_domain(self) -> Start:
         """Return the start."""
@@ -36,8 +39,8 @@ class EquatorStartIn(WireModel):
 class RestStartIn(WireModel):
     """Start where p = r = 0."""
 
-    at: Literal["rest"]
-    g2_sign: Sign = 1
+    at: Literal["rest"] = Field(description="Says which kind of start this is.")
+    g2_sign: Sign = Field(default=1, description=_G2_SIGN)
 
     def to_domain(self) -> Start:
         """Return the start."""
@@ -47,9 +50,9 @@ class RestStartIn(WireModel):
 class PointStartIn(WireModel):
     """Start at a given g1."""
 
-    g1: Nonzero
-    g2_sign: Sign = 1
-    s_sign: Sign = 1
+    g1: Nonzero = Field(description="Within the window, with the sign of its curve.")
+    g2_sign: Sign = Field(default=1, description=_G2_SIGN)
+    s_sign: Sign = Field(default=1, description=_S_SIGN)
 
     def to_domain(self) -> Start:
         """Return the start."""
@@ -100,13 +103,21 @@ def curve_faults(given: Set[str]) -> Iterator[tuple[str, str, str]]:
 class PlanarMotionIn(WireModel):
     """The q = 0, I3 = 0 motion on |g3| = lambda |g1|^(C/A); for A = 2C on g3² = nu g1."""
 
-    type: Literal["planar"]
-    lambda_: Positive | None = Field(default=None, alias="lambda")
-    nu: Nonzero | None = Field(default=None, description="stands for lambda and g1_sign; A = 2C only")
-    g1_sign: Sign | None = Field(default=None, description="1 if left out")
-    g3_sign: Sign = 1
-    window: WindowNumber | None = Field(default=None, description="which of several windows; the only one")
-    start: StartIn | None = None
+    type: Literal["planar"] = Field(description="Says which kind of motion this is.")
+    lambda_: Positive | None = Field(
+        default=None, alias="lambda", description="The constant of the curve, > 0; needed unless nu is given."
+    )
+    nu: Nonzero | None = Field(default=None, description="Stands for lambda and g1_sign; for A = 2C only.")
+    g1_sign: Sign | None = Field(default=None, description="Sign of g1 on the curve; 1 if left out.")
+    g3_sign: Sign = Field(default=1, description="Sign of g3 on the curve; 1 if left out.")
+    window: WindowNumber | None = Field(
+        default=None, description="Number of one of several windows, from 0; the only one if left out."
+    )
+    start: StartIn | None = Field(
+        default=None,
+        description="Where on the window it is at t = 0. If left out at the equator with s > 0, or, where the"
+        " window does not reach it, at rest at the larger |g1| with g2 > 0.",
+    )
 
     @model_validator(mode="after")
     def _one_curve(self) -> Self:
@@ -147,9 +158,9 @@ Triple = Annotated[list[Exact], Field(min_length=3, max_length=3)]
 class StateMotionIn(WireModel):
     """The motion from any initial state."""
 
-    type: Literal["state"]
-    omega: Triple = Field(description="p, q, r")
-    gamma: Triple = Field(description="g1, g2, g3; of length 1 within 1e-12")
+    type: Literal["state"] = Field(description="Says which kind of motion this is.")
+    omega: Triple = Field(description="[p, q, r], the angular velocity at t = 0, radians per unit of time.")
+    gamma: Triple = Field(description="[g1, g2, g3] at t = 0, of length 1 within 1e-12.")
 
     @model_validator(mode="after")
     def _unit_gamma(self) -> Self:

@@ -125,7 +125,21 @@ def _short(number: Fraction) -> str:
     return text if len(text) <= 40 else f"{float(number):.6g}"
 
 
-_NUMBER = [{"type": "number"}, {"type": "string", "examples": ["17/10", "1e-12"]}]
+_EXACT_TEXT: dict[str, object] = {
+    "type": "string",
+    # A ratio of integers or a decimal: what exact_number reads, but for its limits of length.
+    "pattern": r"^\s*([+-]?[0-9]+(/[0-9]+)?|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,4})?)\s*$",
+}
+_NUMBER_TEXT = {**_EXACT_TEXT, "examples": ["17/10", "1e-12"]}
+_NUMBER = [{"type": "number"}, _NUMBER_TEXT]
+
+
+def integer_schema(example: str, *, minimum: int, maximum: int) -> dict[str, object]:
+    """Return the JSON schema of an integer that may also be written as text."""
+    number = {"type": "integer", "minimum": minimum, "maximum": maximum}
+    return {"anyOf": [number, {**_EXACT_TEXT, "examples": [example]}]}
+
+
 _TEXT = PlainSerializer(exact_text, return_type=str)
 
 Exact = Annotated[Fraction, PlainValidator(read_exact), _TEXT, WithJsonSchema({"anyOf": _NUMBER})]
@@ -133,33 +147,35 @@ Positive = Annotated[
     Fraction,
     PlainValidator(read_positive),
     _TEXT,
-    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _NUMBER[1]]}),
+    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _NUMBER_TEXT]}),
 ]
 Moment = Annotated[
     Fraction,
     PlainValidator(read_moment),
     _TEXT,
-    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _NUMBER[1]]}),
+    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _NUMBER_TEXT]}),
 ]
 Instant = Annotated[Fraction, PlainValidator(read_time), _TEXT, WithJsonSchema({"anyOf": _NUMBER})]
 Periods = Annotated[
     Fraction,
     PlainValidator(read_periods),
     _TEXT,
-    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _NUMBER[1]]}),
+    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _NUMBER_TEXT]}),
 ]
 Nonzero = Annotated[Fraction, PlainValidator(read_nonzero), _TEXT, WithJsonSchema({"anyOf": _NUMBER})]
 WindowNumber = Annotated[
     int,
     PlainValidator(read_window),
-    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 0}, _NUMBER[1]]}),
+    WithJsonSchema(integer_schema("0", minimum=0, maximum=999)),
 ]
 Samples = Annotated[
     int,
     PlainValidator(read_samples),
-    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1, "maximum": MAX_SAMPLES}, _NUMBER[1]]}),
+    WithJsonSchema(integer_schema("101", minimum=1, maximum=MAX_SAMPLES)),
 ]
-Sign = Annotated[Literal[-1, 1], PlainValidator(read_sign), WithJsonSchema({"enum": [-1, 1]})]
+Sign = Annotated[
+    Literal[-1, 1], PlainValidator(read_sign), WithJsonSchema({"type": "integer", "enum": [-1, 1]})
+]
 Priority = Annotated[
     int,
     AfterValidator(check_priority),

@@ -61,7 +61,9 @@ class PotentialModel(WireModel, ABC):
 class FormulaModel(PotentialModel):
     """A potential with formulas in named parameters."""
 
-    parameters: Parameters = Field(default_factory=dict)
+    parameters: Parameters = Field(
+        default_factory=dict, description="The numbers that the names in formulas stand for, by name."
+    )
 
     def text_errors(self) -> Iterator[DynamicsError]:
         """Yield the errors of the names and the texts."""

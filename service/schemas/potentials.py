@@ -29,10 +29,10 @@ from service.schemas.potential_model import FormulaModel, PotentialModel, stand_
 class ExpressionIn(FormulaModel):
     """A formula in g1, g2, g3, named parameters and the moments A, B, C."""
 
-    type: Literal["expression"]
+    type: Literal["expression"] = Field(description="Says which family this is.")
     expression: str = Field(
-        description=f"`+ - * / ^ **`, parentheses, numbers, `sqrt exp log sin cos tan abs`, `pi`;"
-        f" at most {MAX_CHARACTERS} characters",
+        description=f"Of `+ - * / ^ **`, parentheses, numbers, `sqrt exp log sin cos tan abs`, `pi`;"
+        f" at most {MAX_CHARACTERS} characters.",
         examples=["a*g1 + b/g3^2"],
     )
 
@@ -74,10 +74,10 @@ class ExpressionIn(FormulaModel):
 class GravityIn(PotentialModel):
     """The uniform field a g1 + b g2 + c g3."""
 
-    type: Literal["gravity"]
-    a: Exact = Fraction(0)
-    b: Exact = Fraction(0)
-    c: Exact = Fraction(0)
+    type: Literal["gravity"] = Field(description="Says which family this is.")
+    a: Exact = Field(default=Fraction(0), description="Of g1; 0 if left out.")
+    b: Exact = Field(default=Fraction(0), description="Of g2; 0 if left out.")
+    c: Exact = Field(default=Fraction(0), description="Of g3; 0 if left out.")
 
     def to_domain(self, _: RigidBody) -> Potential:
         """Return the potential."""
@@ -94,10 +94,10 @@ Coefficients = Annotated[list[Exact], Field(max_length=MAX_TERMS)]
 class RationalIn(PotentialModel):
     """The rational family of bodies with A = 2C; the lists begin with a1, b1 and c1."""
 
-    type: Literal["rational"]
-    a: Coefficients = Field(default_factory=list)
-    b: Coefficients = Field(default_factory=list)
-    c: Coefficients = Field(default_factory=list)
+    type: Literal["rational"] = Field(description="Says which family this is.")
+    a: Coefficients = Field(default_factory=list, description="a1, a2, ...; zeros if left out.")
+    b: Coefficients = Field(default_factory=list, description="b1, b2, ...; zeros if left out.")
+    c: Coefficients = Field(default_factory=list, description="c1, c2, ...; zeros if left out.")
 
     def to_domain(self, body: RigidBody) -> Potential:
         """Return the potential, or raise :class:`RationalBodyError` unless A = 2C."""
@@ -112,13 +112,13 @@ class RationalIn(PotentialModel):
 class HomogeneousIn(PotentialModel):
     """The homogeneous family of any A ≠ C; the lists begin with the index 0."""
 
-    type: Literal["homogeneous"]
-    A: Coefficients = Field(default_factory=list, description="of g2^n (A g1² + C g3²)")
-    B: Coefficients = Field(default_factory=list, description="of the terms of degree 2 (A-C) (n+1)/A")
-    C: Coefficients = Field(default_factory=list, description="of the terms of degree -2 (A-C) (n+1)/C")
+    type: Literal["homogeneous"] = Field(description="Says which family this is.")
+    A: Coefficients = Field(default_factory=list, description="Of g2^n (A g1² + C g3²).")
+    B: Coefficients = Field(default_factory=list, description="Of the terms of degree 2 (A-C) (n+1)/A.")
+    C: Coefficients = Field(default_factory=list, description="Of the terms of degree -2 (A-C) (n+1)/C.")
     log: Coefficients = Field(
         default_factory=list,
-        description="of the logarithmic terms: where B_n, or C_n for A < C, is undefined or a multiple of Q",
+        description="Of the logarithmic terms: where B_n, or C_n for A < C, is undefined or a multiple of Q.",
     )
 
     def to_domain(self, body: RigidBody) -> Potential:

@@ -30,10 +30,13 @@ DEFAULT_OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega")
 class BodyIn(WireModel):
     """Principal moments of inertia at the fixed point."""
 
-    A: Moment
-    B: Moment | None = Field(default=None, description="needed for integration and for state motions")
-    C: Moment
-    allow_unphysical: bool = Field(default=False, description="accept moments that no body can have")
+    A: Moment = Field(description="About the first axis, > 0; any unit, the same for all three.")
+    B: Moment | None = Field(
+        default=None,
+        description="About the second axis, > 0. Needed for integration, stability and state motions.",
+    )
+    C: Moment = Field(description="About the third axis, > 0. Planar motions need A ≠ C.")
+    allow_unphysical: bool = Field(default=False, description="Accept moments that no body can have.")
 
     def to_domain(self) -> RigidBody:
         """Return the body, or raise :class:`UnphysicalInertiaError`."""
@@ -52,9 +55,9 @@ class BodyIn(WireModel):
 class TimeSpanIn(WireModel):
     """``samples`` equidistant times from ``start`` to ``stop``, both included."""
 
-    start: Instant = Field(default=Fraction(0), description="0 if left out")
-    stop: Instant
-    samples: Samples
+    start: Instant = Field(default=Fraction(0), description="First time; 0 if left out.")
+    stop: Instant = Field(description="Last time, after start; in the unit of time that the problem implies.")
+    samples: Samples = Field(description="Number of times.")
 
     @model_validator(mode="after")
     def _forward(self) -> Self:
@@ -76,8 +79,8 @@ class TimeSpanIn(WireModel):
 class TimePeriodsIn(WireModel):
     """``samples`` equidistant times over ``periods`` periods from 0; planar motions only."""
 
-    periods: Periods
-    samples: Samples
+    periods: Periods = Field(description="Number of periods, > 0; a fraction is accepted.")
+    samples: Samples = Field(description="Number of times.")
 
     def to_domain(self) -> Times:
         """Return the times."""
@@ -91,7 +94,9 @@ class TimePeriodsIn(WireModel):
 class TimeListIn(WireModel):
     """The times themselves."""
 
-    times: Annotated[list[Instant], Field(min_length=1, max_length=MAX_SAMPLES)]
+    times: Annotated[list[Instant], Field(min_length=1, max_length=MAX_SAMPLES)] = Field(
+        description="In any order, in the unit of time that the problem implies."
+    )
 
     def to_domain(self) -> Times:
         """Return the times."""
@@ -121,14 +126,22 @@ TimeIn = Annotated[
 class ProblemIn(WireModel):
     """A problem: what ``POST /v1/jobs`` takes."""
 
-    body: BodyIn
-    potential: PotentialIn
-    motion: MotionIn
-    time: TimeIn
-    accuracy: AccuracyIn = TierIn(tier="standard")
-    method: Method = "auto"
+    body: BodyIn = Field(description="The rigid body.")
+    potential: PotentialIn = Field(description="The potential V(g1, g2, g3) of the field of force.")
+    motion: MotionIn = Field(description="Which of the motions.")
+    time: TimeIn = Field(description="At which times its samples are stored; others can be asked for later.")
+    # By a factory: generators of clients give up operations whose bodies have objects for defaults.
+    accuracy: AccuracyIn = Field(
+        default_factory=lambda: TierIn(tier="standard"),
+        description='How accurate; `{"tier": "standard"}` if left out.',
+    )
+    method: Method = Field(
+        default="auto",
+        description="`auto`: quadrature for planar motions, integration for states; `both` compares the two.",
+    )
     outputs: Annotated[list[OutputName], Field(min_length=1, max_length=20)] = Field(
-        default_factory=lambda: list(DEFAULT_OUTPUTS)
+        default_factory=lambda: list(DEFAULT_OUTPUTS),
+        description="What is computed and stored; gamma and omega if left out.",
     )
 
 
@@ -141,16 +154,20 @@ def _inside(g2: Fraction) -> Fraction:
 class PointsIn(WireModel):
     """Where the functions of the decomposition V = V1[F(w)] + Q G(g2) are wanted by their values."""
 
-    w: Annotated[list[Positive], Field(max_length=MAX_POINTS)] = Field(default_factory=list)
+    w: Annotated[list[Positive], Field(max_length=MAX_POINTS)] = Field(
+        default_factory=list, description="Arguments of F, > 0; none if left out."
+    )
     g2: Annotated[list[Annotated[Exact, AfterValidator(_inside)]], Field(max_length=MAX_POINTS)] = Field(
-        default_factory=list, description="-1 < g2 < 1"
+        default_factory=list, description="Arguments of G, -1 < g2 < 1; none if left out."
     )
 
 
 class ValidationIn(WireModel):
     """A body and a potential, and perhaps a motion: what ``POST /v1/validations`` takes."""
 
-    body: BodyIn
-    potential: PotentialIn
-    motion: MotionIn | None = None
-    points: PointsIn | None = None
+    body: BodyIn = Field(description="The rigid body.")
+    potential: PotentialIn = Field(description="The potential that is judged.")
+    motion: MotionIn | None = Field(default=None, description="With it, its windows are told.")
+    points: PointsIn | None = Field(
+        default=None, description="With it, the values of F and G there are told."
+    )

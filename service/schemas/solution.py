@@ -11,30 +11,33 @@ from service.schemas.verdict import NoticeOut, ResponseModel
 class EstimateOut(ResponseModel):
     """A number and the bound of its absolute error."""
 
-    value: float
-    error: float
+    value: float = Field(description="The number.")
+    error: float = Field(description="Bound of its absolute error, in the same unit.")
 
 
 class EnclosureOut(ResponseModel):
     """A proven enclosure: the true number is within value ± radius."""
 
-    value: str
-    radius: str
+    value: str = Field(description="Middle, a decimal.")
+    radius: str = Field(description="Proven bound of the distance from it, a decimal ≥ 0.")
 
 
 class WindowOut(ResponseModel):
     """Where on the curve the motion takes place."""
 
-    index: int
-    ends: tuple[str, str]
-    g1: tuple[float, float]
-    g2: tuple[float, float]
+    index: int = Field(description="Its number among the windows of the curve, from 0.")
+    ends: tuple[str, str] = Field(
+        description="What is where |g1| is smallest, and where it is largest: `pole`, `rest`, `equator`,"
+        " `equilibrium` or `edge`."
+    )
+    g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
+    g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")
 
 
 class AsymptoteOut(ResponseModel):
     """What an aperiodic motion runs into."""
 
-    kind: Literal["equilibrium", "pole", "collision"]
+    kind: Literal["equilibrium", "pole", "collision"] = Field(description="What is there.")
     time: EstimateOut | None = Field(description="When it is there; null if in the limit of t only.")
     rate: EstimateOut | None = Field(description="The distance dies out like exp(-rate |t|), if it does.")
     gamma: tuple[float, float, float] = Field(description="g1, g2, g3 there.")
@@ -43,21 +46,21 @@ class AsymptoteOut(ResponseModel):
 class AsymptotesOut(ResponseModel):
     """Where an aperiodic motion comes from and where it goes."""
 
-    past: AsymptoteOut
-    future: AsymptoteOut
+    past: AsymptoteOut = Field(description="Where it comes from, backwards in time.")
+    future: AsymptoteOut = Field(description="Where it goes.")
 
 
 class DriftOut(ResponseModel):
     """The largest departure of an integral from its value, over the asked samples."""
 
-    drift: float
+    drift: float = Field(description="Largest absolute departure.")
 
 
 class FurtherIntegralOut(ResponseModel):
     """Kovalevskaya's or Goriachev's integral, which bodies with A = B = 2C may have."""
 
-    value: float
-    drift: float
+    value: float = Field(description="At the first sample.")
+    drift: float = Field(description="Largest absolute departure from it over the asked samples.")
     kind: Literal["general", "zero_areas"] = Field(
         description="Constant along every motion, or along those with zero areas integral."
     )
@@ -66,8 +69,8 @@ class FurtherIntegralOut(ResponseModel):
 class PrecessionOut(ResponseModel):
     """By how much the azimuths of two body axes about the space axis grow in one period."""
 
-    psi1: EstimateOut
-    psi3: EstimateOut
+    psi1: EstimateOut = Field(description="Of the first principal axis; radians.")
+    psi3: EstimateOut = Field(description="Of the third principal axis; radians.")
 
 
 class StabilityOut(ResponseModel):
@@ -78,10 +81,12 @@ class StabilityOut(ResponseModel):
     multipliers: tuple[tuple[float, float], tuple[float, float]] = Field(
         description="μ and 1/μ as [real, imaginary]."
     )
-    multipliers_error: float
-    verdict: Literal["stable", "unstable", "marginal"]
+    multipliers_error: float = Field(description="Bound of the absolute error of each multiplier.")
+    verdict: Literal["stable", "unstable", "marginal"] = Field(
+        description="`stable` if |trace| < 2, `unstable` if > 2, `marginal` if the error does not tell."
+    )
     exponent: float = Field(description="Growth per unit time, log|μ| / T.")
-    exponent_error: float
+    exponent_error: float = Field(description="Bound of the absolute error of the exponent.")
     closed_form_trace: EstimateOut | None = Field(
         description="Of Lamé's equation, where that is the one: a second, independent number."
     )
@@ -93,22 +98,22 @@ class StabilityOut(ResponseModel):
 class CrossCheckOut(ResponseModel):
     """What a second, independent method says."""
 
-    method: str
-    disagreement: float
+    method: str = Field(description="The second method.")
+    disagreement: float = Field(description="Largest difference in any of the six variables.")
     horizon: float = Field(description="Largest |t| that was compared.")
-    agrees: bool
+    agrees: bool = Field(description="Whether the difference is within the errors that both claim.")
 
 
 class CostOut(ResponseModel):
     """What the computation took."""
 
-    compute_seconds: float
+    compute_seconds: float = Field(description="Seconds of the worker's clock.")
 
 
 class ProvenanceOut(ResponseModel):
     """What computed the solution."""
 
-    version: str = Field(description="Of the program.")
+    version: str = Field(description="Of polhode.")
     numerics: int = Field(description="Version of what is computed: grows whenever a digit may change.")
     processor: str | None = Field(
         default=None,
@@ -124,44 +129,47 @@ class ProvenanceOut(ResponseModel):
 class SolutionOut(ResponseModel):
     """A solution without its arrays."""
 
-    id: str
+    id: str = Field(description="Of the solution, a UUID.")
     job: str = Field(description="The job that computed it; later jobs may have reused it.")
-    problem: dict[str, object]
-    method: Literal["quadrature", "integration"]
-    tier: str
+    problem: dict[str, object] = Field(description="The document that was solved, as `ProblemIn`.")
+    method: Literal["quadrature", "integration"] = Field(description="What computed the samples.")
+    tier: str = Field(description="The tier of accuracy that computed them.")
     period: EstimateOut | EnclosureOut | None = Field(
-        description="Of all six variables; null if not periodic or not known."
+        description="Of all six variables; an enclosure in the tier certified; null if not periodic or not"
+        " known."
     )
     aperiodic: Literal["separatrix", "equilibrium", "collision", "pole"] | None = Field(
         description="Why a planar motion has no period."
     )
     asymptotes: AsymptotesOut | None = Field(description="Of an aperiodic motion.")
-    energy: EstimateOut | EnclosureOut
-    window: WindowOut | None
+    energy: EstimateOut | EnclosureOut = Field(
+        description="h, in the unit of moments over squared times; an enclosure in the tier certified."
+    )
+    window: WindowOut | None = Field(description="Of a planar motion.")
     invariants: dict[str, FurtherIntegralOut | DriftOut] | None = Field(
         description="If the outputs ask for them."
     )
     error: float = Field(description="Largest absolute error of any variable over the asked times.")
-    cross_check: CrossCheckOut | None
+    cross_check: CrossCheckOut | None = Field(description="With the method `both`.")
     stability: StabilityOut | None = Field(description="If the outputs ask for it, and it has a meaning.")
     precession: PrecessionOut | None = Field(
         description="Per period, if the outputs ask for the orientation of a periodic motion."
     )
-    warnings: list[NoticeOut]
+    warnings: list[NoticeOut] = Field(description="What to know about the solution; often empty.")
     conventions: list[str] = Field(description="Choices made where the equations leave one.")
     evidence: dict[str, float | int | str] = Field(description="What the solver measured about itself.")
-    cost: CostOut
-    provenance: ProvenanceOut
-    created_at: datetime
+    cost: CostOut = Field(description="What it took.")
+    provenance: ProvenanceOut = Field(description="What computed it.")
+    created_at: datetime = Field(description="When it was stored, UTC.")
 
 
 class SolutionPageOut(ResponseModel):
     """Some of the solutions that match."""
 
-    items: list[SolutionOut]
+    items: list[SolutionOut] = Field(description="The solutions, in the order that was asked for.")
     total: int = Field(description="Solutions that match in all.")
-    limit: int
-    offset: int
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")
 
 
 class TrajectoryOut(ResponseModel):
@@ -184,5 +192,5 @@ class EnclosuresOut(ResponseModel):
 class HealthOut(ResponseModel):
     """The process serves."""
 
-    status: Literal["ok"]
-    checks: dict[str, str]
+    status: Literal["ok"] = Field(description="Always `ok`; a process that is not says so with 503.")
+    checks: dict[str, str] = Field(description="What was looked at, each `ok`; empty for /livez.")

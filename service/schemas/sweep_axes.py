@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Stri
 
 from service.dynamics.sweep_axes import Axis, LinearAxis, ListedAxis, LogarithmicAxis, UniformAxis
 from service.schemas.choices import TAG_MARK, WireModel, tag_by_field
-from service.schemas.numbers import Exact, Positive, read_integer, refuse
+from service.schemas.numbers import Exact, Positive, integer_schema, read_integer, refuse
 
 MAX_LISTED = 100_000
 LONGEST_AXIS = 100_000_000
@@ -36,21 +36,23 @@ def _require_span(value: object) -> object:
     return value
 
 
-_LENGTH = WithJsonSchema({"type": "integer", "minimum": 1, "maximum": LONGEST_AXIS})
-_SEED = WithJsonSchema({"type": "integer", "minimum": 0, "maximum": LARGEST_SEED})
+_LENGTH = WithJsonSchema(integer_schema("1000", minimum=1, maximum=LONGEST_AXIS))
+_SEED = WithJsonSchema(integer_schema("7", minimum=0, maximum=LARGEST_SEED))
 Length = Annotated[int, PlainValidator(_read_length), _LENGTH]
 Seed = Annotated[int, PlainValidator(_read_seed), _SEED]
 Span = Annotated[tuple[Exact, Exact, Length], Strict(False), BeforeValidator(_require_span)]
 PositiveSpan = Annotated[tuple[Positive, Positive, Length], Strict(False), BeforeValidator(_require_span)]
 
-_POINTER = "JSON pointer to a number of the base, such as /motion/lambda"
+_POINTER = "JSON pointer to a number of the base, such as /motion/lambda."
 
 
 class ListedAxisIn(WireModel):
     """The values themselves."""
 
     pointer: str = Field(description=_POINTER, max_length=200)
-    values: Annotated[list[Exact], Field(min_length=1, max_length=MAX_LISTED)]
+    values: Annotated[list[Exact], Field(min_length=1, max_length=MAX_LISTED)] = Field(
+        description="Exact, in the order of the points."
+    )
 
     def to_domain(self, _: int) -> Axis:
         """Return the axis."""
@@ -61,7 +63,7 @@ class LinearAxisIn(WireModel):
     """``n`` equidistant values from lo to hi, both included."""
 
     pointer: str = Field(description=_POINTER, max_length=200)
-    linspace: Span = Field(description="[lo, hi, n]", examples=[[0.1, 2, 1000]])
+    linspace: Span = Field(description="[lo, hi, n].", examples=[[0.1, 2, 1000]])
 
     def to_domain(self, _: int) -> Axis:
         """Return the axis."""
@@ -72,7 +74,7 @@ class LogarithmicAxisIn(WireModel):
     """``n`` values with equal ratios from lo > 0 to hi > 0, both included."""
 
     pointer: str = Field(description=_POINTER, max_length=200)
-    logspace: PositiveSpan = Field(description="[lo, hi, n]", examples=[["1e-3", 10, 100]])
+    logspace: PositiveSpan = Field(description="[lo, hi, n].", examples=[["1e-3", 10, 100]])
 
     def to_domain(self, _: int) -> Axis:
         """Return the axis."""
@@ -83,8 +85,8 @@ class UniformAxisIn(WireModel):
     """``n`` independent random values between lo and hi; equal seeds at equal places give equal values."""
 
     pointer: str = Field(description=_POINTER, max_length=200)
-    uniform: Span = Field(description="[lo, hi, n]", examples=[[-2, -1, 1000]])
-    seed: Seed = Field(default=0, description="0 if left out")
+    uniform: Span = Field(description="[lo, hi, n].", examples=[[-2, -1, 1000]])
+    seed: Seed = Field(default=0, description="Of the random numbers; 0 if left out.")
 
     def to_domain(self, place: int) -> Axis:
         """Return the axis; ``place`` among the others tells its stream."""

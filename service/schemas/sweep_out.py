@@ -11,11 +11,11 @@ from service.schemas.verdict import ResponseModel
 class SweepStateOut(ResponseModel):
     """A sweep without its document."""
 
-    id: str
+    id: str = Field(description="Of the sweep, a UUID; later sweeps have larger ones.")
     state: StateName = Field(
         description="Never `failed`: a point that cannot be computed is a point with a reason."
     )
-    points: int
+    points: int = Field(description="Number of its points.")
     done: int = Field(description="Points that are stored, the refused ones among them.")
     refused: int = Field(description="Points that have a reason in place of a motion.")
     progress: float = Field(description="done / points.")
@@ -23,12 +23,12 @@ class SweepStateOut(ResponseModel):
         description="Seconds of computing a point took in the chunk stored last."
     )
     remaining_seconds: float | None = Field(
-        description="Until the end, if it goes on as it has since the start; null if that cannot be said."
+        description="Until the end, if it goes on as its latest chunks did; null if too little has been seen."
     )
-    priority: int
-    created_at: datetime
-    started_at: datetime | None
-    finished_at: datetime | None
+    priority: int = Field(description="Larger first.")
+    created_at: datetime = Field(description="When it was submitted, UTC.")
+    started_at: datetime | None = Field(description="When a worker took its first points.")
+    finished_at: datetime | None = Field(description="When it came to its final state.")
 
 
 class SweepOut(SweepStateOut):
@@ -40,10 +40,10 @@ class SweepOut(SweepStateOut):
 class SweepPageOut(ResponseModel):
     """Some sweeps, newest first."""
 
-    items: list[SweepStateOut]
+    items: list[SweepStateOut] = Field(description="The sweeps, newest first.")
     total: int = Field(description="Sweeps that match in all.")
-    limit: int
-    offset: int
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")
 
 
 class PointPageOut(ResponseModel):
@@ -54,7 +54,7 @@ class PointPageOut(ResponseModel):
         " number (null if the point has none), `outcome` (`solved` or a code), and the series as lists."
     )
     total: int = Field(description="Points that are done and match in all.")
-    limit: int
-    offset: int
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")
     points: int = Field(description="Of the whole sweep.")
     done: int = Field(description="Points that are done; the others are missing here.")

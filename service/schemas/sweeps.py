@@ -61,14 +61,17 @@ class SweepIn(WireModel):
     base: Annotated[dict[str, object], _AsProblem()] = Field(
         description="A problem; the numbers it has at the axes' pointers are replaced."
     )
-    axes: Annotated[list[AxisIn], Field(min_length=1, max_length=MAX_AXES)]
+    axes: Annotated[list[AxisIn], Field(min_length=1, max_length=MAX_AXES)] = Field(
+        description="Which numbers vary, and what values they take."
+    )
     combine: Combine = Field(
         default="grid",
         description="`grid`: every value with every other, the last axis fastest;"
         " `zip`: the n-th values of all axes with each other.",
     )
     keep: Annotated[list[KeptName], Field(max_length=len(NUMBERS))] = Field(
-        default_factory=lambda: list(DEFAULT_KEEP), description="Numbers to keep of each point."
+        default_factory=lambda: list(DEFAULT_KEEP),
+        description="Numbers to keep of each point; period, energy and error if left out.",
     )
     series: bool = Field(default=False, description="Keep the samples of each point too.")
     priority: Priority = Field(default=0, description="Larger ones are computed first.")

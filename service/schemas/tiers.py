@@ -22,7 +22,10 @@ _ACCEPTED = (
 class ToleranceIn(WireModel):
     """Largest absolute error allowed in any of the six variables over the asked times."""
 
-    tolerance: Positive = Field(json_schema_extra={"minimum": 1e-15, "maximum": 1e-2})
+    tolerance: Positive = Field(
+        description="1e-15 to 1e-2; relative where a variable is above 1.",
+        json_schema_extra={"minimum": 1e-15, "maximum": 1e-2},
+    )
 
     @model_validator(mode="after")
     def _attainable(self) -> Self:
@@ -48,8 +51,10 @@ class ToleranceIn(WireModel):
 class TierIn(WireModel):
     """A named accuracy: draft 1e-6, standard 1e-10, high 1e-13, certified with proven radii."""
 
-    tier: Tier
-    bits: Literal[64, 128, 333] | None = Field(default=None, description="of the tier certified; 64")
+    tier: Tier = Field(description="Its name.")
+    bits: Literal[64, 128, 333] | None = Field(
+        default=None, description="Precision of the tier certified; 64 if left out."
+    )
 
     @model_validator(mode="after")
     def _bits_are_certified(self) -> Self:
@@ -71,7 +76,7 @@ class TierIn(WireModel):
 class BudgetIn(WireModel):
     """The best tier that is expected to take no longer, by the accuracy table of the installation."""
 
-    budget_seconds: Positive
+    budget_seconds: Positive = Field(description="Seconds of computing, > 0, at most 3600.")
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:

@@ -3,12 +3,18 @@
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic.config import JsonDict
+
+
+def _may_grow(schema: JsonDict) -> None:
+    """Take from the schema of an answer what would forbid clients to meet fields of later versions."""
+    schema.pop("additionalProperties", None)
 
 
 class ResponseModel(BaseModel):
     """What every object of an answer has in common: every field is always there."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, json_schema_extra=_may_grow)
 
 
 QuadrantOut = Literal["pp", "mp", "pm", "mm"]
@@ -26,23 +32,25 @@ class EnergyFormulaOut(ResponseModel):
 class BallOut(ResponseModel):
     """mid ± rad, in decimals: the exact number is certainly inside."""
 
-    mid: str
-    rad: str
+    mid: str = Field(description="Middle, a decimal.")
+    rad: str = Field(description="Radius, a decimal ≥ 0.")
 
 
 class CounterexampleOut(ResponseModel):
     """A point of the sphere where the residual of the compatibility equation is certainly not 0."""
 
     g: tuple[str, str, str] = Field(description="Exact g1, g2, g3.")
-    residual: BallOut
+    residual: BallOut = Field(description="Of the compatibility equation at that point; without 0.")
 
 
 class EvidenceOut(ResponseModel):
     """Zero could not be excluded anywhere."""
 
-    points: int
-    bits: int
-    largest_enclosure: str
+    points: int = Field(description="Number of points of the sphere that were tried.")
+    bits: int = Field(description="Precision of the ball arithmetic.")
+    largest_enclosure: str = Field(
+        description="Largest absolute value that the residual may have at one of them, a decimal."
+    )
 
 
 EndOut = Literal["pole", "rest", "equator", "equilibrium", "edge"]
@@ -52,7 +60,11 @@ class MotionWindowOut(ResponseModel):
     """A stretch of the curve on which a motion takes place."""
 
     window: int = Field(description="Its number, for the motion's `window`.")
-    kind: Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"]
+    kind: Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"] = Field(
+        description="`periodic`, or what keeps the motion from coming back: it tends to an equilibrium"
+        " (`separatrix`), stays in one (`equilibrium`), reaches a singularity of the potential (`collision`),"
+        " tends to the `pole`, or meets the `edge` of the potential's domain."
+    )
     ends: tuple[EndOut, EndOut] = Field(description="Where |g1| is smallest, where it is largest.")
     g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")
@@ -61,7 +73,7 @@ class MotionWindowOut(ResponseModel):
 class FunctionValuesOut(ResponseModel):
     """A function that has no formula, by its values."""
 
-    numeric: Literal[True]
+    numeric: Literal[True] = Field(description="Always true: tells values from a formula.")
     points: list[tuple[float, float]] = Field(description="[argument, value], the values rounded to doubles.")
     error: float = Field(description="Largest absolute error of a value.")
 
@@ -73,18 +85,22 @@ FunctionOut = str | FunctionValuesOut
 class TermsOut(ResponseModel):
     """V = constant + (A g1² + C g3²) Σ A_n g2^n + Σ B_n-, C_n- and log_n-terms, n from 0; exact."""
 
-    constant: str
-    A: list[str]
-    B: list[str]
-    C: list[str]
-    log: list[str]
+    constant: str = Field(description="The constant.")
+    A: list[str] = Field(description="A_0, A_1, ...")
+    B: list[str] = Field(description="B_0, B_1, ...")
+    C: list[str] = Field(description="C_0, C_1, ...")
+    log: list[str] = Field(description="Coefficients of the logarithmic terms, from n = 0.")
 
 
 class QuadrantValuesOut(ResponseModel):
     """F and G at the points that were sent."""
 
-    F: list[tuple[float, float | None, float | None]] = Field(description="[w, value, error]")
-    G: list[tuple[float, float | None, float | None]] = Field(description="[g2, value, error]")
+    F: list[tuple[float, float | None, float | None]] = Field(
+        description="[w, value, error]; nulls where F has no value."
+    )
+    G: list[tuple[float, float | None, float | None]] = Field(
+        description="[g2, value, error]; nulls where G has no value."
+    )
 
 
 class DecompositionOut(ResponseModel):
@@ -92,7 +108,7 @@ class DecompositionOut(ResponseModel):
 
     F: FunctionOut | dict[QuadrantOut, FunctionOut] = Field(description="In w.")
     G: FunctionOut | dict[QuadrantOut, FunctionOut] = Field(description="In g2.")
-    reference_angle: str
+    reference_angle: str = Field(description="atan2(|g3|, |g1|) where V1 = 0, as a formula.")
     terms: TermsOut | dict[QuadrantOut, TermsOut | None] | None = Field(
         description="Coefficients, if V is a finite sum of the known terms (on |g1| and |g3|)."
     )
@@ -102,29 +118,34 @@ class DecompositionOut(ResponseModel):
 class NearestOut(ResponseModel):
     """The admissible polynomial nearest to one that is not, in the mean square over the sphere."""
 
-    expression: str
+    expression: str = Field(description="The polynomial, as a formula in g1, g2, g3 with exact numbers.")
     relative_squared_distance: str = Field(description="Mean of (V - nearest)² over that of V², exact.")
 
 
 class NoticeOut(ResponseModel):
     """Something to know about the potential that is no fault."""
 
-    code: str
-    message: str
-    pointer: str
+    code: str = Field(description="Stable word for programs.")
+    message: str = Field(description="Sentence for people.")
+    pointer: str = Field(description="JSON pointer into the problem to what it is about.")
 
 
 class VerdictOut(ResponseModel):
     """Whether a potential admits the planar motions, and how that is known."""
 
-    verdict: Literal["admissible", "inadmissible", "undecided"]
-    proof: Literal["symbolic", "counterexample", "numeric"]
+    verdict: Literal["admissible", "inadmissible", "undecided"] = Field(
+        description="`admissible` and `inadmissible` are proved; `undecided` is neither."
+    )
+    proof: Literal["symbolic", "counterexample", "numeric"] = Field(
+        description="`symbolic`: the compatibility equation holds identically; `counterexample`: it fails at"
+        " the point that is given; `numeric`: no such point was found, which proves nothing."
+    )
     energy: EnergyFormulaOut | None = Field(description="Null if it is not known or has no formula.")
-    counterexample: CounterexampleOut | None
+    counterexample: CounterexampleOut | None = Field(description="With proof `counterexample`.")
     evidence: EvidenceOut | None = Field(description="With proof `numeric`.")
     decomposition: DecompositionOut | None = Field(description="Of an admissible potential.")
     nearest: NearestOut | None = Field(description="Of a polynomial that is not admissible.")
     motions: list[MotionWindowOut] | None = Field(
         description="Every window of the motion that was sent; null if none was, or if there are no motions."
     )
-    warnings: list[NoticeOut]
+    warnings: list[NoticeOut] = Field(description="What to know about the potential; often empty.")

@@ -36,7 +36,7 @@ def test_its_numbers_grow_until_it_has_succeeded(client, jobs, sweep):
     assert running["state"] == "running"
     assert 0 < running["done"] < POINTS
     assert running["progress"] == running["done"] / POINTS
-    assert running["remaining_seconds"] >= 0
+    assert running["remaining_seconds"] is None  # the first chunk shows how workers start
     # As the worker of this test says; multiplied and divided by the number of points.
     assert running["point_seconds"] == pytest.approx(0.05, rel=1e-15)
     finish_sweep(jobs)

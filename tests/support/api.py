@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import httpx
 import numpy as np
 import pytest
 from fastapi import FastAPI
@@ -16,6 +17,7 @@ from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.solutions.codec import encode_arrays, encode_dense
+from tests.support.conformance import check_exchange
 from workers.computation import solve_document
 
 with warnings.catch_warnings():
@@ -25,12 +27,17 @@ with warnings.catch_warnings():
 
 
 class TestClient(AnyTestClient):
-    """A client on this machine."""
+    """A client on this machine; whatever it sends and gets must be as the OpenAPI document says."""
 
     __test__ = False
 
     def __init__(self, app: FastAPI, base_url: str = "http://127.0.0.1:8000", **options: object) -> None:
         super().__init__(app, base_url, **options)
+
+    def send(self, request: httpx.Request, **options: object) -> httpx.Response:
+        response = super().send(request, **options)
+        check_exchange(request, response)
+        return response
 
 
 COLUMNS = ("p", "q", "r", "g1", "g2", "g3")

@@ -1,0 +1,174 @@
+"""Laws of the OpenAPI document: what people, generators of clients and strict readers need of it."""
+
+import pytest
+
+from service.api.errors import TITLES
+from tests.support.conformance import document, faults, nodes, operations
+
+OPERATIONS = {
+    "/livez": {"GET": "get_liveness"},
+    "/readyz": {"GET": "get_readiness"},
+    "/metrics": {"GET": "get_metrics"},
+    "/v1/accuracy": {"GET": "get_accuracy"},
+    "/v1/families": {"GET": "list_families"},
+    "/v1/jobs": {"GET": "list_jobs", "POST": "submit_job"},
+    "/v1/jobs/{job_id}": {"GET": "get_job"},
+    "/v1/jobs/{job_id}/cancel": {"POST": "cancel_job"},
+    "/v1/solutions": {"GET": "list_solutions"},
+    "/v1/solutions/{solution_id}": {"GET": "get_solution"},
+    "/v1/solutions/{solution_id}/enclosures": {"GET": "get_enclosures"},
+    "/v1/solutions/{solution_id}/trajectory": {"GET": "get_trajectory"},
+    "/v1/sweeps": {"GET": "list_sweeps", "POST": "submit_sweep"},
+    "/v1/sweeps/{sweep_id}": {"GET": "get_sweep"},
+    "/v1/sweeps/{sweep_id}/cancel": {"POST": "cancel_sweep"},
+    "/v1/sweeps/{sweep_id}/points": {"GET": "get_points"},
+    "/v1/validations": {"POST": "validate"},
+}
+"""Clients are generated with these names: a new one is added, none is changed."""
+
+SCHEMAS = "#/components/schemas/"
+
+
+def schemas() -> dict[str, dict]:
+    return document()["components"]["schemas"]
+
+
+def reached(start: object) -> set[str]:
+    """Return the names of the components that a part of the document leads to."""
+    found: set[str] = set()
+    waiting = [start]
+    while waiting:
+        for _, node in nodes(waiting.pop()):
+            name = str(node.get("$ref", "")).removeprefix(SCHEMAS)
+            if name and name not in found:
+                found.add(name)
+                waiting.append(schemas()[name])
+    return found
+
+
+def of_requests() -> set[str]:
+    return reached([operation.get("requestBody") for _, _, operation in operations()])
+
+
+def of_answers() -> set[str]:
+    return reached([operation["responses"] for _, _, operation in operations()])
+
+
+def test_operations_have_short_stable_names():
+    found: dict[str, dict[str, str]] = {}
+    for path, method, operation in operations():
+        found.setdefault(path, {})[method] = operation["operationId"]
+    assert found == OPERATIONS
+    names = [name for methods in found.values() for name in methods.values()]
+    assert len(names) == len(set(names))
+
+
+def test_everything_is_described_in_words():
+    missing = [
+        f"{name}.{field}"
+        for name, schema in schemas().items()
+        for field, described in schema.get("properties", {}).items()
+        if not described.get("description", "").endswith(".")
+    ]
+    missing += [name for name, schema in schemas().items() if not schema.get("description")]
+    for path, method, operation in operations():
+        if not operation.get("description"):
+            missing.append(f"{method} {path}")
+        for parameter in operation.get("parameters", []):
+            if not parameter.get("description", "").endswith("."):
+                missing.append(f"{method} {path} {parameter['name']}")
+    assert missing == []
+
+
+def test_defaults_are_plain_values():
+    # Generators of clients give up an operation if a field anywhere in its body has an object for a default.
+    objects = [path for path, node in nodes(document()) if isinstance(node.get("default"), dict)]
+    assert objects == []
+
+
+def test_headers_that_openapi_describes_by_other_means_are_no_parameters():
+    declared = {
+        parameter["name"].lower()
+        for _, _, operation in operations()
+        for parameter in operation.get("parameters", [])
+        if parameter["in"] == "header"
+    }
+    assert not declared & {"accept", "content-type", "authorization"}
+
+
+def test_requests_refuse_unknown_fields_and_answers_may_have_more():
+    assert not of_requests() & of_answers()
+    assert reached(document()["paths"]) == set(schemas())
+    for name in of_requests():
+        assert schemas()[name]["additionalProperties"] is False, name
+    for name in of_answers():
+        # The object itself; its maps from names to values have schemas for these.
+        closed = [path for path, node in nodes(schemas()[name]) if node.get("additionalProperties") is False]
+        assert closed == [], name
+
+
+def examples():
+    """Yield every example in the document with its place and schema."""
+    for path, node in nodes(document()):
+        given = node.get("examples")
+        if isinstance(given, list):
+            yield from ((path, node, example) for example in given)
+        elif isinstance(given, dict) and "schema" in node:
+            yield from ((path, node["schema"], example["value"]) for example in given.values())
+        if "default" in node and "title" in node:
+            yield path, node, node["default"]
+
+
+def test_every_example_and_default_is_as_its_schema_says():
+    found = list(examples())
+    assert len(found) > 20
+    for path, schema, example in found:
+        assert faults(schema, example) == [], path
+
+
+def alternatives(schema: dict) -> list[dict]:
+    return schema.get("anyOf", [schema])
+
+
+def test_examples_of_integers_are_integers():
+    integers = [
+        (path, node)
+        for path, node in nodes(schemas())
+        if any(each.get("type") == "integer" for each in alternatives(node))
+    ]
+    texts = [
+        example
+        for _, node in integers
+        for each in alternatives(node)
+        if each.get("type") == "string"
+        for example in each.get("examples", ())
+    ]
+    assert texts
+    assert [text for text in texts if not text.isdecimal()] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "accepted"),
+    [
+        ("17/10", True),
+        ("-1e-12", True),
+        (" .5 ", True),
+        ("1.", True),
+        ("1/2.5", False),
+        ("one", False),
+        ("", False),
+    ],
+)
+def test_numbers_as_text_have_the_pattern_of_those_that_are_read(text, accepted):
+    document = {"tolerance": text}
+    assert (faults({"$ref": f"{SCHEMAS}ToleranceIn"}, document) == []) == accepted
+
+
+def test_the_answer_to_a_list_of_which_nothing_is_accepted_is_described():
+    assert {"errors", "items", "request_id"} <= set(schemas()["ProblemDetailsOut"]["properties"])
+    assert "no_problem_accepted" in TITLES
+    item = {"status": 422, "job": None, "problem": {"type": "t", "title": "t", "status": 422, "detail": "d"}}
+    whole = {"type": "t", "title": "t", "status": 422, "detail": "d", "items": [item]}
+    assert faults({"$ref": f"{SCHEMAS}ProblemDetailsOut"}, whole) == []
+    item["problem"]["unheard_of"] = 1
+    assert len(faults({"$ref": f"{SCHEMAS}ProblemDetailsOut"}, whole)) == 1
