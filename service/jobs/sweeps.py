@@ -21,7 +21,7 @@ class SweepProgress:
     point_seconds: float | None
     """Seconds of computing a point took in the chunk that was stored last."""
     remaining_seconds: float | None
-    """Until the end, if it goes on as since the start; None if it does not run or nothing is done yet."""
+    """Until the end, if it goes on as lately; None if it does not run, or too little has been seen."""
     priority: int
     key_id: str | None
     """Whose key submitted it."""

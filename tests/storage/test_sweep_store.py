@@ -3,14 +3,17 @@
 import threading
 
 import pytest
-from sqlalchemy import func, select
+from sqlalchemy import func, select, update
 
 from service.jobs.errors import JobNotFoundError
+from service.jobs.estimates import RECENT_SECONDS, ChunkRun
 from service.jobs.states import JobKind, JobState
 from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
+from service.storage.sweeps import recent_chunks
 from service.storage.sweeps.chunk_codec import decode_points
+from service.storage.sweeps.recent_chunks import chunk_runs, complete_since
 from service.storage.sweeps.sweep_store import SweepStore
-from service.storage.tables import JobRow
+from service.storage.tables import AttemptRow, JobRow
 from tests.support.databases import PROBLEM
 from tests.support.sweeps import POINTS, SWEEP, finish_chunk, finish_sweep
 
@@ -53,6 +56,45 @@ def test_a_sweep_runs_from_its_first_claim_and_ends_with_its_last_point(sweeps, 
     assert (done.state, done.done, done.finished_at is not None) == (JobState.SUCCEEDED, 3, True)
     with pytest.raises(SweepFinishedError):
         sweeps.cancel(record.id)
+
+
+@pytest.fixture
+def four_chunks(sweeps, jobs, database):
+    """A sweep whose first chunk and three further ones are done, one after the other, and a fifth at work."""
+    record = submit(sweeps, points=10**6)
+    finish_sweep(jobs, chunks=1)
+    assert sweeps.get(record.id).remaining_seconds is None
+    claims = [jobs.claim("worker", lease_seconds=60.0) for _ in range(4)]
+    for claim in claims[:3]:
+        finish_chunk(jobs, claim)
+    instants = [(1000.0 + 2 * k, 1001.5 + 2 * k) for k in range(3)]
+    with database.write() as session:
+        for claim, (started_at, ended_at) in zip(claims, instants, strict=False):
+            values = {"started_at": started_at, "ended_at": ended_at}
+            session.execute(update(AttemptRow).where(AttemptRow.job_id == claim.job_id).values(values))
+        session.execute(update(JobRow).where(JobRow.id == claims[3].job_id).values(started_at=1006.0))
+    return record, instants
+
+
+def test_the_latest_tries_are_those_at_its_chunks_but_the_first(sweeps, database, four_chunks):
+    record, instants = four_chunks
+    other = submit(sweeps)
+    expected = [ChunkRun(1006.0, None, 0), *(ChunkRun(*each, 9) for each in instants)]
+    with database.read() as session:
+        runs = chunk_runs(session, [record.id, other.id], since=999.0)
+        assert sorted(runs[record.id], key=lambda run: run.until(0.0)) == expected
+        assert runs[other.id] == []
+        later = chunk_runs(session, [record.id], since=1002.0)[record.id]
+        assert sorted(later, key=lambda run: run.until(0.0)) == [expected[0], *expected[2:]]
+
+
+def test_no_more_tries_are_read_than_tell_something(database, four_chunks, monkeypatch):
+    _, instants = four_chunks
+    monkeypatch.setattr(recent_chunks, "_LATEST", 2)
+    with database.read() as session:
+        # The first chunk's end is by the real clock, far later.
+        assert complete_since(session, 1010.0) == instants[-1][1]
+        assert complete_since(session, 10**10) == 10**10 - RECENT_SECONDS
 
 
 def test_chunks_have_the_priority_of_their_sweep(sweeps, jobs):

@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session, defer
 
 from service.jobs.chunking import PILOT_POINTS, Range
 from service.jobs.dispatch import Dispatcher
+from service.jobs.estimates import remaining_seconds
 from service.jobs.states import JobState
 from service.jobs.sweeps import (
     SweepFinishedError,
@@ -25,6 +26,7 @@ from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.paging import rows_of_page
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
 from service.storage.sweeps import sweep_moves
+from service.storage.sweeps.recent_chunks import chunk_runs, complete_since
 
 _PAGE = 1000
 """Chunks whose descriptions are read at once."""
@@ -75,22 +77,21 @@ class SweepStore:
             jobs = sweep_moves.queue_chunks(session, row, [pilot], most)
             session.flush()
             self._dispatcher.dispatch(session.connection(), [delivery_of(job) for job in jobs])
-            return _record(row, row.created_at)
+            return _record(session, row)
 
     def get(self, sweep_id: str) -> SweepRecord:
         """Return a sweep, or raise :class:`SweepNotFoundError`."""
         with self._database.read() as session:
-            return _record(_row(session, sweep_id), database_now(session))
+            return _record(session, _row(session, sweep_id))
 
     def list_sweeps(self, *, state: JobState | None = None, limit: int = 50, offset: int = 0) -> SweepPage:
         """Return sweeps without their documents, newest first."""
         condition = [] if state is None else [SweepRow.state == state.value]
         ids = select(SweepRow.id).where(*condition).order_by(SweepRow.id.desc()).limit(limit).offset(offset)
         with self._database.read() as session:
-            now = database_now(session)
             total = session.scalar(select(func.count()).select_from(SweepRow).where(*condition))
             rows = rows_of_page(session, SweepRow, ids, defer(SweepRow.document))
-            return SweepPage(tuple(_progress(row, now) for row in rows), total or 0)
+            return SweepPage(tuple(_progress(session, rows)), total or 0)
 
     def cancel(self, sweep_id: str) -> SweepRecord:
         """Cancel a live sweep and its chunks at once; cancelling again changes nothing.
@@ -104,7 +105,7 @@ class SweepStore:
                 raise SweepNotFoundError(sweep_id)
             if not sweep_moves.cancel(session, row) and row.state != JobState.CANCELLED.value:
                 raise SweepFinishedError(row.id, JobState(row.state))
-            return _record(row, database_now(session))
+            return _record(session, row)
 
     def chunks(self, sweep_id: str) -> Iterator[StoredChunk]:
         """Yield the stored chunks in the order of their points; no transaction is open in between."""
@@ -146,25 +147,38 @@ def _bounds(stored: Document) -> dict[str, tuple[float, float]]:
     return bounds
 
 
-def _record(row: SweepRow, now: float) -> SweepRecord:
-    return SweepRecord(**asdict(_progress(row, now)), document=row.document)
+def _record(session: Session, row: SweepRow) -> SweepRecord:
+    (progress,) = _progress(session, [row])
+    return SweepRecord(**asdict(progress), document=row.document)
 
 
-def _progress(row: SweepRow, now: float) -> SweepProgress:
-    remaining = None
-    if row.state == JobState.RUNNING.value and row.started_at is not None and row.done:
-        remaining = (now - row.started_at) / row.done * (row.points - row.done)
-    return SweepProgress(
-        id=row.id,
-        state=JobState(row.state),
-        points=row.points,
-        done=row.done,
-        refused=row.refused,
-        point_seconds=row.point_seconds,
-        remaining_seconds=remaining,
-        priority=row.priority,
-        key_id=row.key_id,
-        created_at=instant(row.created_at),
-        started_at=optional_instant(row.started_at),
-        finished_at=optional_instant(row.finished_at),
-    )
+def _progress(session: Session, rows: Sequence[SweepRow]) -> Iterator[SweepProgress]:
+    remaining = _remaining(session, [row for row in rows if row.state == JobState.RUNNING.value])
+    for row in rows:
+        yield SweepProgress(
+            id=row.id,
+            state=JobState(row.state),
+            points=row.points,
+            done=row.done,
+            refused=row.refused,
+            point_seconds=row.point_seconds,
+            remaining_seconds=remaining.get(row.id),
+            priority=row.priority,
+            key_id=row.key_id,
+            created_at=instant(row.created_at),
+            started_at=optional_instant(row.started_at),
+            finished_at=optional_instant(row.finished_at),
+        )
+
+
+def _remaining(session: Session, running: Sequence[SweepRow]) -> Mapping[str, float | None]:
+    """Return how long running sweeps still take, by their ids."""
+    if not running:
+        return {}
+    now = database_now(session)
+    since = complete_since(session, now)
+    runs = chunk_runs(session, [row.id for row in running], since)
+    return {
+        row.id: remaining_seconds(row.points - row.done, runs[row.id], since=since, now=now)
+        for row in running
+    }
