@@ -51,6 +51,7 @@ TITLES: Mapping[str, str] = {
     "undecided_potential": "Nothing is known of the potential",
     "unavailable": "The database cannot be reached",
     "undefined_potential": "The potential has no value",
+    "unsupported_content_encoding": "The body is encoded",
     "unsupported_media_type": "Unsupported media type",
     "verdict_crashed": "The verdict could not be reached",
     "verdict_memory_limit": "The verdict takes too much memory",

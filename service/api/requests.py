@@ -1,5 +1,7 @@
 """Bodies, read by ourselves: what is wrong with them is told as a problem document."""
 
+from collections.abc import Sequence
+from email.message import Message
 from http import HTTPStatus
 from typing import Annotated
 
@@ -9,18 +11,13 @@ from service.api.errors import ApiError
 from service.schemas.strict_json import InvalidJsonError, parse_json
 
 MAX_BODY_BYTES = 1_000_000
-JSON = "application/json"
+JSON, UTF_8, IDENTITY = "application/json", "utf-8", "identity"
 
 
 async def _read_body(request: Request) -> bytes:
-    """Return the body, which must be said to be JSON and is never held beyond the limit."""
-    media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-    if media_type != JSON:
-        said = f"the body is said to be {media_type}" if media_type else "the Content-Type is missing"
-        detail = f"{said}; {JSON} is accepted"
-        raise ApiError(
-            HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "unsupported_media_type", detail, headers={"Accept": JSON}
-        )
+    """Return the body, which must be said to be plain JSON in UTF-8 and is never held beyond the limit."""
+    _require_json(request.headers.get("content-type", ""))
+    _require_identity(request.headers.getlist("content-encoding"))
     content = bytearray()
     async for chunk in request.stream():
         content += chunk
@@ -28,6 +25,35 @@ async def _read_body(request: Request) -> bytes:
             detail = f"at most {MAX_BODY_BYTES} bytes are accepted"
             raise ApiError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "body_too_large", detail)
     return bytes(content)
+
+
+def _require_json(header: str) -> None:
+    """Refuse a Content-Type that is not JSON, or JSON in another charset than the one it has."""
+    message = Message()
+    message["Content-Type"] = header or "none"
+    media_type, charset = message.get_content_type(), message.get_content_charset(UTF_8)
+    if media_type == JSON and charset in (UTF_8, "utf8"):
+        return
+    said = f"the body is said to be {header[:100]}" if header else "the Content-Type is missing"
+    raise ApiError(
+        HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+        "unsupported_media_type",
+        f"{said}; {JSON} in {UTF_8} is accepted",
+        headers={"Accept": JSON},
+    )
+
+
+def _require_identity(headers: Sequence[str]) -> None:
+    """Refuse a body that is compressed (RFC 9110, 12.5.3: Accept-Encoding says what would be accepted)."""
+    codings = [coding.strip().lower() for header in headers for coding in header.split(",")]
+    unknown = [coding for coding in codings if coding not in ("", IDENTITY)]
+    if unknown:
+        raise ApiError(
+            HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+            "unsupported_content_encoding",
+            f"the body is said to be encoded by {unknown[0][:40]}; bodies are accepted as they are",
+            headers={"Accept-Encoding": IDENTITY},
+        )
 
 
 Body = Annotated[bytes, Depends(_read_body)]

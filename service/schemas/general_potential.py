@@ -34,12 +34,13 @@ def read_angle(value: object) -> str:
     """Return a formula; a number, however it is written, as the ratio it is."""
     if isinstance(value, bool) or not isinstance(value, int | float | str | Fraction):
         raise refuse("invalid_type", 'a number, or a formula such as "pi/4", is expected')
+    number: object = value
     if isinstance(value, str):
         try:
-            value = exact_number(value)
+            number = exact_number(value)
         except InvalidNumberError:
             return value
-    return str(read_exact(value))
+    return str(read_exact(number))
 
 
 Angle = Annotated[

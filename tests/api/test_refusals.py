@@ -1,3 +1,4 @@
+import gzip
 import json
 
 import psycopg
@@ -63,15 +64,46 @@ def test_a_body_beyond_the_limit_is_refused_and_one_at_it_is_read(client):
     refusal(client.post("/v1/jobs", content=b"{}" + padding, headers=JSON), 422, "invalid_problem")
 
 
-@pytest.mark.parametrize("media_type", ["text/plain", "application/x-www-form-urlencoded", ""])
+@pytest.mark.parametrize(
+    "media_type",
+    [
+        "text/plain",
+        "application/x-www-form-urlencoded",
+        "",
+        "application/json; charset=latin-1",
+        'application/json; charset="utf-16"',
+        "application/json-seq",
+        "json",
+        "application/json, text/plain",
+    ],
+)
 def test_bodies_of_another_kind_are_refused(client, media_type):
     headers = {"Content-Type": media_type} if media_type else {}
     document = refusal(client.post("/v1/jobs", content=b"{}", headers=headers), 415, "unsupported_media_type")
-    assert "application/json" in document["detail"]
+    assert "application/json in utf-8 is accepted" in document["detail"]
 
 
-def test_a_parameter_of_the_content_type_does_no_harm(client):
-    headers = {"Content-Type": "Application/JSON; charset=utf-8"}
+@pytest.mark.parametrize(
+    "media_type",
+    ["Application/JSON; charset=utf-8", 'application/json;charset="UTF-8"', "application/json; version=1"],
+)
+def test_a_parameter_of_the_content_type_does_no_harm(client, media_type):
+    response = client.post("/v1/jobs", content=json.dumps(STATE), headers={"Content-Type": media_type})
+    assert response.status_code == 202
+
+
+@pytest.mark.parametrize("path", ["/v1/jobs", "/v1/sweeps", "/v1/validations"])
+@pytest.mark.parametrize("encoding", ["gzip", "zstd", "br", "identity, gzip", "GZIP"])
+def test_a_compressed_body_is_refused_with_what_would_be_accepted(client, path, encoding):
+    content = gzip.compress(json.dumps(STATE).encode())
+    response = client.post(path, content=content, headers={**JSON, "Content-Encoding": encoding})
+    refusal(response, 415, "unsupported_content_encoding")
+    assert response.headers["Accept-Encoding"] == "identity"
+
+
+@pytest.mark.parametrize("encoding", ["identity", "Identity", ""])
+def test_a_body_that_is_said_to_be_as_it_is_is_read(client, encoding):
+    headers = {**JSON, "Content-Encoding": encoding}
     assert client.post("/v1/jobs", content=json.dumps(STATE), headers=headers).status_code == 202
 
 
