@@ -3,7 +3,7 @@
 from tests.crash.client import SWEEP_POINTS
 from tests.crash.storm import Figures, by_procrastinate, on_postgres, on_sqlite
 
-JOBS, SECONDS = 200, 6.0
+JOBS, SECONDS = 60, 3.0
 
 
 def is_weathered(figures: Figures) -> None:

@@ -25,7 +25,7 @@ def crew(installation):
 
 
 def finished(jobs, job):
-    return wait_until(lambda: jobs.get(job.id).is_finished and jobs.get(job.id), patience=30.0)
+    return wait_until(lambda: jobs.get(job.id).is_finished and jobs.get(job.id))
 
 
 def outcomes(jobs, job):

@@ -3,7 +3,7 @@
 import signal
 
 from service.jobs.states import AttemptOutcome, JobState
-from tests.workers.processes import wait_until
+from tests.workers.processes import PATIENCE, wait_until
 
 
 def state_of(jobs, job):
@@ -13,18 +13,18 @@ def state_of(jobs, job):
 def test_priority_comes_first_a_stop_waits_for_what_runs_and_a_notice_wakes(installation, jobs, submit, log):
     low, high, usual = submit(priority=-1), submit(priority=5, chore="sleep", seconds=0.6), submit()
     cancelled = jobs.cancel(submit(priority=9).id)
-    first = installation.start_worker(poll_seconds=60, lease_seconds=60)
+    first = installation.start_worker(poll_seconds=3600, lease_seconds=3600)
     wait_until(log.exists)
     first.process.send_signal(signal.SIGTERM)
-    assert first.process.wait(timeout=20) == 0
+    assert first.process.wait(timeout=PATIENCE) == 0
     states = [state_of(jobs, job) for job in (high, usual, low)]
     assert states == [JobState.SUCCEEDED, JobState.QUEUED, JobState.QUEUED]
 
-    second = installation.start_worker(poll_seconds=60, lease_seconds=60)
+    second = installation.start_worker(poll_seconds=3600, lease_seconds=3600)
     wait_until(lambda: state_of(jobs, low) is JobState.SUCCEEDED)
     assert jobs.get(usual.id).started_at < jobs.get(low.id).started_at
 
-    # It looks once a minute, so somebody must have told it.
+    # It looks once an hour, so somebody must have told it.
     for _ in range(3):
         told = submit()
         wait_until(lambda job=told: state_of(jobs, job) is JobState.SUCCEEDED)

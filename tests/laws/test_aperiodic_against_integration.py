@@ -4,6 +4,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
@@ -13,6 +14,7 @@ from service.dynamics.reduction.start import StartOutsideWindowError
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import find_windows
 from tests.support.admissible import Case, cases
+from tests.support.effort import examples
 from workers.solvers.integration.solve import integrate_state
 
 
@@ -43,8 +45,9 @@ def solve_inside(case: Case, window: Window, share: Fraction) -> Motion:
     raise AssertionError
 
 
+@pytest.mark.random_law
 @given(cases(attracts=True), st.fractions(Fraction(1, 3), Fraction(2, 3), max_denominator=9))
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=examples(12, 25), deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 def test_random_aperiodic_motions(case, share):
     window = aperiodic_window(case)
     assume(window is not None)

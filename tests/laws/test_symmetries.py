@@ -4,6 +4,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
@@ -11,9 +12,14 @@ from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest, TimeSpan
 from service.dynamics.reduction.start import StartOutsideWindowError
 from tests.support.admissible import Case, cases, with_periodic_window
+from tests.support.effort import examples
+
+pytestmark = pytest.mark.random_law
 
 LAW = settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow]
+    max_examples=examples(10, 25),
+    deadline=None,
+    suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow],
 )
 SCALE = st.sampled_from([4, 9, Fraction(1, 16), 100])
 """Squares, so that times and velocities scale by exact numbers."""

@@ -37,7 +37,7 @@ def test_a_reader_does_not_wait_for_a_writer(database, jobs):
         session.get(JobRow, job.id).digest = "other"
         session.flush()
         with ThreadPoolExecutor(1) as pool:
-            assert pool.submit(jobs.get, job.id).result(timeout=5).digest == "digest"
+            assert pool.submit(jobs.get, job.id).result(timeout=60).digest == "digest"
     assert jobs.get(job.id).digest == "other"
 
 

@@ -24,6 +24,7 @@ from service.storage.jobs import moves
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.schema import TABLES
 from service.storage.tables import SolutionRow
+from tests.support.effort import examples
 
 LEASE, RETRY, MAX_ATTEMPTS = 10.0, 4.0, 3
 SUCCESS = SolveOutcome({"method": "quadrature"}, b"dense", b"samples", None)
@@ -196,11 +197,12 @@ class JobMachine(RuleBasedStateMachine):
             assert session.scalar(select(func.count()).select_from(SolutionRow)) == computed
 
 
+@pytest.mark.random_law
 def test_the_store_does_what_the_model_does(database, monkeypatch):
     # Jobs come back at times that can be foretold.
     monkeypatch.setattr(moves.random, "uniform", lambda low, high: 0.0)
     clock = FakeClock(database.engine)
     run_state_machine_as_test(
         lambda: JobMachine(database, clock),
-        settings=settings(max_examples=20, stateful_step_count=25, deadline=None),
+        settings=settings(max_examples=examples(10, 20), stateful_step_count=25, deadline=None),
     )

@@ -14,6 +14,7 @@ from service.jobs.states import ALLOWED, AttemptOutcome, JobState
 from service.storage.ids import new_id
 from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.databases import PROBLEM, SUMMARY
+from tests.support.effort import examples
 
 OVER = -1.0  # a lease that has ended when it is granted
 
@@ -257,7 +258,10 @@ def take(jobs, job, step, claims):
             }[step](claimed)
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.random_law
+@settings(
+    max_examples=examples(15, 40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(steps=st.lists(st.sampled_from(STEPS), min_size=1, max_size=8))
 def test_whatever_happens_a_job_makes_only_legal_moves(jobs, solutions, steps):
     job = jobs.submit(PROBLEM, new_id())

@@ -16,6 +16,7 @@ from service.storage.sweep_tables import SweepChunkRow
 from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome, decode_points
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables import JobRow
+from tests.support.effort import examples
 
 ATTEMPTS = 2
 
@@ -99,10 +100,11 @@ def covered(chunks):
 ACTIONS = st.sampled_from(["claim", "claim", "finish", "return some", "crash", "fail", "stop", "be silent"])
 EVENTS = st.lists(st.tuples(ACTIONS, st.floats(0.001, 0.999)), max_size=40)
 WHATEVER_HAPPENS = settings(
-    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(8, 20), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 
+@pytest.mark.random_law
 @WHATEVER_HAPPENS
 @given(points=st.integers(1, 120), most=st.integers(1, 100), events=EVENTS)
 def test_every_point_is_stored_once(database, jobs, sweeps, points, most, events):
@@ -124,6 +126,7 @@ def test_every_point_is_stored_once(database, jobs, sweeps, points, most, events
         assert not workers.finish(claim)
 
 
+@pytest.mark.random_law
 @WHATEVER_HAPPENS
 @given(points=st.integers(1, 120), most=st.integers(1, 100), events=EVENTS)
 def test_a_cancelled_sweep_keeps_what_is_done_and_gets_nothing_more(

@@ -13,6 +13,7 @@ from service.storage.sweeps.chunk_codec import SOLVED
 from service.storage.sweeps.point_query import Condition, PointQuery
 from service.storage.sweeps.point_reader import PointReader
 from service.storage.sweeps.sweep_store import SweepStore
+from tests.support.effort import examples
 from tests.support.sweeps import POINTS, SWEEP, energy_of, finish_sweep, is_refused, period_of
 
 A, LAMBDA = "/potential/parameters/a", "/motion/lambda"
@@ -73,7 +74,10 @@ def expected(query, there):
     return kept[query.offset : stop], len(kept)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@pytest.mark.random_law
+@settings(
+    max_examples=examples(25, 60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(query=QUERIES)
 def test_the_points_that_are_meant_are_found_in_their_order(stored, query):
     store, sweep_id, there = stored

@@ -10,6 +10,7 @@ from rich.console import Console
 from service.dynamics.accuracy import MOTION_KINDS, TIERS
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import NoClosedFormError
+from service.schemas.accuracy import AccuracyTableModel
 from service.schemas.problem import read_problem
 from service.storage.database import Database
 from service.storage.migration import migrate
@@ -18,7 +19,7 @@ from service.storage.solutions.codec import decode_arrays
 from tests.support.databases import url_of
 from workers.calibration import measurement
 from workers.calibration.command import describe
-from workers.calibration.measurement import ClaimExceededError, Effort, calibrate, steps
+from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
 from workers.calibration.problems import CASES, SAMPLES
 from workers.calibration.reference import STRIDE, ReferenceStates, reference_states, samples_of
 from workers.commands import main
@@ -135,6 +136,24 @@ def test_a_failed_calibration_stores_nothing(settled, wrong_reference, monkeypat
     database = Database(settled)
     assert AccuracyStore(database).latest() is None
     database.close()
+
+
+def test_what_was_measured_is_stored_and_printed_for_programs(settled, monkeypatch, capsys):
+    monkeypatch.setattr("workers.calibration.command.QUICK", ONE)
+    assert main(["calibrate", "--quick", "--json"]) == 0
+    table = json.loads(capsys.readouterr().out)
+    assert (table["source"], bool(table["rows"])) == ("measured", True)
+    database = Database(settled)
+    assert AccuracyTableModel.of(AccuracyStore(database).current()).model_dump() == table
+    database.close()
+
+
+def test_a_quick_calibration_measures_less():
+    """Of solving it makes less than a tenth: a tier of a problem is solved once, and per repetition twice."""
+    solved = {effort: len(effort.cases) * (1 + 2 * effort.repetitions) for effort in (QUICK, FULL)}
+    assert 10 * solved[QUICK] <= solved[FULL]
+    assert all(case in FULL.cases for case in QUICK.cases)
+    assert QUICK.many_samples < FULL.many_samples
 
 
 def test_a_bar_is_drawn_for_people_only(settled, monkeypatch, capsys):

@@ -46,6 +46,6 @@ def test_a_worker_alone_makes_its_database_computes_and_stops(tmp_path):
             assert done.error
             database.close()
             worker.send_signal(signal.SIGTERM)
-            assert worker.wait(timeout=15) == 0
+            assert worker.wait(timeout=120) == 0
         finally:
             worker.kill()

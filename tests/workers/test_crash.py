@@ -2,7 +2,6 @@
 
 import os
 import signal
-import time
 
 import pytest
 
@@ -33,10 +32,10 @@ def outcomes(jobs, job):
 
 def test_a_killed_child_is_replaced_at_once(jobs, start_worker, log):
     job = jobs.submit({"chore": "sleep", "seconds": 1.0, "log": str(log)}, "digest")
-    start_worker(lease_seconds=60)
+    start_worker(lease_seconds=3600)
     wait_until(lambda: children(log))
     os.kill(children(log)[0], signal.SIGKILL)
-    # Long before the lease of a minute ends.
+    # Long before the lease ends.
     wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED)
     assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
     assert "SIGKILL" in jobs.attempts(job.id)[0].detail
@@ -46,13 +45,14 @@ def test_a_killed_worker_is_replaced_after_its_lease(jobs, start_worker, log):
     job = jobs.submit({"chore": "sleep", "seconds": 0.5, "log": str(log)}, "digest")
     first = start_worker(lease_seconds=LEASE)
     wait_until(lambda: children(log))
-    killed_at = time.monotonic()
     first.kill()
-    start_worker(lease_seconds=LEASE)
-    wait_until(lambda: len(children(log)) == 2)
-    assert time.monotonic() - killed_at < LEASE + 5.0
+    # What is to come back by the lease is not brought by anything that takes long.
+    start_worker(lease_seconds=LEASE, poll_seconds=3600)
     wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED)
     assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
+    lost, succeeded = jobs.attempts(job.id)
+    assert (lost.ended_at - lost.started_at).total_seconds() >= LEASE
+    assert succeeded.started_at >= lost.ended_at
     assert len(children(log)) == 2
 
 
@@ -62,7 +62,7 @@ def test_a_second_worker_takes_over_from_a_killed_one(jobs, start_worker, log):
     wait_until(lambda: children(log))
     start_worker(lease_seconds=LEASE)
     first.kill()
-    wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED, LEASE + 5.0 + 0.5)
+    wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED)
     assert len(children(log)) == 2
 
 
@@ -84,7 +84,8 @@ def test_a_job_that_kills_every_child_is_given_up(jobs, start_worker, log):
     dead = wait_until(lambda: jobs.get(job.id).is_finished and jobs.get(job.id))
     assert (dead.state, dead.error["code"]) == (JobState.FAILED, "lost_worker")
     assert [attempt["outcome"] for attempt in dead.error["attempts"]] == ["lost"] * 3
-    assert "SIGSEGV" in dead.error["attempts"][0]["detail"]
+    # A pool may notice the death of its child before the signal is known.
+    assert any("SIGSEGV" in attempt["detail"] for attempt in dead.error["attempts"])
     assert len(children(log)) == 3
     assert state_of(jobs, healthy) is JobState.SUCCEEDED
 

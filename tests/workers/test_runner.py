@@ -1,7 +1,6 @@
 """What becomes of jobs in a real worker: limits, cancelling, stopping, waking."""
 
 import os
-import time
 
 import pytest
 
@@ -9,7 +8,7 @@ from service.jobs.states import AttemptOutcome, JobState
 from service.jobs.wakeup import Doorbell
 from service.storage.sweeps.chunk_codec import SOLVED, decode_points
 from service.storage.sweeps.sweep_store import SweepStore
-from tests.workers.processes import wait_until
+from tests.workers.processes import PATIENCE, wait_until
 
 
 @pytest.fixture
@@ -78,18 +77,18 @@ def test_a_failed_job_does_not_spoil_its_child(jobs, start_worker):
 
 
 @pytest.mark.parametrize("rings", [True, False])
-def test_cancelling_stops_the_work_within_a_second(jobs, doorbell, start_worker, log, rings):
+def test_cancelling_stops_the_work_long_before_the_lease_ends(jobs, doorbell, start_worker, log, rings):
     job = jobs.submit({"chore": "spin", "log": str(log)}, "digest")
-    start_worker(lease_seconds=60, doorbell=doorbell)
+    # A worker that hears the bell need not look; one that does not looks soon.
+    start_worker(lease_seconds=3600, doorbell=doorbell, poll_seconds=3600 if rings else 0.1)
     (child,) = wait_until(lambda: started(log))
-    cancelled_at = time.monotonic()
     jobs.cancel(job.id)
     if rings:
         doorbell.ring()
     wait_until(lambda: not is_alive(child))
-    assert time.monotonic() - cancelled_at < 1.0
     # The slot is free again.
     after = jobs.submit({}, "another")
+    doorbell.ring()
     assert finished(jobs, after).state is JobState.SUCCEEDED
     assert jobs.get(job.id).state is JobState.CANCELLED
 
@@ -134,17 +133,17 @@ def test_a_worker_stops_with_the_service_that_started_it(jobs, doorbell, start_w
     job = jobs.submit({}, "digest")
     finished(jobs, job)
     doorbell.close()
-    assert worker.process.wait(timeout=10) == 0
+    assert worker.process.wait(timeout=PATIENCE) == 0
 
 
 def test_the_bell_spares_the_poll_interval(jobs, doorbell, start_worker):
-    start_worker(doorbell=doorbell, poll_seconds=30)
+    start_worker(doorbell=doorbell, poll_seconds=3600)
     first = jobs.submit({}, "0")
     doorbell.ring()
     finished(jobs, first)
     job = jobs.submit({}, "1")
     doorbell.ring()
-    assert doorbell.wait_for(job.id, is_finished=lambda: jobs.get(job.id).is_finished, timeout=10)
+    assert doorbell.wait_for(job.id, is_finished=lambda: jobs.get(job.id).is_finished, timeout=PATIENCE)
 
 
 def test_a_job_that_nobody_announced_is_found(jobs, start_worker):

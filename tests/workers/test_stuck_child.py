@@ -24,7 +24,7 @@ def sandbox():
 def test_its_job_goes_to_a_new_child(jobs, sandbox, monkeypatch, tmp_path):
     # Shorter than in earnest, and long enough for a new child on a busy machine.
     monkeypatch.setattr(runner_module, "START_SECONDS", 5.0)
-    limits = Limits(lease_seconds=60.0, job_seconds=60.0, memory_mb=1000, max_attempts=3, retry_seconds=0)
+    limits = Limits(lease_seconds=3600.0, job_seconds=3600.0, memory_mb=1000, max_attempts=3, retry_seconds=0)
     runner = Runner(jobs, sandbox, chores.CHORES, name="worker", slots=1, limits=limits, wake=lambda: None)
     frozen = sandbox.run(os.getpid, seconds=30)
     os.kill(frozen, signal.SIGSTOP)
@@ -36,6 +36,6 @@ def test_its_job_goes_to_a_new_child(jobs, sandbox, monkeypatch, tmp_path):
         runner.collect(refill=False)
         return jobs.get(job.id).is_finished
 
-    wait_until(work, patience=40.0)
+    wait_until(work)
     assert jobs.get(job.id).state is JobState.SUCCEEDED
     assert [a.outcome for a in jobs.attempts(job.id)] == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]

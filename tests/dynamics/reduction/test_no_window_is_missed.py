@@ -3,14 +3,18 @@
 from fractions import Fraction
 
 import numpy as np
+import pytest
 
 from service.dynamics.potentials.rational import rational_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.loop import make_loop
 from service.dynamics.reduction.windows import find_windows
+from tests.support.effort import examples
 from tests.support.planar import body
 
-PROBLEMS = 10_000
+pytestmark = pytest.mark.random_law
+
+PROBLEMS = examples(800, 10_000)
 BODY = body(2, 1)
 # Distances to a pole: geometric where P may have power laws, equidistant elsewhere.
 DISTANCES = np.concatenate([np.geomspace(1e-8, 1e-2, 200), np.linspace(1e-2, np.pi / 2, 800)[1:]])

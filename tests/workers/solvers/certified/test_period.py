@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from service.dynamics.reduction.windows import SeveralWindowsError
 from tests.support.admissible import Case, cases, with_periodic_window
+from tests.support.effort import examples
 from tests.support.planar import body, formula
 from tests.workers.solvers.certified.cases import SEPARATRIX, is_inside, three_terms
 from workers.solvers.certified.by_integral import integral_motion, motion_by_integral, periodic_window
@@ -73,8 +74,9 @@ def test_more_bits_are_inside_fewer_and_as_narrow_as_asked(A):
         assert is_inside(inner, outer)
 
 
+@pytest.mark.random_law
 @given(cases())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(10, 25), deadline=None)
 def test_it_is_that_of_pieces_of_time_and_of_windows_found_in_balls(case: Case):
     periodic = with_periodic_window(case)
     assume(periodic is not None)

@@ -16,6 +16,7 @@ from service.dynamics.problem import (
 from service.dynamics.reduction.start import StartNeededError, StartOutsideWindowError
 from service.dynamics.reduction.windows import find_windows
 from tests.support.admissible import cases, coefficient
+from tests.support.effort import examples
 from tests.support.planar import body, formula, planar
 from workers.solvers.quadrature.solve import solve_planar
 from workers.solvers.spectral.solve import solve_spectral
@@ -45,12 +46,13 @@ def agrees(rigid_body, potential, motion, tier):
     return True
 
 
+@pytest.mark.random_law
 @pytest.mark.parametrize("tier", ["draft", "standard"])
 def test_random_motions_keep_their_claim(tier):
     solved = []
 
     # Enough for the share that is counted below not to be a matter of chance.
-    @settings(RANDOM, max_examples=120)
+    @settings(RANDOM, max_examples=examples(60, 120))
     @given(cases(), st.sampled_from(STARTS))
     def check(case, start):
         rigid_body = body(case.A, case.C)
@@ -73,11 +75,12 @@ def test_random_motions_keep_their_claim(tier):
     assert sum(solved) >= 0.25 * len(solved)
 
 
+@pytest.mark.random_law
 def test_random_rational_motions_keep_the_claim_of_the_high_tier():
     solved = []
 
     # As above: 40 are some ten windows, often of one kind.
-    @settings(RANDOM, max_examples=240)
+    @settings(RANDOM, max_examples=examples(120, 240))
     @given(
         st.tuples(*[coefficient(2)] * 5),
         st.fractions(Fraction(1, 4), 3, max_denominator=20),
