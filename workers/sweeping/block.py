@@ -1,4 +1,4 @@
-"""A block of points in compiled doubles; what is not decided so, or in the least doubt, is left out."""
+"""A block of points at once, by compiled doubles and by bounds; what is in the least doubt is left out."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from service.schemas.pointers import with_values
 from service.schemas.sweep import Sweep, SweepAxis, json_number
 from workers.solvers.quadrature.periodic import compiled_grade
 from workers.sweeping.doubles import Sampling, Swept, sweep_sets
+from workers.sweeping.emptiness import have_no_motion_at
 from workers.sweeping.plan import Quick, Side
 from workers.sweeping.programs import AffineProgram, Group, affine_program, grouped
 
@@ -26,10 +27,12 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Some neighbouring points; those that are not ``decided`` hold nothing."""
+    """Some neighbouring points; those that are neither ``solved`` nor ``empty`` are not decided here."""
 
-    decided: BoolArray
+    solved: BoolArray
     """Shape (points,)."""
+    empty: BoolArray
+    """Proved to have no motion, shape (points,)."""
     numbers: Mapping[str, FloatArray]
     """The kept numbers, each of shape (points,)."""
     series: Mapping[str, FloatArray]
@@ -64,7 +67,7 @@ class BlockSolver:
             places = np.flatnonzero(usable & (signs == sign))
             for group in self._groups(points, places):
                 self._solve_group(found, points, side, group, squares)
-        return Block(found.decided, found.numbers, found.series)
+        return Block(found.solved, found.empty, found.numbers, found.series)
 
     def _solve_group(
         self,
@@ -92,6 +95,9 @@ class BlockSolver:
             for name in self._sweep.keep:
                 decided &= ~np.isnan(numbers[name]) if name in ("energy", "energy.error") else True
         found.add(places, decided, numbers, swept)
+        rest = np.flatnonzero(~decided)
+        curves = [chosen[place] for place in rest.tolist()]
+        found.empty[places[rest]] = have_no_motion_at(problem.body, side.motion, group, rest, curves)
 
     def _numbers(self, swept: Swept) -> dict[str, FloatArray]:
         # Without functions of time a job claims nothing about them.
@@ -127,7 +133,7 @@ class BlockSolver:
         if shared is not None and len(places):
             rows = self._shared_rows(shared, points, places)
             generic = shared.are_generic(rows)
-            groups.append(Group(shared.program, rows[generic], places[generic]))
+            groups.append(shared.group(rows[generic], places[generic]))
             places = places[~generic]
         documents = {place: self._potential_at(points, place) for place in places.tolist()}
         return [
@@ -178,17 +184,17 @@ class _Found:
     """The answers to a block, filled in group by group."""
 
     def __init__(self, sweep: Sweep, names: Sequence[str], count: int) -> None:
-        self.decided = np.zeros(count, dtype=np.bool_)
+        self.solved, self.empty = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_)
         self.numbers = {name: np.full(count, np.nan) for name in sweep.keep}
         shape = (count, sweep.samples)
         self.series = {name: np.full(shape, np.nan) for name in sweep.series_columns}
         self._names = names
 
     def add(
-        self, places: IntArray, decided: BoolArray, numbers: Mapping[str, FloatArray], swept: Swept
+        self, places: IntArray, solved: BoolArray, numbers: Mapping[str, FloatArray], swept: Swept
     ) -> None:
         """Fill in the points of a group."""
-        self.decided[places] = decided
+        self.solved[places] = solved
         for name, column in self.numbers.items():
             if name in numbers:
                 column[places] = numbers[name]

@@ -2,12 +2,13 @@
 
 import json
 import time
-from collections.abc import Mapping
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.reduction.windows import NoMotionError
 from service.jobs.outcome import ChunkOutcome
 from service.schemas.sweep import Sweep
 from service.schemas.sweeps import read_sweep
@@ -15,8 +16,12 @@ from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcom
 from workers.sweeping.plan import Plan, make_plan
 from workers.sweeping.pointwise import Point, solve_point
 
+if TYPE_CHECKING:
+    from workers.sweeping.block import Block
+
 FloatArray = NDArray[np.float64]
 
+NO_MOTION = NoMotionError.code
 ENOUGH_SECONDS = 2.0
 """After which a chunk ends with the points it has."""
 BLOCK_POINTS = 256
@@ -54,7 +59,7 @@ class ChunkSolver:
             from workers.sweeping.block import BlockSolver  # noqa: PLC0415
 
             self._blocks = BlockSolver(plan.sweep, plan.quick)
-        self._is_compared = False
+        self._compared = set[str]()
 
     def solve(self, first: int, count: int, until: float) -> ChunkPoints:
         """Solve points in turn until ``time.perf_counter()`` is ``until``, at least one."""
@@ -75,14 +80,12 @@ class ChunkSolver:
 
     def _solve_block(self, found: "_Chunk", first: int, count: int, until: float) -> bool:
         """Add a block to what is found; False if time was up before its end."""
-        decided = np.zeros(count, dtype=np.bool_)
-        if self._blocks is not None:
-            block = self._blocks.solve(first, count)
-            decided = block.decided
-            if not self._is_compared and decided.any():
-                decided = self._compared(decided, block.numbers, block.series, first)
-            found.add_block(block.numbers, block.series, count)
-        for place in np.flatnonzero(~decided).tolist():
+        open_points = np.ones(count, dtype=np.bool_)
+        block = None if self._blocks is None else self._checked(self._blocks.solve(first, count), first)
+        if block is not None:
+            found.add_block(block, count)
+            open_points = ~(block.solved | block.empty)
+        for place in np.flatnonzero(open_points).tolist():
             if (found.count or place) and time.perf_counter() >= until:
                 found.count += place
                 return False
@@ -90,26 +93,28 @@ class ChunkSolver:
         found.count += count
         return True
 
-    def _compared(
-        self,
-        decided: NDArray[np.bool_],
-        numbers: Mapping[str, FloatArray],
-        series: Mapping[str, FloatArray],
-        first: int,
-    ) -> NDArray[np.bool_]:
-        """Compare the first decided point of all with the same point alone; none counts if they differ."""
-        place = int(np.flatnonzero(decided)[0])
-        alone = self._alone(first + place)
-        same = alone.outcome == SOLVED and all(
-            np.array_equal(numbers[name][place], number, equal_nan=True)
+    def _checked(self, block: "Block", first: int) -> "Block | None":
+        """Compare the first point of all that was solved, or found empty, with the same point alone.
+
+        Return None, for this block and all others, if they differ.
+        """
+        for outcome, points in ((SOLVED, block.solved), (NO_MOTION, block.empty)):
+            if outcome in self._compared or not points.any():
+                continue
+            place = int(np.flatnonzero(points)[0])
+            if not self._is_the_same(block, place, outcome, self._alone(first + place)):
+                self._blocks = None
+                return None
+            self._compared.add(outcome)
+        return block
+
+    def _is_the_same(self, block: "Block", place: int, outcome: str, alone: Point) -> bool:
+        if alone.outcome != outcome or outcome != SOLVED:
+            return alone.outcome == outcome
+        return all(
+            np.array_equal(block.numbers[name][place], number, equal_nan=True)
             for name, number in zip(self._plan.sweep.keep, alone.numbers, strict=True)
-        )
-        same = same and all(np.array_equal(series[name][place], alone.series[name]) for name in series)
-        if not same:
-            self._blocks = None
-            return np.zeros_like(decided)
-        self._is_compared = True
-        return decided
+        ) and all(np.array_equal(rows[place], alone.series[name]) for name, rows in block.series.items())
 
     def _alone(self, index: int) -> Point:
         return solve_point(self._plan.sweep, index, is_judged=self._plan.is_judged)
@@ -124,15 +129,15 @@ class _Chunk:
         self._numbers = {name: np.full(size, np.nan) for name in sweep.keep}
         self._series = {name: np.full((size, sweep.samples), np.nan) for name in sweep.series_columns}
 
-    def add_block(
-        self, numbers: Mapping[str, FloatArray], series: Mapping[str, FloatArray], count: int
-    ) -> None:
-        """Set the columns of the next ``count`` points."""
+    def add_block(self, block: "Block", count: int) -> None:
+        """Set the columns of the next ``count`` points; those that are not decided are set one by one."""
         here = slice(self.count, self.count + count)
-        for name, column in numbers.items():
-            self._numbers[name][here] = column
-        for name, rows in series.items():
-            self._series[name][here] = rows
+        for name, column in block.numbers.items():
+            self._numbers[name][here] = np.where(block.solved, column, np.nan)
+        for name, rows in block.series.items():
+            self._series[name][here] = np.where(block.solved[:, None], rows, np.nan)
+        for place in np.flatnonzero(block.empty).tolist():
+            self._outcomes[self.count + place] = NO_MOTION
 
     def set_point(self, place: int, point: Point) -> None:
         """Set the columns of one point."""

@@ -132,12 +132,20 @@ def _run(
     return run
 
 
-def _given(frame: Frame, lambdas_squared: Sequence[fmpq]) -> FloatArray:
+def primed_logarithms(frame: Frame, lambdas_squared: Sequence[fmpq]) -> FloatArray:
     """Return the logarithms of λ as a single problem has them, to the last bit."""
+    # Python divides integers of any size with one rounding, as a Fraction is turned into a double.
+    return np.array(
+        [
+            primed_logarithm(0.5 * math.log(int(square.p) / int(square.q)), frame.loop)
+            for square in lambdas_squared
+        ]
+    )
+
+
+def _given(frame: Frame, lambdas_squared: Sequence[fmpq]) -> FloatArray:
     given = np.zeros((len(lambdas_squared), 2))
-    for n, square in enumerate(lambdas_squared):
-        # Python divides integers of any size with one rounding, as a Fraction is turned into a double.
-        given[n, 0] = primed_logarithm(0.5 * math.log(int(square.p) / int(square.q)), frame.loop)
+    given[:, 0] = primed_logarithms(frame, lambdas_squared)
     return given
 
 

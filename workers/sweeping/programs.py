@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.tape import Instruction, Tape, with_inputs
 from service.schemas.pointers import with_values
 from workers.solvers.spectral.program import Program, make_program
 from workers.sweeping.family import Path, potential_of
@@ -70,6 +70,8 @@ class AffineProgram:
     """With those that no parameter is in."""
     varying: Mapping[int, Affine]
     """The others by their places."""
+    tape: Tape
+    """Of one member."""
 
     def rows(self, doubles: FloatArray, exact: Sequence[Sequence[fmpq]] | None) -> FloatArray:
         """Return the constants, shape (points, constants), at ``doubles`` (points, parameters).
@@ -85,6 +87,10 @@ class AffineProgram:
             elif exact is not None:
                 rows[:, slot] = affine.doubles(exact)
         return rows
+
+    def group(self, rows: FloatArray, places: IntArray) -> "Group":
+        """Return points with these constants as a group."""
+        return Group(self.program, rows, places, self.tape, tuple(self.varying))
 
     @property
     def needs_exact(self) -> bool:
@@ -134,7 +140,7 @@ def affine_program(
         affine = Affine(at_zero, slopes)
         if not affine.is_constant:
             varying[slot] = affine
-    return AffineProgram(program, constants, varying)
+    return AffineProgram(program, constants, varying, origin)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,27 +149,43 @@ class Group:
 
     program: Program
     rows: FloatArray
+    """The constants of each, the doubles nearest to them."""
     places: IntArray
     """Of the points in their block."""
+    tape: Tape
+    """Of one of the points; the others differ in constants only."""
+    varying: tuple[int, ...]
+    """The places of those constants in a row."""
+
+    def tape_of_all(self) -> Tape:
+        """Return the tape that has the varying constants as further variables."""
+        numbered = [place for place, at in enumerate(self.tape.instructions) if _has_number(at)]
+        return with_inputs(self.tape, [numbered[slot] for slot in self.varying])
+
+    def inputs(self) -> tuple[FloatArray, ...]:
+        """Return those variables, each of shape (points,)."""
+        return tuple(self.rows[:, slot] for slot in self.varying)
 
 
 def grouped(body: RigidBody, documents: Mapping[int, object]) -> list[Group]:
     """Compile the potential of each place's document; what has no program is in no group."""
-    programs: dict[bytes, Program] = {}
-    rows: dict[bytes, list[FloatArray]] = {}
-    places: dict[bytes, list[int]] = {}
+    members: dict[tuple[bytes, tuple[object, ...]], list[tuple[int, Tape, Program, FloatArray]]] = {}
     for place, document in documents.items():
         try:
-            program, constants = make_program(potential_of(body, document).tape)
+            tape = potential_of(body, document).tape
         except (DynamicsError, ValueError):
             continue
-        programs.setdefault(program.key, program)
-        rows.setdefault(program.key, []).append(constants)
-        places.setdefault(program.key, []).append(place)
-    return [
-        Group(program, np.array(rows[key]), np.array(places[key], dtype=np.int64))
-        for key, program in programs.items()
-    ]
+        program, constants = make_program(tape)
+        exponents = tuple(at.number for at in tape.instructions if at.operation == "power")
+        members.setdefault((program.key, exponents), []).append((place, tape, program, constants))
+    return [_group(found) for found in members.values()]
+
+
+def _group(members: Sequence[tuple[int, Tape, Program, FloatArray]]) -> Group:
+    places, tapes, programs, rows = zip(*members, strict=True)
+    columns = zip(*map(_numbers, tapes), strict=True)
+    varying = tuple(slot for slot, column in enumerate(columns) if any(n != column[0] for n in column))
+    return Group(programs[0], np.array(rows), np.array(places, dtype=np.int64), tapes[0], varying)
 
 
 def _tape(
@@ -175,11 +197,11 @@ def _tape(
 
 def _numbers(tape: Tape) -> list[Fraction | None]:
     """Return the constants of a tape in the order of :func:`make_program`, None for π."""
-    return [
-        instruction.number
-        for instruction in tape.instructions
-        if instruction.operation == "pi" or instruction.number is not None
-    ]
+    return [instruction.number for instruction in tape.instructions if _has_number(instruction)]
+
+
+def _has_number(instruction: Instruction) -> bool:
+    return instruction.operation == "pi" or instruction.number is not None
 
 
 def _ratio(value: Fraction) -> fmpq:

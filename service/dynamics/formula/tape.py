@@ -191,6 +191,23 @@ class _Compiler:
         return register
 
 
+def with_inputs(tape: Tape, places: Sequence[int]) -> Tape:
+    """Return the tape with the constants of these instructions, by their places, as further variables."""
+    inputs = len(tape.variables)
+    names = tuple(f"constant {place}" for place in places)
+    renumbered = {register: register for register in range(-1, inputs)}
+    kept: list[Instruction] = []
+    for place, instruction in enumerate(tape.instructions):
+        if place in places:
+            renumbered[inputs + place] = inputs + places.index(place)
+            continue
+        renumbered[inputs + place] = inputs + len(places) + len(kept)
+        kept.append(
+            instruction._replace(left=renumbered[instruction.left], right=renumbered[instruction.right])
+        )
+    return Tape((*tape.variables, *names), tuple(kept), renumbered[tape.result])
+
+
 def _constant(operand: _Operand) -> Fraction | None:
     return operand if isinstance(operand, Fraction) else None
 

@@ -1,0 +1,96 @@
+"""Bounds of functions of intervals, and how far doubles may be off: for :mod:`.intervals`."""
+
+from collections.abc import Callable
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.formula.algebras.real import nearest_double
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Bounds = tuple[FloatArray, FloatArray]
+
+ARITHMETIC = 2.0**-51
+"""Four times the relative error of an operation in doubles."""
+FUNCTIONS = 2.0**-48
+"""More than twice the relative error of a function of numpy, which claims 4 units in the last place."""
+TINY = 1e-320
+"""More than any error of a result that is next to 0, where doubles have a fixed spacing."""
+LARGEST_LOGARITHM = 746.0
+"""Of a double other than 0, in absolute value."""
+LARGEST_ANGLE = 1e6
+
+
+def widened(lo: FloatArray, hi: FloatArray, error: float) -> Bounds:
+    """Return bounds of what was rounded to ``lo`` and ``hi`` with half this relative error."""
+    below, above = 1.0 - error, 1.0 + error
+    return np.minimum(lo * below, lo * above) - TINY, np.maximum(hi * below, hi * above) + TINY
+
+
+def real_power(base: FloatArray, exponent: Fraction) -> FloatArray:
+    """Return base^exponent for base ≥ 0, rounded; see :func:`power_error`."""
+    if exponent == 1:
+        return base
+    if exponent == 2:
+        return base * base
+    if exponent == Fraction(1, 2):
+        return np.sqrt(base)
+    return np.power(base, nearest_double(exponent))
+
+
+def signed_power(base: FloatArray, exponent: Fraction) -> FloatArray:
+    """Return an odd power."""
+    return np.copysign(real_power(np.abs(base), exponent), base)
+
+
+def power_error(exponent: Fraction) -> float:
+    """Return the relative error of a power, also where its exponent is no double."""
+    double = nearest_double(exponent)
+    if not np.isfinite(double):
+        return np.inf
+    if Fraction(double) == exponent:
+        return FUNCTIONS
+    return FUNCTIONS + abs(double) * ARITHMETIC * LARGEST_LOGARITHM
+
+
+def _exponentials(lo: FloatArray, hi: FloatArray) -> Bounds:
+    return np.exp(lo), np.exp(hi)
+
+
+def _has_multiple(lo: FloatArray, hi: FloatArray, offset: float, period: float) -> BoolArray:
+    """Say where there may be a number offset + k · period between the bounds."""
+    first, last = (lo - offset) / period, (hi - offset) / period
+    found: BoolArray = np.floor(last + 1e-9) >= np.ceil(first - 1e-9)
+    return found
+
+
+def _sines(lo: FloatArray, hi: FloatArray, shift: float = 0.0) -> Bounds:
+    """Return the bounds of sin; of cos with a shift of a quarter of a turn."""
+    function = np.cos if shift else np.sin
+    a, b = function(lo), function(hi)
+    top, bottom = 0.5 * np.pi - shift, -0.5 * np.pi - shift
+    is_far = ~((np.abs(lo) < LARGEST_ANGLE) & (np.abs(hi) < LARGEST_ANGLE))
+    low = np.where(is_far | _has_multiple(lo, hi, bottom, 2.0 * np.pi), -1.0, np.minimum(a, b))
+    high = np.where(is_far | _has_multiple(lo, hi, top, 2.0 * np.pi), 1.0, np.maximum(a, b))
+    is_known = ~(np.isnan(lo) | np.isnan(hi))
+    return np.where(is_known, low, np.nan), np.where(is_known, high, np.nan)
+
+
+def _cosines(lo: FloatArray, hi: FloatArray) -> Bounds:
+    return _sines(lo, hi, 0.5 * np.pi)
+
+
+def _tangents(lo: FloatArray, hi: FloatArray) -> Bounds:
+    is_known = (np.abs(lo) < LARGEST_ANGLE) & (np.abs(hi) < LARGEST_ANGLE)
+    is_known &= ~_has_multiple(lo, hi, 0.5 * np.pi, np.pi)
+    return np.where(is_known, np.tan(lo), np.nan), np.where(is_known, np.tan(hi), np.nan)
+
+
+RANGES: dict[str, Callable[[FloatArray, FloatArray], Bounds]] = {
+    "exp": _exponentials,
+    "sin": _sines,
+    "cos": _cosines,
+    "tan": _tangents,
+}

@@ -1,0 +1,238 @@
+r"""Intervals of doubles rounded outwards, each beside powers of scales: bounds that hold on whole stretches.
+
+An element stands for c · s₁^e₁ · s₂^e₂ · … with lo ≤ c ≤ hi, wherever the scales s_k are
+between the bounds the algebra was made with. Exponents are exact, hence what is a power of a
+scale loses nothing by being known on a stretch only, and a sum near s = 0 is known by the
+term that leads there, down to 0 itself.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.formula.algebras.interval_bounds import (
+    ARITHMETIC,
+    FUNCTIONS,
+    RANGES,
+    Bounds,
+    power_error,
+    real_power,
+    signed_power,
+    widened,
+)
+from service.dynamics.formula.algebras.real import nearest_double
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """lo ≤ c ≤ hi, beside the scales to the powers ``exponents``; nothing is known where either is NaN."""
+
+    lo: FloatArray
+    hi: FloatArray
+    exponents: tuple[Fraction, ...]
+    sign: int = 0
+    """1 if lo ≥ 0 everywhere, -1 if hi ≤ 0 everywhere, 0 if that is not known."""
+
+
+class IntervalAlgebra:
+    """Arrays of intervals. Where a value may be undefined it is NaN, which no comparison takes for a bound.
+
+    Parameters
+    ----------
+    scales
+        Bounds of each scale, arrays that broadcast with the elements: 0 ≤ lo ≤ hi. At 0 its
+        powers are limits: an element then holds for all values above 0.
+    """
+
+    def __init__(self, scales: Sequence[Bounds]) -> None:
+        self._scales = tuple(scales)
+        self._none = (Fraction(0),) * len(self._scales)
+        self._powers: dict[tuple[int, Fraction], Bounds] = {}
+
+    def interval(
+        self, lo: FloatArray, hi: FloatArray, exponents: tuple[Fraction, ...] | None = None
+    ) -> Interval:
+        """Return the element of these bounds."""
+        sign = 1 if bool(np.all(lo >= 0.0)) else -1 if bool(np.all(hi <= 0.0)) else 0
+        return Interval(lo, hi, self._none if exponents is None else exponents, sign)
+
+    def about(self, doubles: FloatArray) -> Interval:
+        """Return what numbers are that were rounded to ``doubles``."""
+        return self.interval(*widened(doubles, doubles, ARITHMETIC))
+
+    def bounds(self, element: Interval) -> Bounds:
+        """Return bounds of the value with all its powers."""
+        collapsed = self._collapsed(element)
+        return collapsed.lo, collapsed.hi
+
+    def constant(self, value: Fraction) -> Interval:
+        """Return the number: exact if it is a double."""
+        double = np.asarray(nearest_double(value))
+        if np.isfinite(double) and Fraction(float(double)) == value:
+            return self.interval(double, double)
+        return self.about(double)
+
+    def pi(self) -> Interval:
+        """Return π."""
+        return self.about(np.asarray(np.pi))
+
+    @np.errstate(all="ignore")
+    def add(self, left: Interval, right: Interval) -> Interval:
+        """Return left + right, beside the lower power of each scale."""
+        left, right = self._together(left, right)
+        lo, hi = widened(left.lo + right.lo, left.hi + right.hi, ARITHMETIC)
+        sign = left.sign if left.sign == right.sign else 0
+        return _kept(lo, hi, left.exponents, sign)
+
+    def subtract(self, left: Interval, right: Interval) -> Interval:
+        """Return left - right."""
+        return self.add(left, self.negate(right))
+
+    @np.errstate(all="ignore")
+    def multiply(self, left: Interval, right: Interval) -> Interval:
+        """Return left · right."""
+        exponents = tuple(x + y for x, y in zip(left.exponents, right.exponents, strict=True))
+        lo, hi = _product(left, right)
+        return _kept(*widened(lo, hi, ARITHMETIC), exponents, left.sign * right.sign)
+
+    @np.errstate(all="ignore")
+    def divide(self, left: Interval, right: Interval) -> Interval:
+        """Return left / right, NaN where right may change its sign."""
+        return self.multiply(left, self._inverse(right))
+
+    def negate(self, operand: Interval) -> Interval:
+        """Return -operand."""
+        return Interval(-operand.hi, -operand.lo, operand.exponents, -operand.sign)
+
+    @np.errstate(all="ignore")
+    def power(self, base: Interval, exponent: Fraction) -> Interval:
+        """Return base^exponent; with a fraction the base must be ≥ 0."""
+        if exponent < 0:
+            return self._inverse(self.power(_without_zero(base), -exponent))
+        exponents = tuple(each * exponent for each in base.exponents)
+        is_even = exponent.denominator == 1 and exponent.numerator % 2 == 0
+        if exponent.denominator == 1 and not is_even:
+            lo, hi = signed_power(base.lo, exponent), signed_power(base.hi, exponent)
+            return _kept(*widened(lo, hi, power_error(exponent)), exponents, base.sign)
+        size = self._size(base) if is_even else base
+        if not is_even and base.sign <= 0:
+            size = Interval(np.where(base.lo >= 0.0, base.lo, np.nan), base.hi, base.exponents, 1)
+        lo, hi = real_power(size.lo, exponent), real_power(size.hi, exponent)
+        return _kept(*widened(lo, hi, power_error(exponent)), exponents, 1)
+
+    def general_power(self, base: Interval, exponent: Interval) -> Interval:
+        """Return exp(exponent · log(base))."""
+        return self.call("exp", self.multiply(exponent, self.call("log", base)))
+
+    @np.errstate(all="ignore")
+    def call(self, name: str, argument: Interval) -> Interval:
+        """Return the function."""
+        if name == "abs":
+            return self._size(argument)
+        if name == "sign":
+            return self.interval(np.sign(argument.lo), np.sign(argument.hi))
+        if name == "log":
+            return self._logarithm(argument)
+        collapsed = self._collapsed(argument)
+        lo, hi = RANGES[name](collapsed.lo, collapsed.hi)
+        return _kept(*widened(lo, hi, FUNCTIONS), self._none, 1 if name == "exp" else 0)
+
+    def _together(self, left: Interval, right: Interval) -> tuple[Interval, Interval]:
+        """Return both beside the same powers."""
+        if left.exponents == right.exponents:
+            return left, right
+        common = tuple(map(min, left.exponents, right.exponents))
+        return self._beside(left, common), self._beside(right, common)
+
+    def _beside(self, element: Interval, exponents: tuple[Fraction, ...]) -> Interval:
+        """Return the element with its further powers taken into the bounds."""
+        for k, (own, wanted) in enumerate(zip(element.exponents, exponents, strict=True)):
+            if own != wanted:
+                factor = Interval(*self._scale_power(k, own - wanted), element.exponents, 1)
+                lo, hi = widened(*_product(element, factor), ARITHMETIC)
+                element = _kept(lo, hi, element.exponents, element.sign)
+        return Interval(element.lo, element.hi, exponents, element.sign)
+
+    def _collapsed(self, element: Interval) -> Interval:
+        return element if element.exponents == self._none else self._beside(element, self._none)
+
+    def _scale_power(self, k: int, exponent: Fraction) -> Bounds:
+        known = self._powers.get((k, exponent))
+        if known is None:
+            lo, hi = self._scales[k]
+            if exponent < 0:
+                lo, hi = hi, lo
+            error = power_error(exponent)
+            lo, hi = widened(real_power(lo, exponent), real_power(hi, exponent), error)
+            known = self._powers[k, exponent] = np.maximum(lo, 0.0), hi
+        return known
+
+    def _inverse(self, x: Interval) -> Interval:
+        exponents = tuple(-each for each in x.exponents)
+        x = _without_zero(x)
+        lo, hi = 1.0 / x.hi, 1.0 / x.lo
+        if x.sign > 0:
+            # At the edge itself, 0, the limit is taken.
+            hi = np.where(x.lo == 0.0, np.inf, hi)
+        elif x.sign < 0:
+            lo = np.where(x.hi == 0.0, -np.inf, lo)
+        return _kept(*widened(lo, hi, ARITHMETIC), exponents, x.sign)
+
+    def _size(self, x: Interval) -> Interval:
+        if x.sign > 0:
+            return x
+        if x.sign < 0:
+            return self.negate(x)
+        lo = np.maximum(np.maximum(x.lo, -x.hi), 0.0)
+        return Interval(lo, np.maximum(-x.lo, x.hi), x.exponents, 1)
+
+    def _logarithm(self, x: Interval) -> Interval:
+        lo = np.log(np.where(x.lo >= 0.0, x.lo, np.nan))
+        found = _kept(*widened(lo, np.log(x.hi), FUNCTIONS), self._none, 0)
+        for k, exponent in enumerate(x.exponents):
+            if exponent:
+                low, high = self._scales[k]
+                logarithm = _kept(*widened(np.log(low), np.log(high), FUNCTIONS), self._none, 0)
+                found = self.add(found, self.multiply(self.constant(exponent), logarithm))
+        return found
+
+
+def _kept(lo: FloatArray, hi: FloatArray, exponents: tuple[Fraction, ...], sign: int) -> Interval:
+    """Return the element, its bounds not beyond a 0 that its sign says they do not pass."""
+    if sign > 0:
+        lo = np.maximum(lo, 0.0)
+    elif sign < 0:
+        hi = np.minimum(hi, 0.0)
+    return Interval(lo, hi, exponents, sign)
+
+
+def _without_zero(x: Interval) -> Interval:
+    """Return the element, NaN where there may be a 0 inside; the edge is taken for a limit."""
+    if x.sign:
+        return x
+    lo = np.where((x.lo > 0.0) | (x.hi < 0.0), x.lo, np.nan)
+    return Interval(lo, x.hi, x.exponents, 0)
+
+
+def _product(x: Interval, y: Interval) -> Bounds:
+    """Return the bounds of the product, not rounded outwards."""
+    if x.sign < 0 and y.sign:
+        lo, hi = _product(Interval(-x.hi, -x.lo, x.exponents, 1), y)
+        return -hi, -lo
+    if x.sign > 0 and y.sign > 0:
+        return x.lo * y.lo, x.hi * y.hi
+    if x.sign > 0 and y.sign < 0:
+        return x.hi * y.lo, x.lo * y.hi
+    if y.sign and not x.sign:
+        return _product(y, x)
+    if x.sign > 0:
+        return np.minimum(x.lo * y.lo, x.hi * y.lo), np.maximum(x.lo * y.hi, x.hi * y.hi)
+    if x.sign < 0:
+        return np.minimum(x.lo * y.hi, x.hi * y.hi), np.maximum(x.lo * y.lo, x.hi * y.lo)
+    a, b, c, d = x.lo * y.lo, x.lo * y.hi, x.hi * y.lo, x.hi * y.hi
+    return np.minimum(np.minimum(a, b), np.minimum(c, d)), np.maximum(np.maximum(a, b), np.maximum(c, d))

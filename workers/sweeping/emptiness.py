@@ -1,0 +1,42 @@
+"""Points of a sweep where it is proved that there is no motion: their jobs end with ``no_motion``."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from flint import fmpq
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.enclosure import Loops, equators, have_no_motion, shape_of
+from workers.solvers.spectral.frame import make_frame
+from workers.sweeping.doubles import primed_logarithms
+from workers.sweeping.programs import Group
+
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+LOGARITHM = 2.0**-50
+"""More than the error of log λ relative to 1 + |log λ|: λ², its logarithm, α and the quotient are rounded."""
+
+
+def have_no_motion_at(
+    body: RigidBody,
+    motion: PlanarMotion,
+    group: Group,
+    chosen: IntArray,
+    lambdas_squared: Sequence[fmpq],
+) -> BoolArray:
+    """Say of the ``chosen`` points of a group, on the curves of these λ², whether they have no motion.
+
+    ``motion`` says everything but λ. False is no claim.
+    """
+    frame = make_frame(body, motion)
+    if frame is None or not len(chosen):
+        return np.zeros(len(chosen), dtype=np.bool_)
+    shape = shape_of(body, motion)
+    logarithms = primed_logarithms(frame, lambdas_squared)
+    errors = LOGARITHM * (1.0 + np.abs(logarithms))
+    Z, G = equators(shape.alpha, logarithms - errors, logarithms + errors)
+    inputs = tuple(column[chosen] for column in group.inputs())
+    return have_no_motion(group.tape_of_all(), Loops(shape, Z, G, inputs))
