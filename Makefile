@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo serve test lint bench format clean
+.PHONY: demo serve test test-container lint bench format clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -20,6 +20,10 @@ serve: $(READY)
 
 test: $(READY)
 	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+
+# Builds the image and runs every service of docker/compose.yaml from it; needs root, buildah and debootstrap.
+test-container: $(READY)
+	$(BIN)/python -m tests.container
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -11,6 +11,7 @@ import yaml
 
 from service.cli.main import app
 from service.settings import Settings
+from tests.container import images
 
 TOP = Path(__file__).parents[1]
 DOCKER = TOP / "docker"
@@ -183,3 +184,10 @@ def test_every_volume_that_is_used_is_declared():
         v.partition(":")[0] for service in COMPOSE["services"].values() for v in service.get("volumes", [])
     }
     assert used == set(COMPOSE["volumes"])
+
+
+def test_the_images_that_are_built_without_docker_are_those_of_the_files():
+    bases = set(re.findall(r"^FROM (\S+)", DOCKERFILE, re.MULTILINE))
+    assert {images.BASE.removeprefix("docker.io/library/")} == bases
+    assert images.POSTGRES.removeprefix("docker.io/library/") == COMPOSE["services"]["postgres"]["image"]
+    assert images.POLHODE.removeprefix("localhost/") == OURS["api"]["image"]
