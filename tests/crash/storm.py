@@ -27,10 +27,10 @@ from tests.workers.processes import wait_until
 
 PREY = {"api": 2, "worker": 2, "helper": 1, "judge": 1, "child": 8}
 """How often each kind of process is killed, relative to the others."""
-PAUSE_SECONDS = 0.4
-"""Mean time between two kills."""
 RECOVERY_SECONDS = 60.0
 """Until an installation has started, and beside the storm's own length until all is done."""
+LONGEST = 5.0
+"""A storm that has not reached what is planned after so many times its seconds ends all the same."""
 AWAY_SECONDS = 1.0
 """Between the crash of Postgres and its next start."""
 
@@ -69,14 +69,33 @@ class Figures:
         )
 
 
-def on_sqlite(*, seed: int, jobs: int, seconds: float) -> Figures:
+@dataclass(frozen=True)
+class Plan:
+    """How hard it storms. It ends when all three are reached."""
+
+    seed: int
+    jobs: int
+    """To be acknowledged."""
+    seconds: float
+    kills: int = 0
+    pause_seconds: float = 0.4
+    """Mean time between two kills."""
+
+    def is_done(self, passed: float, figures: Figures, client: Client) -> bool:
+        return passed >= self.seconds and (
+            # In a short storm the client is done long before: nobody need wait for it.
+            not self.kills or (figures.kills.total() >= self.kills and not client.is_alive())
+        )
+
+
+def on_sqlite(plan: Plan) -> Figures:
     with tempfile.TemporaryDirectory() as folder:
         url = url_of(Path(folder) / "storm.db")
         migrate(url)
-        return storm(url, Path(folder), seed=seed, jobs=jobs, seconds=seconds)
+        return storm(url, Path(folder), plan)
 
 
-def on_postgres(*, seed: int, jobs: int, seconds: float, engine: str = "local") -> Figures:
+def on_postgres(plan: Plan, *, engine: str = "local") -> Figures:
     """In the middle the server crashes as well. By ``procrastinate`` there are two hosts."""
 
     def crash() -> None:
@@ -87,42 +106,42 @@ def on_postgres(*, seed: int, jobs: int, seconds: float, engine: str = "local") 
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
         url = server.url(server.create_database())
         migrate(url, engine_name=engine)
-        return storm(url, Path(folder), seed=seed, jobs=jobs, seconds=seconds, engine=engine, disaster=crash)
+        return storm(url, Path(folder), plan, engine=engine, disaster=crash)
 
 
-def by_procrastinate(*, seed: int, jobs: int, seconds: float) -> Figures:
-    return on_postgres(seed=seed, jobs=jobs, seconds=seconds, engine="procrastinate")
+def by_procrastinate(plan: Plan) -> Figures:
+    return on_postgres(plan, engine="procrastinate")
 
 
 def storm(
     url: str,
     folder: Path,
+    plan: Plan,
     *,
-    seed: int,
-    jobs: int,
-    seconds: float,
     engine: str = "local",
     disaster: Callable[[], None] | None = None,
 ) -> Figures:
-    """Let it storm for ``seconds``, with a ``disaster`` in the middle; then wait until everything is done."""
-    figures, chance = Figures(), random.Random(seed)
+    """Let it storm as planned, with a ``disaster`` in the middle; then wait until everything is done."""
+    figures, chance = Figures(), random.Random(plan.seed)
     installation = Installation(url, folder, engine)
     database = Database(url)
     began = time.monotonic()
     try:
         wait_until(lambda: _is_ready(installation), RECOVERY_SECONDS)
-        client = Client(installation, jobs=jobs, seconds=seconds)
+        client = Client(installation, jobs=plan.jobs, seconds=plan.seconds)
         client.start()
-        _rage(installation, figures, chance, seconds, disaster)
+        _rage(installation, figures, chance, plan, client, disaster)
         ended = time.monotonic()
-        wait_until(lambda: _is_over(installation, client, database), RECOVERY_SECONDS + seconds)
+        wait_until(lambda: _is_over(installation, client, database), RECOVERY_SECONDS + ended - began)
         figures.recovery_seconds = time.monotonic() - ended
         if client.fault is not None:
             raise client.fault
         figures.acknowledged, figures.repeated = client.acknowledged, client.repeated
         installation.stop()
         figures.left_processes = _left(installation)
-        figures.doctor = json.loads(installation.run("doctor", "--json", "--all", "--seed", str(seed)).stdout)
+        figures.doctor = json.loads(
+            installation.run("doctor", "--json", "--all", "--seed", str(plan.seed)).stdout
+        )
         _count(figures, database)
     finally:
         installation.clean_up()
@@ -148,17 +167,21 @@ def _rage(
     installation: Installation,
     figures: Figures,
     chance: random.Random,
-    seconds: float,
+    plan: Plan,
+    client: Client,
     disaster: Callable[[], None] | None,
 ) -> None:
     began = time.monotonic()
     # However few are killed, and however slow the machine: one of each of these.
     due = chance.sample(["api", "worker", "child"], 3)
-    while (passed := time.monotonic() - began) < seconds or (due and passed < seconds + RECOVERY_SECONDS):
-        if disaster is not None and passed > seconds / 2:
+    longest = plan.seconds * LONGEST + RECOVERY_SECONDS
+    while (passed := time.monotonic() - began) < longest:
+        if plan.is_done(passed, figures, client) and not due:
+            return
+        if disaster is not None and passed > plan.seconds / 2:
             disaster()
             disaster = None
-        time.sleep(chance.expovariate(1 / PAUSE_SECONDS))
+        time.sleep(chance.expovariate(1 / plan.pause_seconds))
         processes = installation.processes()
         kinds = sorted({kind for _, kind in processes})
         # Only what is at work can lose something; a start that is killed has not begun.
