@@ -286,6 +286,8 @@ def _confine_child(memory_mb: int | None, logging: Logging | None) -> None:
         start_logging(logging.format, logging.level)
     # Die at once when told to: a Python handler would wait for the compiled code to return.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    # Ctrl-C in a terminal reaches every process; the parent decides what becomes of its children.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
         _die_with(parent)

@@ -3,7 +3,7 @@
 from ipaddress import ip_address
 from typing import Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationError, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from service.logs import LogFormat, LogLevel
@@ -73,6 +73,28 @@ class Settings(BaseSettings):
     def is_loopback(self) -> bool:
         """Only this machine can reach the service."""
         return is_this_machine(self.host)
+
+
+class SettingsError(ValueError):
+    """Settings that cannot be; the message is one line that names each of them."""
+
+
+def read_settings(**given: object) -> Settings:
+    """Return the settings of this process; what is given, and not None, comes first.
+
+    Raises
+    ------
+    SettingsError
+        One of them is not accepted.
+    """
+    try:
+        chosen = {name: value for name, value in given.items() if value is not None}
+        return Settings.model_validate({**Settings().model_dump(), **chosen})
+    except ValidationError as fault:
+        reasons = (
+            f"{'_'.join(map(str, error['loc']))}: {error['msg']}" for error in fault.errors(include_url=False)
+        )
+        raise SettingsError("; ".join(reasons)) from fault
 
 
 def is_this_machine(host: str) -> bool:

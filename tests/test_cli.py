@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from service.cli.main import app
+from service.cli.commands import app
 from service.schemas.accuracy import AccuracyTableModel
 from service.storage.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore

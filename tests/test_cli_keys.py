@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from service.cli.commands import app
 from service.cli.keys import seconds_of
-from service.cli.main import app
 from service.jobs.keys import key_prefix
 
 POLHODE = Path(sys.executable).with_name("polhode")

@@ -5,7 +5,7 @@ import re
 import pytest
 from typer.testing import CliRunner
 
-from service.cli.main import app
+from service.cli.commands import app
 from service.storage.database import Database
 from service.storage.ids import new_id
 from service.storage.jobs.job_store import SqlJobStore

@@ -9,7 +9,7 @@ import pytest
 import typer
 import yaml
 
-from service.cli.main import app
+from service.cli.commands import app
 from service.settings import Settings
 from tests.container import images
 

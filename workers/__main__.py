@@ -1,8 +1,17 @@
-"""``python -m workers``."""
+"""``python -m workers``: first the signals, then what takes time to import."""
 
 import sys
 
-from workers.commands import main
+from service.stopping import end_at_once
+
+
+def main() -> int:
+    """Run the command line."""
+    end_at_once(is_service=sys.argv[1:2] == ["run"])
+    from workers.commands import main as run  # noqa: PLC0415
+
+    return run()
+
 
 if __name__ == "__main__":
     sys.exit(main())

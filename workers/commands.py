@@ -1,18 +1,16 @@
 """The command line of the workers: ``python -m workers run``."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
-
-from pydantic import ValidationError
 
 from service.jobs.hosts import OtherHostError
 from service.jobs.states import JobKind
 from service.logs import start_logging
-from service.settings import Settings
+from service.settings import SettingsError, read_settings
 from service.storage.migration import MigrationError, migrate_or_explain
 from service.storage.revisions import NewerSchemaError
+from service.terminal import FileFaultError, say
 from workers.calibration.command import run as calibrate
 from workers.computation import solve_document
 from workers.doctor import examine
@@ -23,9 +21,14 @@ from workers.solving import solve
 from workers.sweeping.chunk import compute_chunk
 from workers.sweeping.command import sweep
 
+_FAILED, _WRONG_USAGE = 1, 2
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; return 0 if it is done, 1 if it was refused or failed, with the reason on stderr."""
+    """Run a command.
+
+    Return 0 if it is done, 1 if it was refused or failed, 2 for wrong usage, both with the reason on stderr.
+    """
     parser = argparse.ArgumentParser(prog="python -m workers", description=__doc__)
     commands = parser.add_subparsers(required=True)
     _add_run(commands)
@@ -35,7 +38,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _add_calibrate(commands)
     _add_doctor(commands)
     options = parser.parse_args(arguments)
-    code: int = options.command(options)
+    try:
+        code: int = options.command(options)
+    except SettingsError as fault:
+        say(str(fault))
+        return _WRONG_USAGE
+    except FileFaultError as fault:
+        say(str(fault))
+        return _FAILED
     return code
 
 
@@ -88,12 +98,7 @@ def _add_doctor(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
 
 def run(options: argparse.Namespace) -> int:
     """Compute queued jobs until stopped."""
-    given = {} if options.database_url is None else {"database_url": options.database_url}
-    try:
-        settings = Settings(**given)
-    except ValidationError as fault:
-        sys.stderr.write(f"{fault}\n")
-        return 1
+    settings = read_settings(database_url=options.database_url)
     start_logging(settings.log_format, settings.log_level or "info")
     slots = options.slots if options.slots is not None else max(settings.workers, 1)
     try:
@@ -103,8 +108,8 @@ def run(options: argparse.Namespace) -> int:
         computations: Computations = {JobKind.SOLVE: solve_document, JobKind.CHUNK: compute_chunk}
         run_worker(computations, settings, slots=slots, wake_fd=options.wake_fd)
     except (MigrationError, NewerSchemaError, OtherHostError) as fault:
-        sys.stderr.write(f"{fault}\n")
-        return 1
+        say(str(fault))
+        return _FAILED
     return 0
 
 

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from random import Random
@@ -10,10 +9,11 @@ from random import Random
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.sandbox import Sandbox
-from service.settings import Settings
+from service.settings import Settings, read_settings
 from service.storage.database import Database
 from service.storage.inspection.blob_inspection import check_blobs
 from service.storage.inspection.inspect import Finding, check_schema, inspect, mend
+from service.terminal import answer, say
 from workers.repetition import Repetition, Sameness, repeat_solutions
 
 PACKETS = 100
@@ -37,18 +37,18 @@ class Report:
 
 def examine(options: argparse.Namespace) -> int:
     """Print what was found; return 0 if nothing is wrong, 1 if something is or nothing can be found out."""
-    settings = Settings()
+    settings = read_settings()
     database = Database(settings.database_url)
     try:
         report = _examine(database, settings, options)
     except SQLAlchemyError as fault:
         reason = str(getattr(fault, "orig", None) or fault).splitlines()[0]
-        sys.stderr.write(f"the database cannot be examined: {reason}\n")
+        say(f"the database cannot be examined: {reason}")
         return 1
     finally:
         database.close()
     lines = [json.dumps(_document(report))] if options.json else _describe(report)
-    sys.stdout.writelines(f"{line}\n" for line in lines)
+    answer("".join(f"{line}\n" for line in lines))
     return 0 if report.is_clean else 1
 
 

@@ -2,11 +2,11 @@
 
 import argparse
 import json
-import sys
 import time
 
 from rich.console import Console
 
+from service.terminal import answer, say
 from workers.computation import solve_document
 from workers.sweeping.chunk import compute_chunk
 
@@ -32,7 +32,7 @@ def compile_solvers(options: argparse.Namespace) -> int:
         outcome = solve_document(json.dumps(_BASE))
         chunk = compute_chunk(json.dumps({"sweep": _SWEEP, "first": 0, "count": 2}))
     if outcome.error is not None or chunk.refused:
-        sys.stderr.write(f"the solvers do not work here: {outcome.error}\n")
+        say(f"the solvers do not work here: {outcome.error}")
         return 1
-    sys.stdout.write(f"the solvers are ready after {time.monotonic() - began:.1f} s\n")
+    answer(f"the solvers are ready after {time.monotonic() - began:.1f} s\n")
     return 0

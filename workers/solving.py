@@ -2,39 +2,44 @@
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 from rich.console import Console
 
 from service.jobs.outcome import SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.settings import Settings
+from service.settings import Settings, read_settings
 from service.storage.solutions.codec import decode_arrays
+from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
 from workers.computation import solve_checked
 from workers.presentation import describe, to_csv
 
 
 def solve(options: argparse.Namespace) -> int:
     """Solve the problem of a file and print what was found; 0 if it was solved, 1 if not."""
-    path: Path = options.file
-    try:
-        document = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as fault:
-        sys.stderr.write(f"{path}: {fault}\n")
-        return 1
-    outcome = _compute(document, Settings())
+    csv: Path | None = options.csv
+    if csv == STANDARD_STREAM and options.json:
+        say("--json and --csv - both write to stdout; accepted is one of them")
+        return 2
+    settings = read_settings()
+    document = json.dumps(read_document(options.file))
+    if csv is not None:
+        check_writable(csv)
+    outcome = _compute(document, settings)
     if outcome.error is not None or outcome.summary is None:
-        sys.stderr.write(_reason(outcome.error or {}))
+        say(_reason(outcome.error or {}))
         return 1
     columns = decode_arrays(outcome.samples)
-    if options.csv is not None:
-        options.csv.write_text(to_csv(columns), encoding="utf-8")
+    if csv is not None:
+        with OutputFile(csv) as file:
+            file.write(to_csv(columns).encode())
     if options.json:
         series = {name: values.tolist() for name, values in columns.items()}
-        sys.stdout.write(json.dumps({**outcome.summary, "columns": series}, allow_nan=False) + "\n")
+        answer(json.dumps({**outcome.summary, "columns": series}, allow_nan=False) + "\n")
+    elif csv == STANDARD_STREAM:
+        say(describe(outcome.summary, columns))
     else:
-        sys.stdout.write(describe(outcome.summary, columns) + "\n")
+        answer(describe(outcome.summary, columns) + "\n")
     return 0
 
 
@@ -66,8 +71,8 @@ def _reason(error: dict[str, object]) -> str:
     """Return the error as lines: each fault with its place, or the one sentence."""
     faults = error.get("faults")
     if isinstance(faults, list):
-        return "".join(
-            f"{fault['pointer'] or '/'}: {fault['message']} ({fault['code']})\n" for fault in faults
+        return "\n".join(
+            f"{fault['pointer'] or '/'}: {fault['message']} ({fault['code']})" for fault in faults
         )
     lines = [f"{error.get('code')}: {error.get('detail')}"]
     lines += [
@@ -75,4 +80,4 @@ def _reason(error: dict[str, object]) -> str:
         for name, value in error.items()
         if name not in ("code", "detail", "pointer")
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)

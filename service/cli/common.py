@@ -7,31 +7,27 @@ from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
-from pydantic import ValidationError
 
 from service.local_workers import worker_command
-from service.settings import Settings
+from service.settings import Settings, SettingsError, read_settings
+from service.stopping import hold_signals
+from service.terminal import say
 
 REFUSED, WRONG_USAGE = 1, 2
 
 DatabaseUrl = Annotated[
     str | None, typer.Option(help="SQLite or Postgres. POLHODE_DATABASE_URL, else sqlite:///polhode.db")
 ]
-Document = Annotated[Path, typer.Argument(help="a JSON document", show_default=False)]
+Document = Annotated[Path, typer.Argument(help="a JSON document; - reads stdin", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 
 def settings_of(**given: object) -> Settings:
     """Return the settings, in which what was given on the command line comes first."""
     try:
-        return Settings.model_validate(
-            Settings().model_dump() | {name: value for name, value in given.items() if value is not None}
-        )
-    except ValidationError as fault:
-        reasons = (
-            f"{'_'.join(map(str, error['loc']))}: {error['msg']}" for error in fault.errors(include_url=False)
-        )
-        fail("; ".join(reasons), WRONG_USAGE)
+        return read_settings(**given)
+    except SettingsError as fault:
+        fail(str(fault), WRONG_USAGE)
 
 
 def migrate_database(settings: Settings) -> None:
@@ -46,6 +42,7 @@ def migrate_database(settings: Settings) -> None:
 
 def become_worker(arguments: list[str], environment: Mapping[str, str]) -> NoReturn:
     """Replace this process by one of the workers, which the service does not import."""
+    hold_signals()
     os.execve(sys.executable, worker_command(*arguments), dict(environment))
 
 
@@ -53,8 +50,3 @@ def fail(reason: str, code: int) -> NoReturn:
     """End with the reason on stderr."""
     say(reason)
     raise typer.Exit(code)
-
-
-def say(line: str) -> None:
-    """Tell a person something; stdout is for answers."""
-    sys.stderr.write(f"{line}\n")

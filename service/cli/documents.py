@@ -2,7 +2,6 @@
 
 import json
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -18,13 +17,12 @@ from service.cli.common import (
     become_worker,
     fail,
     migrate_database,
-    say,
     settings_of,
 )
 from service.local_workers import worker_environment
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.strict_json import InvalidJsonError, parse_json
 from service.schemas.verdict_text import Answer, describe_verdict
+from service.terminal import answer, read_document, say
 
 
 def validate(file: Document, as_json: AsJson = False) -> None:
@@ -34,30 +32,32 @@ def validate(file: Document, as_json: AsJson = False) -> None:
     document = read_document(file)
     is_problem = isinstance(document, dict) and "time" in document
     text = _examine(examine_problem if is_problem else examine_question, json.dumps(document))
-    answer = Answer.model_validate_json(text)
+    judged = Answer.model_validate_json(text)
     if as_json:
         found = json.loads(text)
-        sys.stdout.write(json.dumps(found.get("error") or found["verdict"]) + "\n")
-    if answer.error is not None:
-        fail(answer.error.reason(), REFUSED)
-    if answer.verdict is None:
+        answer(json.dumps(found.get("error") or found["verdict"]) + "\n")
+    if judged.error is not None:
+        fail(judged.error.reason(), REFUSED)
+    if judged.verdict is None:
         say("a state motion: its potential needs no verdict")
         return
     if not as_json:
-        sys.stdout.write(f"{describe_verdict(answer.verdict)}\n")
-    if answer.verdict.verdict != "admissible":
-        fail(f"the potential is {answer.verdict.verdict}", REFUSED)
+        answer(f"{describe_verdict(judged.verdict)}\n")
+    if judged.verdict.verdict != "admissible":
+        fail(f"the potential is {judged.verdict.verdict}", REFUSED)
 
 
 def solve(
     file: Document,
     as_json: AsJson = False,
-    csv: Annotated[Path | None, typer.Option(metavar="OUT", help="write the samples as CSV")] = None,
+    csv: Annotated[
+        Path | None, typer.Option(metavar="OUT", help="write the samples as CSV; - is stdout")
+    ] = None,
 ) -> None:
     """Solve one problem here and now, without a database."""
     options = ["--json"] if as_json else []
     if csv is not None:
-        options += ["--csv", str(csv)]
+        options.append(f"--csv={csv}")
     become_worker(["solve", *options, "--", str(file)], os.environ)
 
 
@@ -76,16 +76,6 @@ def calibrate(
     migrate_database(settings)
     options = [name for name, given in (("--quick", quick), ("--json", as_json)) if given]
     become_worker(["calibrate", *options], worker_environment(settings))
-
-
-def read_document(file: Path) -> object:
-    """Return the JSON document of a file, or end with what is wrong with it."""
-    try:
-        return parse_json(file.read_bytes())
-    except OSError as fault:
-        fail(f"{file}: {fault.strerror}", REFUSED)
-    except InvalidJsonError as fault:
-        fail(f"{file}: {fault}", REFUSED)
 
 
 def _examine(examine: Callable[[str], str], document: str) -> str:

@@ -2,7 +2,6 @@
 
 import json
 import re
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -17,11 +16,11 @@ from service.cli.common import (
     DatabaseUrl,
     fail,
     migrate_database,
-    say,
     settings_of,
 )
 from service.jobs.keys import ApiKey, KeyNotFoundError, KeyStanding, Role, key_prefix
 from service.settings import Settings
+from service.terminal import answer, say
 
 if TYPE_CHECKING:
     from service.storage.key_store import KeyStore
@@ -78,7 +77,7 @@ def create(
         key, text = store.create(role, name=name, seconds=expires, limits=limits)
     until = "never expires" if key.expires_at is None else f"expires {_instant(key.expires_at)}"
     say(f"key {key.prefix}, role {key.role}, {until}; this is the only time it is shown:")
-    sys.stdout.write(f"{text}\n")
+    answer(f"{text}\n")
 
 
 @app.command("list")
@@ -87,7 +86,7 @@ def list_keys(as_json: AsJson = False, database_url: DatabaseUrl = None) -> None
     with _store(settings_of(database_url=database_url)) as store:
         found = store.all()
     if as_json:
-        sys.stdout.write(json.dumps([_document(key, found.now) for key in found.keys]) + "\n")
+        answer(json.dumps([_document(key, found.now) for key in found.keys]) + "\n")
         return
     rows: list[tuple[str, ...]] = [
         ("PREFIX", "ROLE", "STATE", "CREATED", "EXPIRES", "REVOKED", "LAST USED", "STORED", "NAME")
@@ -96,7 +95,7 @@ def list_keys(as_json: AsJson = False, database_url: DatabaseUrl = None) -> None
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         line = "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        sys.stdout.write(f"{line.rstrip()}\n")
+        answer(f"{line.rstrip()}\n")
 
 
 @app.command()

@@ -1,40 +1,15 @@
-"""The command ``polhode``.
+"""The entry of the command ``polhode``: first the signals, then what takes time to import."""
 
-Exit codes: 0 done, 1 refused or failed with the reason on stderr, 2 wrong usage.
-Heavy modules are imported by the commands that need them: ``polhode worker``
-does not wait for the web framework.
-"""
+import sys
 
-import typer
+from service.stopping import end_at_once
 
-from service.cli import doctor, documents, keys, serving, storage, sweeps
-
-app = typer.Typer(
-    name="polhode",
-    help="Motions of a rigid body about a fixed point: verdicts, solutions and their database, as a service.",
-    add_completion=False,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
-
-for _command in (
-    serving.serve,
-    serving.worker,
-    serving.migrate,
-    documents.validate,
-    documents.solve,
-    sweeps.sweep,
-    documents.calibrate,
-    doctor.doctor,
-    storage.backup,
-    storage.restore,
-    storage.prune,
-):
-    app.command()(_command)
-app.command(name="compile")(documents.compile_solvers)
-app.add_typer(keys.app, name="keys")
+_SERVICES = (["serve"], ["worker"])
 
 
 def main() -> None:
     """Run the command line."""
-    app()
+    end_at_once(is_service=sys.argv[1:2] in _SERVICES)
+    from service.cli.commands import run  # noqa: PLC0415
+
+    run()

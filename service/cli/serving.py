@@ -1,9 +1,7 @@
 """``polhode serve``, ``worker`` and ``migrate``: the processes of an installation."""
 
-import signal
 import socket
-from types import FrameType
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
@@ -20,6 +18,7 @@ from service.jobs.wakeup import Doorbell
 from service.local_workers import LocalWorkers, worker_environment
 from service.logs import LOG_LEVELS, announce, start_logging
 from service.settings import Settings
+from service.stopping import StopAsked
 
 FINISH_REQUESTS_SECONDS = 3
 """How long open requests may go on after a signal to stop."""
@@ -45,8 +44,6 @@ def serve(
     start_logging(settings.log_format, settings.log_level or "warning")
     if not settings.is_loopback:
         require_key(settings)
-    signal.signal(signal.SIGTERM, _stop)
-    signal.signal(signal.SIGINT, _stop)
     with _listen(settings.host, settings.port) as listener:
         migrate_database(settings)
         _serve(settings, listener)
@@ -73,42 +70,45 @@ def _serve(settings: Settings, listener: socket.socket) -> None:
 
     from service.app import create_app  # noqa: PLC0415
 
-    doorbell = Doorbell()
-
-    workers = LocalWorkers(settings, doorbell) if settings.workers else None
-
     class _Server(uvicorn.Server):
-        def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+            # It listens to signals itself by now; what came before is known here.
+            self.should_exit |= stop.is_asked
+            await super().startup(sockets)
+
+        async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
             if workers is not None:
                 workers.expect_end()
             # Workers hear it and finish; whoever waits for a job is answered as things stand.
             doorbell.close()
-            super().handle_exit(sig, frame)
+            await super().shutdown(sockets)
 
-    try:
-        config = uvicorn.Config(
-            create_app(
-                settings, doorbell=doorbell, local_worker=None if workers is None else workers.standing
-            ),
-            access_log=False,
-            log_config=None,
-            timeout_graceful_shutdown=FINISH_REQUESTS_SECONDS,
-        )
-        server = _Server(config)
-        host, port = listener.getsockname()[:2]
-        announce(f"serving http://{f'[{host}]' if ':' in host else host}:{port}, {settings.workers} workers")
-        # It listens to signals itself while it runs, and raises them anew at its end: _stop exits with 0.
-        server.run(sockets=[listener])
-        if not server.started:
-            raise typer.Exit(REFUSED)
-    finally:
-        if workers is not None:
-            workers.stop()
-        doorbell.close()
-
-
-def _stop(number: int, frame: FrameType | None) -> NoReturn:
-    raise SystemExit(0)
+    # From here on there is something to put in order before the end.
+    with StopAsked() as stop:
+        doorbell = Doorbell()
+        workers = LocalWorkers(settings, doorbell) if settings.workers else None
+        try:
+            config = uvicorn.Config(
+                create_app(
+                    settings, doorbell=doorbell, local_worker=None if workers is None else workers.standing
+                ),
+                access_log=False,
+                log_config=None,
+                timeout_graceful_shutdown=FINISH_REQUESTS_SECONDS,
+            )
+            server = _Server(config)
+            host, port = listener.getsockname()[:2]
+            announce(
+                f"serving http://{f'[{host}]' if ':' in host else host}:{port}, {settings.workers} workers"
+            )
+            # It raises the signals that it heard anew at its end: they were obeyed, and are only noted.
+            server.run(sockets=[listener])
+            if not server.started:
+                raise typer.Exit(REFUSED)
+        finally:
+            if workers is not None:
+                workers.stop()
+            doorbell.close()
 
 
 def _listen(host: str, port: int) -> socket.socket:

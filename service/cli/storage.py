@@ -11,10 +11,10 @@ from service.cli.common import (
     DatabaseUrl,
     fail,
     migrate_database,
-    say,
     settings_of,
 )
 from service.cli.keys import seconds_of
+from service.terminal import say
 
 BackupFile = Annotated[Path, typer.Argument(metavar="FILE", show_default=False)]
 

@@ -12,7 +12,8 @@ from service.cli.common import AsJson, Document, become_worker
 def sweep(
     file: Document,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="write the points: .parquet, .arrow or .csv")
+        Path | None,
+        typer.Option(metavar="FILE", help="write the points: .parquet, .arrow or .csv; - is CSV to stdout"),
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="processes; one for each processor")] = None,
     as_json: AsJson = False,
@@ -20,7 +21,7 @@ def sweep(
     """Compute a sweep here and now, without a database; Ctrl-C keeps what is done."""
     options = ["--json"] if as_json else []
     if out is not None:
-        options += ["--out", str(out)]
+        options.append(f"--out={out}")
     if workers is not None:
         options += ["--workers", str(workers)]
     become_worker(["sweep", *options, "--", str(file)], os.environ)

@@ -9,7 +9,7 @@ from sqlalchemy import text
 from typer.testing import CliRunner
 
 from service.app import create_app
-from service.cli.main import app
+from service.cli.commands import app
 from service.settings import Settings
 from service.storage.database import make_engine
 from service.storage.migration import migrate

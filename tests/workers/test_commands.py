@@ -21,9 +21,9 @@ def test_wrong_usage_ends_with_2(arguments, capsys):
     assert "usage" in capsys.readouterr().err
 
 
-def test_impossible_settings_end_with_1_and_the_reason(monkeypatch, capsys):
+def test_impossible_settings_end_with_2_and_the_reason(monkeypatch, capsys):
     monkeypatch.setenv("POLHODE_LEASE_SECONDS", "0")
-    assert main(["run"]) == 1
+    assert main(["run"]) == 2
     assert "lease_seconds" in capsys.readouterr().err
 
 

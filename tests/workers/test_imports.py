@@ -9,7 +9,7 @@ import sys
 
 CODE = """
 import sys
-import workers.__main__, workers.runner, workers.computation
+import workers.__main__, workers.commands, workers.runner, workers.computation
 print(*{name.partition(".")[0] for name in sys.modules} & {"fastapi", "starlette", "uvicorn"})
 """
 

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -12,9 +11,10 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from service.dynamics.accuracy import AccuracyTable
 from service.schemas.accuracy import AccuracyTableModel
-from service.settings import Settings
+from service.settings import read_settings
 from service.storage.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore
+from service.terminal import answer, say
 from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
 from workers.calibration.reference import NoReferenceError
 
@@ -22,22 +22,22 @@ from workers.calibration.reference import NoReferenceError
 def run(options: argparse.Namespace) -> int:
     """Measure, store and print the table; 0 if that was done, 1 if not."""
     effort = QUICK if options.quick else FULL
-    database = Database(Settings().database_url)
+    database = Database(read_settings().database_url)
     try:
         with _progress(effort) as step:
             table = calibrate(effort, step=step)
         AccuracyStore(database).add(table)
     except (ClaimExceededError, NoReferenceError) as fault:
-        sys.stderr.write(f"nothing is stored: {fault}\n")
+        say(f"nothing is stored: {fault}")
         return 1
     except SQLAlchemyError as fault:
         reason = str(getattr(fault, "orig", None) or fault).splitlines()[0]
-        sys.stderr.write(f"the table cannot be stored: {reason}\n")
+        say(f"the table cannot be stored: {reason}")
         return 1
     finally:
         database.close()
     text = json.dumps(AccuracyTableModel.of(table).model_dump()) if options.json else describe(table)
-    sys.stdout.write(text + "\n")
+    answer(text + "\n")
     return 0
 
 

@@ -2,14 +2,13 @@
 
 import logging
 import os
-import signal
-from types import FrameType
 
 from service.jobs.hosts import WorkerProcess, new_worker_name, this_host
 from service.jobs.wakeup import WorkerLine
 from service.logs import about
 from service.sandbox import Sandbox
 from service.settings import Settings
+from service.stopping import StopAsked
 from service.storage.database import Database
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
@@ -45,13 +44,15 @@ def run_worker(computations: Computations, settings: Settings, *, slots: int, wa
     presence = Presence(registry, worker, seconds=settings.lease_seconds)
     try:
         refuse_newer(database.engine)
-        presence.begin(alone=settings.engine == "local")
-        try:
-            with about(worker=worker.name):
-                logger.info("worker %s with %d slots", worker.name, slots)
-                _work(worker, presence, computations, settings, database, wake_fd)
-        finally:
-            presence.end()
+        # From here on there is something to put in order before the end.
+        with StopAsked() as stop:
+            presence.begin(alone=settings.engine == "local")
+            try:
+                with about(worker=worker.name):
+                    logger.info("worker %s with %d slots", worker.name, slots)
+                    _work(worker, presence, computations, settings, database, wake_fd, stop)
+            finally:
+                presence.end()
     finally:
         database.close()
 
@@ -63,6 +64,7 @@ def _work(
     settings: Settings,
     database: Database,
     wake_fd: int | None,
+    stop: StopAsked,
 ) -> None:
     limits = Limits(
         lease_seconds=settings.lease_seconds,
@@ -89,13 +91,10 @@ def _work(
         grace_seconds=settings.grace_seconds,
     )
 
-    def stop(number: int, frame: FrameType | None) -> None:
-        loop.stop()
-
-    signal.signal(signal.SIGTERM, stop)
-    signal.signal(signal.SIGINT, stop)
+    stop.tell(loop.stop)
     try:
-        sandbox.start()
+        if not stop.is_asked:
+            sandbox.start()
         loop.run()
     finally:
         sandbox.close()

@@ -3,13 +3,11 @@
 import argparse
 import json
 import os
-import signal
-import sys
 import time
 from collections import Counter
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 
 from rich.console import Console
 from rich.progress import (
@@ -26,13 +24,14 @@ from rich.text import Text
 from service.jobs.chunking import Range
 from service.sandbox import Sandbox
 from service.schemas.faults import InvalidProblemError
-from service.schemas.strict_json import InvalidJsonError, parse_json
 from service.schemas.sweep import Sweep
 from service.schemas.sweeps import read_sweep
-from service.settings import Settings
+from service.settings import Settings, read_settings
+from service.stopping import StopAsked
 from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, bounds_of
+from service.terminal import STANDARD_STREAM, answer, read_document, say
 from workers.sweeping.crew import Crew
-from workers.sweeping.files import SUFFIXES, WITH_LISTS, PointFile, open_points, table_of
+from workers.sweeping.files import SUFFIXES, WITH_LISTS, PointFile, opened_points, suffix_of, table_of
 
 _DONE, _FAILED, _WRONG_USAGE = 0, 1, 2
 
@@ -65,32 +64,32 @@ class Tally:
 def sweep(options: argparse.Namespace) -> int:
     """Compute the sweep of a file; 0 if all of its points are done, solved or not, 1 if some are missing."""
     out: Path | None = options.out
-    if out is not None and out.suffix not in SUFFIXES:
-        return _fail(f"{out}: unknown kind of file; accepted are {', '.join(SUFFIXES)}", _WRONG_USAGE)
+    if out is not None and suffix_of(out) not in SUFFIXES:
+        known = ", ".join(SUFFIXES)
+        return _fail(f"{out}: unknown kind of file; accepted are {known}, and - for CSV", _WRONG_USAGE)
+    if out == STANDARD_STREAM and options.json:
+        return _fail("--json and --out - both write to stdout; accepted is one of them", _WRONG_USAGE)
+    settings = read_settings()
+    document = read_document(options.file)
     try:
-        document = parse_json(options.file.read_bytes())
-        found = read_sweep(document, max_points=Settings().max_sweep_points)
-    except OSError as fault:
-        return _fail(f"{options.file}: {fault.strerror}", _FAILED)
-    except InvalidJsonError as fault:
-        return _fail(f"{options.file}: {fault}", _FAILED)
+        found = read_sweep(document, max_points=settings.max_sweep_points)
     except InvalidProblemError as refused:
         lines = (f"{fault.pointer or '/'}: {fault.message} ({fault.code})" for fault in refused.faults)
         return _fail("\n".join(lines), _FAILED)
-    if out is not None and found.series_columns and out.suffix not in WITH_LISTS:
-        return _fail(f"{out}: {out.suffix} has no series; {', '.join(WITH_LISTS)} have", _WRONG_USAGE)
-    try:
-        file = None if out is None else open_points(out, found)
-    except OSError as fault:
-        return _fail(f"{out}: {fault.strerror}", _FAILED)
-    return _run(options, found, document, file)
+    if out is not None and found.series_columns and suffix_of(out) not in WITH_LISTS:
+        return _fail(f"{out}: {suffix_of(out)} has no series; {', '.join(WITH_LISTS)} have", _WRONG_USAGE)
+    with ExitStack() as opened:
+        file = None if out is None else opened.enter_context(opened_points(out, found))
+        return _run(options, found, document, file, settings)
 
 
-def _run(options: argparse.Namespace, found: Sweep, document: object, file: PointFile | None) -> int:
-    settings, workers = Settings(), options.workers or os.cpu_count() or 1
+def _run(
+    options: argparse.Namespace, found: Sweep, document: object, file: PointFile | None, settings: Settings
+) -> int:
+    workers = options.workers or os.cpu_count() or 1
     sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.block"])
     crew = Crew(found, document, sandbox, workers=workers, seconds=settings.job_seconds)
-    stop, tally, began = _Stop(), Tally(), time.monotonic()
+    stop, tally, began = StopAsked(), Tally(), time.monotonic()
     try:
         with stop, _progress() as progress:
             task = progress.add_task("", total=found.points, refused=0)
@@ -102,33 +101,18 @@ def _run(options: argparse.Namespace, found: Sweep, document: object, file: Poin
                         file.write_table(table_of(found, first, points))
                 progress.update(task, completed=crew.computed, refused=tally.refused)
     finally:
-        if file is not None:
-            file.close()
         sandbox.close()
+    if file is not None:
+        file.close()
     seconds = time.monotonic() - began
-    sys.stdout.write(_as_json(found, tally, options.out, seconds) if options.json else "")
-    sys.stdout.write("" if options.json else _described(found, tally, options.out, seconds))
+    if options.json:
+        answer(_as_json(found, tally, options.out, seconds))
+    elif options.out == STANDARD_STREAM:
+        say(_described(found, tally, options.out, seconds).rstrip())
+    else:
+        answer(_described(found, tally, options.out, seconds))
     missing = crew.missing()
     return _fail(_told_missing(found, missing), _FAILED) if missing else _DONE
-
-
-class _Stop:
-    """Notes SIGINT and SIGTERM instead of being torn out of the writing of a file."""
-
-    def __init__(self) -> None:
-        self.is_asked = False
-
-    def __enter__(self) -> None:
-        self._before = {
-            number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)
-        }
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _note(self, _: int, __: FrameType | None) -> None:
-        self.is_asked = True
 
 
 class _RateColumn(ProgressColumn):
@@ -174,7 +158,7 @@ def _described(found: Sweep, tally: Tally, out: Path | None, seconds: float) -> 
     lines += [f"  {count:>12,}  {outcome}" for outcome, count in tally.outcomes.most_common()]
     width = max(map(len, tally.bounds), default=0)
     lines += [f"{name:<{width}}  {low!r} to {high!r}" for name, (low, high) in tally.bounds.items()]
-    if out is not None:
+    if out is not None and out.is_file():
         lines.append(f"written to {out} ({out.stat().st_size / 1e6:,.3g} MB)")
     return "\n".join(lines) + "\n"
 
@@ -188,5 +172,5 @@ def _told_missing(found: Sweep, missing: list[Range]) -> str:
 
 
 def _fail(reason: str, code: int) -> int:
-    sys.stderr.write(reason + "\n")
+    say(reason)
     return code

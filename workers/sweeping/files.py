@@ -1,6 +1,7 @@
 """Files of points, written as they come: Parquet, Arrow and CSV."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
@@ -12,6 +13,7 @@ from pyarrow import csv, ipc, parquet
 
 from service.schemas.sweep import Sweep
 from service.storage.sweeps.chunk_codec import ChunkPoints
+from service.terminal import STANDARD_STREAM, OutputFile
 
 FloatArray = NDArray[np.float64]
 
@@ -30,7 +32,7 @@ class PointFile(Protocol):
         ...
 
 
-_OPENERS: Mapping[str, Callable[[str, pa.Schema], PointFile]] = MappingProxyType(
+_OPENERS: Mapping[str, Callable[[OutputFile, pa.Schema], PointFile]] = MappingProxyType(
     {".parquet": parquet.ParquetWriter, ".arrow": ipc.new_file, ".csv": csv.CSVWriter}
 )
 SUFFIXES = tuple(_OPENERS)
@@ -38,9 +40,28 @@ WITH_LISTS = (".parquet", ".arrow")
 """Those that can hold series."""
 
 
-def open_points(path: Path, sweep: Sweep) -> PointFile:
-    """Return a new file in the format of the path's suffix, one of ``SUFFIXES``; raises OSError."""
-    return _OPENERS[path.suffix](str(path), schema_of(sweep))
+def suffix_of(path: Path) -> str:
+    """Return the suffix that says the format; stdout gets CSV."""
+    return ".csv" if path == STANDARD_STREAM else path.suffix
+
+
+@contextmanager
+def opened_points(path: Path, sweep: Sweep) -> Iterator[PointFile]:
+    """Open a new file in the format of the path's suffix, one of ``SUFFIXES``.
+
+    It is closed at the end in any case, so that what is in it can be read.
+
+    Raises
+    ------
+    FileFaultError
+        It cannot be opened; so every method, if it cannot be written.
+    """
+    with OutputFile(path) as output:
+        points = _OPENERS[suffix_of(path)](output, schema_of(sweep))
+        try:
+            yield points
+        finally:
+            points.close()
 
 
 def schema_of(sweep: Sweep) -> pa.Schema:

@@ -4,6 +4,7 @@ SQLite is copied by its own backup interface, Postgres by pg_dump and
 pg_restore: a dump of our own would be one more format to trust.
 """
 
+import contextlib
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,6 +29,8 @@ def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:
     BackupError
         The reason why there is none; an older file of that name is untouched.
     """
+    if file.is_dir():
+        raise BackupError(f"{file}: it is a directory")
     if file.exists() and not replace:
         raise BackupError(f"{file} exists already; another name, or --force")
     with _part_of(file) as part:
@@ -50,6 +53,8 @@ def restore(url: str, file: Path, *, force: bool = False) -> Contents:
         The file is no backup or of a later version, or the database has jobs
         and ``force`` is not given. The database is as it was.
     """
+    if file.is_dir():
+        raise BackupError(f"{file}: it is a directory")
     if not file.is_file():
         raise BackupError(f"{file}: there is no such file")
     revision = postgres_backup.revision(file) if _is_postgres(url) else sqlite_backup.revision(file)
@@ -85,11 +90,13 @@ def _part_of(file: Path) -> Iterator[Path]:
     part = file.with_name(f"{file.name}.part")
     try:
         part.unlink(missing_ok=True)
+        part.touch(mode=0o600)  # a folder that cannot be written is told in its own words
         yield part
     except OSError as fault:
         raise BackupError(f"{file}: {fault.strerror or fault}") from fault
     finally:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink()
 
 
 def _sync(path: Path) -> None:
