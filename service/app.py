@@ -82,7 +82,8 @@ def create_app(
             if doorbell is None:
                 bell.close()
 
-    app = FastAPI(title="polhode", lifespan=lifespan)
+    # The page that shows the interface is one of our own: those of FastAPI load scripts from other hosts.
+    app = FastAPI(title="polhode", lifespan=lifespan, docs_url=None, redoc_url=None)
     install(app)
     return app
 

@@ -23,6 +23,22 @@ DESCRIPTION = (
 )
 
 
+_REFUSAL = {
+    "type": "urn:polhode:problem:invalid_problem",
+    "title": "The document is not a problem",
+    "status": 422,
+    "detail": "/body/A: 0 is not positive; a moment of inertia is > 0",
+    "errors": [
+        {
+            "pointer": "/body/A",
+            "code": "invalid_inertia",
+            "message": "0 is not positive; a moment of inertia is > 0",
+        }
+    ],
+    "request_id": "019f0000-0000-7000-8000-000000000000",
+}
+
+
 def request_body(model: str, examples: Mapping[str, object], *, several: bool = False) -> dict[str, object]:
     """Return the OpenAPI extension of an endpoint whose JSON body is ``model``, or ``several`` of them."""
     schema: dict[str, object] = {"$ref": _TEMPLATE.format(model=model)}
@@ -65,7 +81,9 @@ def describe(app: FastAPI) -> dict[str, object]:
 
 def _describe_refusals(schemas: dict[str, dict[str, object]]) -> None:
     """Say what pydantic cannot: which fields every refusal has, and that a list's answer holds refusals."""
-    schemas["ProblemDetailsOut"]["required"] = ["type", "title", "status", "detail"]
+    problem = schemas["ProblemDetailsOut"]
+    problem["required"] = ["type", "title", "status", "detail"]
+    problem["examples"] = [_REFUSAL]
     properties = schemas["JobItemOut"]["properties"]
     assert isinstance(properties, dict)
     refusal = {"$ref": _TEMPLATE.format(model="ProblemDetailsOut")}

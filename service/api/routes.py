@@ -5,6 +5,7 @@ from fastapi.routing import APIRoute
 
 from service.api import (
     accuracy,
+    docs_page,
     enclosures,
     families,
     handlers,
@@ -39,6 +40,7 @@ def install(app: FastAPI) -> None:
             accuracy,
             health,
             metrics,
+            docs_page,
         )
     ]
     check_roles(routers)

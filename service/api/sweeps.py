@@ -38,7 +38,7 @@ EXAMPLES: dict[str, object] = {
             },
             "axes": [
                 {"pointer": "/potential/parameters/a", "values": [-2, -1]},
-                {"pointer": "/motion/lambda", "linspace": [0.1, 2, 1000]},
+                {"pointer": "/motion/lambda", "linspace": [0.6, 2, 1000]},
             ],
             "combine": "grid",
             "keep": ["period", "energy", "error"],

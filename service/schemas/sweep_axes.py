@@ -63,7 +63,7 @@ class LinearAxisIn(WireModel):
     """``n`` equidistant values from lo to hi, both included."""
 
     pointer: str = Field(description=_POINTER, max_length=200)
-    linspace: Span = Field(description="[lo, hi, n].", examples=[[0.1, 2, 1000]])
+    linspace: Span = Field(description="[lo, hi, n].", examples=[[0.6, 2, 1000]])
 
     def to_domain(self, _: int) -> Axis:
         """Return the axis."""

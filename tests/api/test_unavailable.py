@@ -31,8 +31,8 @@ BODIES = {
     "/v1/sweeps": json.loads((EXAMPLES / "sweep.json").read_text(encoding="utf-8")),
 }
 ROUTES = [(method, path) for path, roles in ACCESS.items() for method in roles if method != "HEAD"]
-WITHOUT_DATABASE = {"/livez", "/docs", "/docs/oauth2-redirect", "/redoc", "/openapi.json", "/v1/families"}
-WITHOUT_DATABASE |= {"/v1/validations"}
+WITHOUT_DATABASE = {"/livez", "/openapi.json", "/v1/families", "/v1/validations"}
+WITHOUT_DATABASE |= {path for _, path in ROUTES if path.startswith("/docs")}
 LIMITS = Limits(lease_seconds=60.0, job_seconds=60.0, memory_mb=500, max_attempts=3, retry_seconds=0.1)
 
 
