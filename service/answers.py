@@ -7,15 +7,18 @@ from service.dynamics.body import RigidBody
 from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.decomposition import Decomposition, decompose
 from service.dynamics.inverse.enclosures import Values
+from service.dynamics.inverse.named import Named, NamedFormulas
 from service.dynamics.inverse.projection import nearest_admissible
 from service.dynamics.inverse.terms import Terms
-from service.dynamics.potentials.general_solution import Quadrant
+from service.dynamics.potentials.general_solution import QUADRANTS, SIGNS, Quadrant
 from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import Problem, StateMotion, TimeList
 from service.dynamics.reduction.window import Window
 from service.dynamics.verdict.verdict import Verdict
 
 Document = dict[str, object]
 
+NAMELESS = NamedFormulas()
 W_POINTS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 G2_POINTS = (-0.9, -0.7, -0.5, -0.3, -0.1, 0.1, 0.3, 0.5, 0.7, 0.9)
 """Where a function without a formula is given by its values."""
@@ -29,13 +32,13 @@ class Points:
     g2: tuple[float, ...] = ()
 
 
-def verdict_document(verdict: Verdict, potential: Potential) -> Document:
+def verdict_document(body: RigidBody, verdict: Verdict, potential: Potential) -> Document:
     """Return the verdict without what takes further work: decomposition, nearest potential, motions."""
     counterexample, evidence = verdict.counterexample, verdict.evidence
     return {
         "verdict": verdict.verdict,
         "proof": verdict.proof,
-        "energy": _energy(verdict),
+        "energy": energy_document(body, verdict),
         "counterexample": None
         if counterexample is None
         else {
@@ -46,36 +49,97 @@ def verdict_document(verdict: Verdict, potential: Potential) -> Document:
         "decomposition": None,
         "nearest": None,
         "motions": None,
+        "plan": None,
         "warnings": [asdict(notice) for notice in potential.notices],
     }
 
 
-def decomposition_document(body: RigidBody, potential: Potential, points: Points) -> Document | None:
-    """Return F and G of an admissible potential, and their values at ``points``; None if it has none."""
+def plan_document(problem: Problem, window: Document | None) -> Document:
+    """Return what a job of ``problem`` would do; ``window`` is the one of its planar motion.
+
+    What only an installation knows is null: the expected seconds, and whether it has solved the problem.
+    """
+    is_state = isinstance(problem.motion, StateMotion)
+    method = problem.method if problem.method != "auto" else "integration" if is_state else "quadrature"
+    return {
+        "method": method,
+        "tier": problem.accuracy.tier,
+        "tolerance": problem.tolerance,
+        "samples": len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples,
+        "window": window,
+        "expected_seconds": None,
+        "solution": None,
+    }
+
+
+def decomposition_of(body: RigidBody, potential: Potential) -> Decomposition | None:
+    """Return F and G of an admissible potential, None if it has none."""
     try:
-        found = decompose(body, potential)
+        return decompose(body, potential)
     except NoDecompositionError:
         return None
+
+
+def decomposition_document(found: Decomposition, named: NamedFormulas, points: Points) -> Document:
+    """Return F and G with their names, and their values at ``points``."""
     at = Points(points.w or W_POINTS, points.g2 or G2_POINTS)
-    quadrants = list(found.F)
-    F = {q: found.F[q] or _numeric(at.w, found.F_at(q, at.w)) for q in quadrants}
-    G = {q: found.G[q] or _numeric(at.g2, found.G_at(q, at.g2)) for q in quadrants}
+    quadrants, named_F, named_G = list(found.F), named.F or {}, named.G or {}
+    parts: dict[Quadrant, Document] = {}
+    for q in quadrants:
+        F, G = found.F[q], found.G[q]
+        parts[q] = {
+            "F": _formula(F, named_F.get(q)) if F else _numeric(at.w, found.F_at(q, at.w)),
+            "G": _formula(G, named_G.get(q)) if G else _numeric(at.g2, found.G_at(q, at.g2)),
+            "terms": _terms(found.terms[q]),
+        }
     return {
-        "F": _shared(F),
-        "G": _shared(G),
+        "F": _shared([found.F[q] for q in quadrants]),
+        "F_named": _shared([named_F.get(q) for q in quadrants]),
+        "G": _shared([found.G[q] for q in quadrants]),
+        "G_named": _shared([named_G.get(q) for q in quadrants]),
         "reference_angle": found.reference_angle,
-        "terms": _shared({q: _terms(terms) for q, terms in found.terms.items()}),
+        "terms": _shared([parts[q]["terms"] for q in quadrants]),
+        "quadrants": {q: parts.get(q) for q in QUADRANTS},
         "values": None if points == Points() else {q: _values(found, q, points) for q in quadrants},
     }
 
 
-def nearest_document(body: RigidBody, potential: Potential) -> Document | None:
+def energy_document(
+    body: RigidBody, verdict: Verdict, found: Decomposition | None = None, named: NamedFormulas = NAMELESS
+) -> Document | None:
+    """Return h of an admissible potential, by its values where it has no formula; None if it is not known."""
+    formulas: Mapping[Quadrant, str] = verdict.energy_formulas or {}
+    if verdict.energy_formula is not None:
+        formulas = dict.fromkeys(QUADRANTS if found is None else found.F, verdict.energy_formula)
+    if not formulas and found is None:
+        return None
+    of_names = named.energies or dict.fromkeys(formulas, named.energy)
+    in_nu = body.A == 2 * body.C
+    quadrants: dict[Quadrant, Document] = {}
+    for q in formulas if found is None else found.F:
+        if q in formulas:
+            quadrants[q] = _formula(formulas[q], of_names.get(q))
+        elif found is not None:
+            curves = [SIGNS[q][0] * curve if in_nu else curve for curve in W_POINTS]
+            quadrants[q] = _numeric(curves, found.energy_at(q, curves))
+    return {
+        "h": verdict.energy_formula,
+        "h_named": named.energy,
+        "variable": "nu" if in_nu else "lambda",
+        "quadrants": {q: quadrants.get(q) for q in QUADRANTS},
+    }
+
+
+def nearest_document(body: RigidBody, potential: Potential, named: Named | None) -> Document | None:
     """Return the admissible polynomial nearest to a polynomial, exact; None if V is not one."""
     nearest = nearest_admissible(body, potential)
     if nearest is None:
         return None
-    distance = nearest.relative_squared_distance
-    return {"expression": nearest.expression, "relative_squared_distance": str(distance)}
+    return {
+        "expression": nearest.expression,
+        "expression_named": None if named is None else named.nearest(body, nearest, potential),
+        "relative_squared_distance": str(nearest.relative_squared_distance),
+    }
 
 
 def window_document(window: Window) -> Document:
@@ -89,16 +153,14 @@ def window_document(window: Window) -> Document:
     }
 
 
-def _energy(verdict: Verdict) -> Document | None:
-    if verdict.energy_formula is not None:
-        return {"h": verdict.energy_formula}
-    return None if verdict.energy_formulas is None else {"h": dict(verdict.energy_formulas)}
+def _shared(of_quadrants: Sequence[object]) -> object:
+    """Return what all quadrants have in common, None if they differ."""
+    first = next(iter(of_quadrants), None)
+    return first if all(other == first for other in of_quadrants) else None
 
 
-def _shared(by_quadrant: Mapping[Quadrant, object]) -> object:
-    """Return what all quadrants have in common, or each quadrant's own."""
-    first, *others = by_quadrant.values()
-    return first if all(other == first for other in others) else dict(by_quadrant)
+def _formula(text: str, named: str | None) -> Document:
+    return {"formula": text, "named": named, "numeric": False, "points": [], "error": None}
 
 
 def _terms(terms: Terms | None) -> Document | None:
@@ -112,7 +174,8 @@ def _numeric(at: Sequence[float], values: Values) -> Document:
     """Return the values where there are any."""
     rows = [row for row in _rows(at, values) if row[1] is not None]
     error = max((row[2] for row in rows if row[2] is not None), default=0.0)
-    return {"numeric": True, "points": [[x, value] for x, value, _ in rows], "error": error}
+    points = [[x, value] for x, value, _ in rows]
+    return {"formula": None, "named": None, "numeric": True, "points": points, "error": error}
 
 
 def _values(found: Decomposition, quadrant: Quadrant, points: Points) -> Document:

@@ -11,19 +11,26 @@ from collections.abc import Callable
 from flint import ctx
 
 from service.answers import (
+    NAMELESS,
     Document,
     Points,
     decomposition_document,
+    decomposition_of,
+    energy_document,
     nearest_document,
+    plan_document,
     verdict_document,
     window_document,
 )
 from service.dynamics.errors import DynamicsError
+from service.dynamics.inverse.curve_function import NoDecompositionError
+from service.dynamics.inverse.named import Named
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import (
     PRECISION,
+    NoSuchWindowError,
     SeveralWindowsError,
     choose_window,
     find_windows,
@@ -32,7 +39,7 @@ from service.dynamics.reduction.windows import (
 from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.faults import InvalidProblemError
-from service.schemas.problem import read_problem, read_question
+from service.schemas.problem import Question, read_problem, read_question
 
 Answer = Document
 
@@ -40,7 +47,10 @@ _POTENTIAL = "/potential"
 
 
 def examine_question(document_json: str) -> str:
-    """Answer a validation: ``{"verdict": …}`` or ``{"error": {code, detail, pointer, …}}``, as JSON."""
+    """Answer a validation: ``{"verdict": …}`` or ``{"error": {code, detail, pointer, …}}``, as JSON.
+
+    A whole problem is judged by what judges jobs: its error is that of :func:`examine_problem`.
+    """
     return _answer(document_json, _judge_question)
 
 
@@ -78,7 +88,7 @@ def _answer_to(document: object, judge: Callable[[object], Answer]) -> Answer:
     except InvalidProblemError as error:
         faults = [{"pointer": f.pointer, "code": f.code, "message": f.message} for f in error.faults]
         return _error("invalid_problem", str(error), faults=faults)
-    except SeveralWindowsError as error:
+    except (SeveralWindowsError, NoSuchWindowError) as error:
         windows = [window_document(window) for window in error.windows]
         return _error(error.code, error.message, error.pointer, windows=windows)
     except DynamicsError as error:
@@ -87,17 +97,59 @@ def _answer_to(document: object, judge: Callable[[object], Answer]) -> Answer:
 
 def _judge_question(document: object) -> Answer:
     question = read_question(document)
+    if question.problem is not None and isinstance(question.motion, StateMotion):
+        return {"verdict": None}
     verdict = decide(question.body, question.potential)
-    answer = verdict_document(verdict, question.potential)
+    answer = verdict_document(question.body, verdict, question.potential)
+    refusal = _refusal(verdict, answer) if question.problem is not None else None
+    if refusal is not None:
+        return refusal
     if verdict.verdict == "inadmissible":
-        return {"verdict": {**answer, "nearest": nearest_document(question.body, question.potential)}}
-    if verdict.verdict == "admissible":
-        points = Points(question.w, question.g2)
-        answer["decomposition"] = decomposition_document(question.body, question.potential, points)
+        nearest = nearest_document(question.body, question.potential, _named(question))
+        return {"verdict": {**answer, "nearest": nearest}}
     if isinstance(question.motion, PlanarMotion):
-        found = find_windows(question.body, question.potential, question.motion)
+        with ctx.workprec(PRECISION):
+            found = find_windows(question.body, question.potential, question.motion)
+            chosen = _require_asked(question, question.motion, found)
         answer["motions"] = [window_document(window) for window in found]
+        if question.problem is not None and chosen is not None:
+            answer["plan"] = plan_document(question.problem.problem, window_document(chosen))
+    if verdict.verdict == "admissible":
+        answer |= _formulas(question, verdict)
     return {"verdict": answer}
+
+
+def _formulas(question: Question, verdict: Verdict) -> Document:
+    """Return what is known of the functions of an admissible potential: h, F and G."""
+    body, found = question.body, decomposition_of(question.body, question.potential)
+    # Names are put in where a proof for all their values can be had, which is none without one for these.
+    named = _named(question) if verdict.proof == "symbolic" else None
+    formulas = NAMELESS if named is None else named.formulas(body, found, question.potential)
+    points = Points(question.w, question.g2)
+    try:
+        return {
+            "energy": energy_document(body, verdict, found, formulas),
+            "decomposition": None if found is None else decomposition_document(found, formulas, points),
+        }
+    except NoDecompositionError:
+        # Without a proof it shows only when values are computed.
+        return {"energy": energy_document(body, verdict, None, formulas)}
+
+
+def _named(question: Question) -> Named | None:
+    return None if question.stated is None else question.stated.named(question.body)
+
+
+def _require_asked(question: Question, motion: PlanarMotion, windows: tuple[Window, ...]) -> Window | None:
+    """Return the window that is asked for, None if all are; raise what a job would end with."""
+    if question.problem is not None:
+        return _require_motion(question.problem.problem, motion, windows)
+    if motion.window is None and (motion.start is None or len(windows) != 1):
+        return None
+    window = choose_window(windows, motion)
+    if motion.start is not None:
+        starting_point(window, motion)
+    return window
 
 
 def _judge_problem(document: object, known: dict[str, Verdict] | None = None) -> Answer:
@@ -110,7 +162,18 @@ def _judge_problem(document: object, known: dict[str, Verdict] | None = None) ->
     if setting not in known:
         known[setting] = decide(problem.body, problem.potential)
     verdict = known[setting]
-    answer = verdict_document(verdict, problem.potential)
+    answer = verdict_document(problem.body, verdict, problem.potential)
+    refusal = _refusal(verdict, answer)
+    if refusal is not None:
+        return refusal
+    with ctx.workprec(PRECISION):
+        windows = find_windows(problem.body, problem.potential, problem.motion)
+        window = _require_motion(problem, problem.motion, windows)
+    return {"verdict": {**answer, "motions": [window_document(window)]}}
+
+
+def _refusal(verdict: Verdict, answer: Document) -> Answer | None:
+    """Return what a planar motion is refused with if its potential is not proved to have any."""
     if verdict.verdict == "inadmissible":
         detail = (
             "the potential does not satisfy the compatibility equation, hence there is no family of motions "
@@ -120,18 +183,15 @@ def _judge_problem(document: object, known: dict[str, Verdict] | None = None) ->
     if verdict.verdict == "undecided":
         detail = "neither a proof nor a counterexample was found within the precision that was tried"
         return _error("undecided_potential", detail, _POTENTIAL, evidence=answer["evidence"])
-    window = _require_motion(problem, problem.motion)
-    return {"verdict": {**answer, "motions": [window_document(window)]}}
+    return None
 
 
-def _require_motion(problem: Problem, motion: PlanarMotion) -> Window:
+def _require_motion(problem: Problem, motion: PlanarMotion, windows: tuple[Window, ...]) -> Window:
     """Return the window of the motion, or raise what its job would end with."""
-    with ctx.workprec(PRECISION):
-        windows = find_windows(problem.body, problem.potential, motion)
-        window = choose_window(windows, motion)
-        if problem.method != "integration":
-            require_inside_domain(window)
-        starting_point(window, motion)
+    window = choose_window(windows, motion)
+    if problem.method != "integration":
+        require_inside_domain(window)
+    starting_point(window, motion)
     if window.kind != "periodic" and isinstance(problem.time, TimePeriods):
         raise PeriodNeededError(
             f"the motion in window {window.index} has no period ({window.kind}); "

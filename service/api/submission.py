@@ -14,7 +14,7 @@ from service.api.limits import check_problem_samples
 from service.api.resources import Resources
 from service.dynamics.accuracy import AccuracyTable
 from service.dynamics.errors import DynamicsError
-from service.dynamics.problem import PlanarMotion
+from service.dynamics.problem import PlanarMotion, Problem
 from service.examination import examine_problem, examine_problems
 from service.jobs.keys import ApiKey
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
@@ -43,14 +43,15 @@ class Accepted:
 
     document: _Document
     digest: str
+    problem: Problem
 
 
 def accept(inside: Resources, document: object, holder: ApiKey | None) -> Accepted:
     """Check and examine one problem; a budget is turned into a tier. Raises what refuses it."""
     checked, given = _check(inside, document)
     inside.limits.reserve_jobs(holder)
-    verdict = examine(inside, examine_problem, given) if _needs_verdict(checked) else None
-    return _accepted(given, checked, verdict, _table_for(inside, [checked]))
+    verdict = examine(inside, examine_problem, given) if needs_verdict(checked) else None
+    return settle(given, checked, window_of(verdict), _table_for(inside, [checked]))
 
 
 def accept_many(
@@ -75,14 +76,14 @@ def accept_many(
             answers[index] = refusal_of(fault)
     if given:
         inside.limits.reserve_jobs(holder, len(given))
-    verdicts = _examine(inside, {k: each for k, (checked, each) in given.items() if _needs_verdict(checked)})
+    verdicts = _examine(inside, {k: each for k, (checked, each) in given.items() if needs_verdict(checked)})
     table = _table_for(inside, [checked for checked, _ in given.values()])
     for index, (checked, document) in given.items():
         verdict = verdicts.get(index)
         if isinstance(verdict, ApiError):
             answers[index] = verdict
         else:
-            answers[index] = _accepted(document, checked, verdict, table)
+            answers[index] = settle(document, checked, window_of(verdict), table)
     return [answer for answer in answers if answer is not None]
 
 
@@ -93,7 +94,8 @@ def _check(inside: Resources, document: object) -> tuple[CheckedProblem, _Docume
     return checked, document
 
 
-def _needs_verdict(checked: CheckedProblem) -> bool:
+def needs_verdict(checked: CheckedProblem) -> bool:
+    """Whether a problem is queued only after its potential and its motion have been examined."""
     return isinstance(checked.problem.motion, PlanarMotion)
 
 
@@ -103,14 +105,18 @@ def _table_for(inside: Resources, problems: Sequence[CheckedProblem]) -> Accurac
     return AccuracyStore(inside.database).current() if has_budgets else None
 
 
-def _accepted(
-    document: _Document, checked: CheckedProblem, verdict: _Verdict, table: AccuracyTable | None
+def settle(
+    document: _Document, checked: CheckedProblem, window: _Verdict, table: AccuracyTable | None
 ) -> Accepted:
+    """Return what is queued: the problem, its budget turned into a tier.
+
+    ``window`` is the one of a planar motion, ``table`` what budgets are judged by.
+    """
     if checked.problem.accuracy.budget_seconds is not None and table is not None:
-        choice = choose_tier(checked.problem, window_of(verdict), table)
+        choice = choose_tier(checked.problem, window, table)
         document = with_tier(document, choice)
         checked = check_problem(document)
-    return Accepted(document, problem_digest(checked.canonical))
+    return Accepted(document, problem_digest(checked.canonical), checked.problem)
 
 
 def _examine(inside: Resources, documents: Mapping[int, _Document]) -> dict[int, _Verdict | ApiError]:

@@ -1,16 +1,24 @@
 """POST /v1/validations: a verdict, and nothing is stored."""
 
+from collections.abc import Mapping
+
 from fastapi import APIRouter, Response
 
+from service.answers import plan_document
 from service.api.documentation import request_body
 from service.api.examining import examine
+from service.api.limits import check_problem_samples
 from service.api.queries import without_query
 from service.api.requests import Body, read_json
-from service.api.resources import Inside
+from service.api.resources import Inside, Resources
 from service.api.responses import json_response, refusals
+from service.api.submission import needs_verdict, settle
 from service.examination import examine_question
-from service.schemas.problem import read_question
+from service.schemas.budgets import seconds_of
+from service.schemas.problem import CheckedProblem, read_question
+from service.schemas.sections import ProblemIn
 from service.schemas.verdict import VerdictOut
+from service.storage.solutions.accuracy_store import AccuracyStore
 
 router = APIRouter(prefix="/v1/validations", tags=["validations"])
 
@@ -26,6 +34,15 @@ EXAMPLES: dict[str, object] = {
             "motion": {"type": "planar", "lambda": 1},
         }
     },
+    "whole problem": {
+        "value": {
+            "body": {"A": 2, "C": 1},
+            "potential": {"type": "gravity", "a": -1},
+            "motion": {"type": "planar", "lambda": 1},
+            "time": {"periods": 1, "samples": 101},
+            "accuracy": {"tolerance": 1e-12},
+        }
+    },
     "inadmissible": {"value": {"body": {"A": 2, "C": 1}, "potential": {"type": "gravity", "a": 1, "b": 1}}},
 }
 
@@ -38,8 +55,41 @@ EXAMPLES: dict[str, object] = {
     dependencies=[without_query],
 )
 def validate(content: Body, inside: Inside) -> Response:
-    """Say whether a potential admits planar motions, how that is known, and which motions there are."""
+    """Say whether a potential admits planar motions, how that is known, and which motions there are.
+
+    A document with a motion and times is a whole problem. It is refused with
+    whatever `POST /v1/jobs` would refuse it with; else `plan` says what its job
+    would do. Nothing is stored.
+    """
     document = read_json(content)
-    read_question(document)
-    verdict = examine(inside, examine_question, document)
-    return json_response(VerdictOut.model_validate(verdict))
+    question = read_question(document)
+    assert isinstance(document, dict)
+    if question.problem is None:
+        verdict = examine(inside, examine_question, document)
+        return json_response(VerdictOut.model_validate(verdict))
+    check_problem_samples(question.problem.problem, inside.settings)
+    if needs_verdict(question.problem):
+        verdict = examine(inside, examine_question, document)
+    else:
+        plan = plan_document(question.problem.problem, None)
+        verdict = {**dict.fromkeys(VerdictOut.model_fields), "warnings": [], "plan": plan}
+    assert verdict is not None
+    plan = _completed(inside, document, question.problem, verdict["plan"])
+    return json_response(VerdictOut.model_validate({**verdict, "plan": plan}))
+
+
+def _completed(
+    inside: Resources, document: Mapping[str, object], checked: CheckedProblem, plan: object
+) -> dict[str, object]:
+    """Return the plan of a job with what this installation knows of it."""
+    assert isinstance(plan, dict)
+    window, table = plan["window"], AccuracyStore(inside.database).current()
+    problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
+    accepted = settle(problem, checked, window, table)
+    return {
+        **plan,
+        "tier": accepted.problem.accuracy.tier,
+        "tolerance": accepted.problem.tolerance,
+        "expected_seconds": seconds_of(accepted.problem, window, table),
+        "solution": inside.solutions.of_problem(accepted.digest),
+    }

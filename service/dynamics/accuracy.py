@@ -150,6 +150,12 @@ def best_tier(
     return TierChoice(cheapest, seconds[cheapest], fits=False)
 
 
+def expected_seconds(table: AccuracyTable, tier: Tier, samples: int, kind: MotionKind) -> float | None:
+    """Return what ``tier`` takes for motions of ``kind`` by the slowest row alike; None if there is none."""
+    rows = [row for row in _alike(table, kind, None) if row.tier == tier]
+    return max(row.seconds_for(samples) for row in rows) if rows else None
+
+
 def motion_kind(kind: str, ends: Sequence[str]) -> MotionKind:
     """Return the kind of a planar motion by the kind and the ends of its window."""
     if kind != "periodic":

@@ -2,7 +2,14 @@
 
 from collections.abc import Mapping
 
-from service.dynamics.accuracy import AccuracyTable, MotionKind, TierChoice, best_tier, motion_kind
+from service.dynamics.accuracy import (
+    AccuracyTable,
+    MotionKind,
+    TierChoice,
+    best_tier,
+    expected_seconds,
+    motion_kind,
+)
 from service.dynamics.problem import Problem, StateMotion, TimeList
 
 Document = Mapping[str, object]
@@ -23,14 +30,27 @@ def choose_tier(problem: Problem, window: Document | None, table: AccuracyTable)
     budget = problem.accuracy.budget_seconds
     if budget is None:
         raise ValueError("the problem has no budget")
-    samples = len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples
-    is_integrated = isinstance(problem.motion, StateMotion) or problem.method == "integration"
-    return best_tier(table, budget, samples, "any state" if is_integrated else _kind(window))
+    return best_tier(table, budget, _samples(problem), _kind_of(problem, window))
+
+
+def seconds_of(problem: Problem, window: Document | None, table: AccuracyTable) -> float | None:
+    """Return what the tier of ``problem`` is expected to take, None if the table has no such tier."""
+    kind = _kind_of(problem, window)
+    return expected_seconds(table, problem.accuracy.tier, _samples(problem), kind)
 
 
 def with_tier(document: Document, choice: TierChoice) -> dict[str, object]:
     """Return a problem document with the tier in place of its budget."""
     return {**document, "accuracy": {"tier": choice.tier}}
+
+
+def _samples(problem: Problem) -> int:
+    return len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples
+
+
+def _kind_of(problem: Problem, window: Document | None) -> MotionKind:
+    is_integrated = isinstance(problem.motion, StateMotion) or problem.method == "integration"
+    return "any state" if is_integrated else _kind(window)
 
 
 def _kind(window: Document | None) -> MotionKind:

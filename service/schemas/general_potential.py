@@ -12,9 +12,11 @@ from service.dynamics.exact import exact_number
 from service.dynamics.formula.errors import UndefinedConstantError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.potentials.bound_formula import bound_formula
+from service.dynamics.formula.tree import Tree
+from service.dynamics.inverse.named import CURVE_NAMES, Named, NamedSolution
+from service.dynamics.potentials.bound_formula import bound_formula, named_formula
 from service.dynamics.potentials.general import FormulaText, general_potential
-from service.dynamics.potentials.general_solution import QUADRANTS
+from service.dynamics.potentials.general_solution import QUADRANTS, Quadrant
 from service.dynamics.potentials.potential import Potential
 from service.schemas.faults import Fault, fault_of
 from service.schemas.numbers import read_exact, refuse
@@ -78,6 +80,21 @@ class GeneralIn(FormulaModel):
         """Return the potential; raises what :func:`general_potential` raises."""
         F, G = self._formula("F"), self._formula("G")
         return general_potential(body, F, G, self.parameters, self.reference_angle)
+
+    def named(self, body: RigidBody) -> Named | None:
+        """Return F and G as they were stated, on every quadrant."""
+        if not self.parameters or CURVE_NAMES & set(self.parameters):
+            return None
+        trees: dict[str, dict[Quadrant, Tree]] = {}
+        for function, variable in _VARIABLES.items():
+            given = self._formula(function)
+            trees[function] = {
+                quadrant: named_formula(
+                    given if isinstance(given, str) else given[quadrant], (variable,), self.parameters, body
+                )
+                for quadrant in QUADRANTS
+            }
+        return NamedSolution(trees["F"], trees["G"])
 
     def canonical(self) -> dict[str, object]:
         """Return the document, with the formulas printed anew and one for equal ones."""

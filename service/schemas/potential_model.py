@@ -1,7 +1,7 @@
 """What the potentials of the wire have in common."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from typing import Annotated
 
@@ -10,6 +10,7 @@ from pydantic import Field
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.errors import UndefinedConstantError
+from service.dynamics.inverse.named import Named, NamedSum, sum_of_parts
 from service.dynamics.potentials.potential import Potential
 from service.schemas.choices import WireModel
 from service.schemas.faults import Fault
@@ -38,6 +39,11 @@ class PotentialModel(WireModel, ABC):
     def canonical(self) -> dict[str, object]:
         """Return the document in the one form of all documents that state the same."""
 
+    def named(self, body: RigidBody) -> Named | None:
+        """Return what the potential is made of with the names of its parameters, None if it has none."""
+        del body
+        return None
+
     def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
         """Yield everything that keeps this from being a potential of ``body``."""
         try:
@@ -56,6 +62,14 @@ class PotentialModel(WireModel, ABC):
         The body is None if it could not be read either.
         """
         yield from ()
+
+
+def named_coefficients(
+    coefficients: Mapping[str, Fraction], part: Callable[[str], Potential]
+) -> NamedSum | None:
+    """Return the sum of coefficients times parts; those that are 0 are left out."""
+    values = {name: value for name, value in coefficients.items() if value}
+    return sum_of_parts(values, tuple((name, part(name)) for name in values))
 
 
 class FormulaModel(PotentialModel):

@@ -12,7 +12,10 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.limits import MAX_CHARACTERS
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
+from service.dynamics.formula.tree import VARIABLES
+from service.dynamics.inverse.named import Named, named_sum
 from service.dynamics.potentials import homogeneous
+from service.dynamics.potentials.bound_formula import named_formula
 from service.dynamics.potentials.coefficients import MAX_TERMS
 from service.dynamics.potentials.expression import expression_potential
 from service.dynamics.potentials.gravity import gravity_potential
@@ -23,7 +26,12 @@ from service.schemas.choices import TAG_MARK, require_kind, tag_by_type
 from service.schemas.faults import Fault, fault_of
 from service.schemas.general_potential import GeneralIn
 from service.schemas.numbers import Exact, read_exact
-from service.schemas.potential_model import FormulaModel, PotentialModel, stand_in_parameters
+from service.schemas.potential_model import (
+    FormulaModel,
+    PotentialModel,
+    named_coefficients,
+    stand_in_parameters,
+)
 
 
 class ExpressionIn(FormulaModel):
@@ -39,6 +47,10 @@ class ExpressionIn(FormulaModel):
     def to_domain(self, body: RigidBody) -> Potential:
         """Return the potential; raises what :func:`expression_potential` raises."""
         return expression_potential(self.expression, self.parameters, body)
+
+    def named(self, body: RigidBody) -> Named | None:
+        """Return the terms of the formula with the products of parameters before them."""
+        return named_sum(named_formula(self.expression, VARIABLES, self.parameters, body), self.parameters)
 
     def canonical(self) -> dict[str, object]:
         """Return the document, with the formula printed anew and the parameters in order."""
@@ -83,6 +95,15 @@ class GravityIn(PotentialModel):
         """Return the potential."""
         return gravity_potential(self.a, self.b, self.c)
 
+    def named(self, _: RigidBody) -> Named | None:
+        """Return a g1, b g2 and c g3."""
+
+        def part(name: str) -> Potential:
+            a, b, c = (Fraction(int(name == each)) for each in ("a", "b", "c"))
+            return gravity_potential(a, b, c)
+
+        return named_coefficients({"a": self.a, "b": self.b, "c": self.c}, part)
+
     def canonical(self) -> dict[str, object]:
         """Return the document with every field."""
         return {"type": self.type, "a": str(self.a), "b": str(self.b), "c": str(self.c)}
@@ -103,6 +124,16 @@ class RationalIn(PotentialModel):
         """Return the potential, or raise :class:`RationalBodyError` unless A = 2C."""
         require_rational_body(body)
         return rational_potential(self.a, self.b, self.c)
+
+    def named(self, _: RigidBody) -> Named | None:
+        """Return the terms with the coefficients a1, a2, …, b1, …, c1, … before them."""
+        lists = {"a": self.a, "b": self.b, "c": self.c}
+
+        def part(name: str) -> Potential:
+            a, b, c = (_unit(name, letter, start=1) for letter in lists)
+            return rational_potential(a, b, c)
+
+        return named_coefficients(_numbered(lists, start=1), part)
 
     def canonical(self) -> dict[str, object]:
         """Return the document; zeros at the ends of the lists say nothing and go."""
@@ -129,6 +160,16 @@ class HomogeneousIn(PotentialModel):
         """Return the document; zeros at the ends of the lists say nothing and go."""
         lists = {"A": self.A, "B": self.B, "C": self.C, "log": self.log}
         return {"type": self.type} | {name: _trimmed(values) for name, values in lists.items()}
+
+    def named(self, body: RigidBody) -> Named | None:
+        """Return the terms with the coefficients A0, A1, …, B0, …, C0, …, log0, … before them."""
+        lists = {"A": self.A, "B": self.B, "C": self.C, "log": self.log}
+
+        def part(name: str) -> Potential:
+            units = {letter: _unit(name, letter, start=0) for letter in lists}
+            return homogeneous.homogeneous_potential(body, **units)
+
+        return named_coefficients(_numbered(lists, start=0), part)
 
     def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
         """Yield every coefficient that has no term."""
@@ -162,6 +203,21 @@ PotentialIn = Annotated[
     Discriminator(tag_by_type),
     BeforeValidator(require_kind(tuple(MODELS), models=MODELS)),
 ]
+
+
+def _numbered(lists: Mapping[str, Sequence[Fraction]], *, start: int) -> dict[str, Fraction]:
+    """Return the coefficients of lists by names such as a1, the number that of the term."""
+    return {
+        f"{letter}{n}": value
+        for letter, coefficients in lists.items()
+        for n, value in enumerate(coefficients, start=start)
+    }
+
+
+def _unit(name: str, letter: str, *, start: int) -> list[Fraction]:
+    """Return the list ``letter`` whose one coefficient other than 0 has ``name``."""
+    number = name.removeprefix(letter)
+    return [Fraction(0)] * (int(number) - start) + [Fraction(1)] if number.isdigit() else []
 
 
 def _trimmed(coefficients: Sequence[Fraction]) -> list[str]:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from service.dynamics.body import RigidBody
 from service.dynamics.numerics import NUMERICS
@@ -40,11 +40,15 @@ class CheckedProblem:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What a verdict is asked on; the motion may be missing."""
+    """What a verdict is asked on."""
 
     body: RigidBody
     potential: Potential
     motion: PlanarMotion | StateMotion | None
+    problem: CheckedProblem | None = None
+    """If motion and times are given."""
+    stated: PotentialModel | None = None
+    """The potential as it was stated, with the names of its parameters."""
     w: tuple[float, ...] = ()
     """Where F is wanted by its values."""
     g2: tuple[float, ...] = ()
@@ -79,26 +83,66 @@ def problem_digest(canonical: Mapping[str, object]) -> str:
 
 def check_problem(document: object) -> CheckedProblem:
     """Return the problem and its canonical document; raises as :func:`read_problem`."""
-    parts, faults = read_parts(document, ProblemIn)
-    faults += combination_faults(document, parts)
-    body, potential = read_setting(document, parts, faults)
-    match (body, potential, parts):
-        case (
-            RigidBody(),
-            Potential(),
-            {
-                "body": BodyIn() as body_in,
-                "potential": PotentialModel() as potential_in,
-                "motion": (PlanarMotionIn() | StateMotionIn()) as motion_in,
-                "time": (TimeSpanIn() | TimePeriodsIn() | TimeListIn()) as time_in,
-                "accuracy": (ToleranceIn() | TierIn() | BudgetIn()) as accuracy_in,
-                "method": ("auto" | "quadrature" | "integration" | "both") as method,
-                "outputs": list(wanted),
-            },
-        ) if not faults:
-            outputs = tuple(name for name in OUTPUTS if name in wanted)
-            return CheckedProblem(
-                Problem(
+    reading = _read(document, ProblemIn)
+    checked = None if reading.faults else reading.problem()
+    if checked is None:
+        raise InvalidProblemError(each_once(reading.faults))
+    return checked
+
+
+def read_question(document: object) -> Question:
+    """Return what a verdict is asked on; with a motion and times it is a whole problem.
+
+    Every part is judged by the rules of :func:`check_problem`.
+
+    Raises
+    ------
+    InvalidProblemError
+        Holds every fault that was found.
+    """
+    reading = _read(document, ValidationIn)
+    body, potential = reading.body, reading.potential
+    if body is None or potential is None or reading.faults:
+        raise InvalidProblemError(each_once(reading.faults))
+    motion_in, points = reading.parts.get("motion"), reading.parts.get("points")
+    motion = motion_in.to_domain() if isinstance(motion_in, PlanarMotionIn | StateMotionIn) else None
+    stated = reading.parts.get("potential")
+    question = Question(body, potential, motion, reading.problem())
+    if isinstance(stated, PotentialModel):
+        question = replace(question, stated=stated)
+    if not isinstance(points, PointsIn):
+        return question
+    w, g2 = (tuple(map(float, values)) for values in (points.w, points.g2))
+    return replace(question, w=w, g2=g2)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """What could be read of a document, and everything that speaks against it."""
+
+    parts: dict[str, object]
+    body: RigidBody | None
+    potential: Potential | None
+    faults: list[Fault]
+
+    def problem(self) -> CheckedProblem | None:
+        """Return the problem, None if a part of it is missing."""
+        match (self.body, self.potential, self.parts):
+            case (
+                RigidBody() as body,
+                Potential() as potential,
+                {
+                    "body": BodyIn() as body_in,
+                    "potential": PotentialModel() as potential_in,
+                    "motion": (PlanarMotionIn() | StateMotionIn()) as motion_in,
+                    "time": (TimeSpanIn() | TimePeriodsIn() | TimeListIn()) as time_in,
+                    "accuracy": (ToleranceIn() | TierIn() | BudgetIn()) as accuracy_in,
+                    "method": ("auto" | "quadrature" | "integration" | "both") as method,
+                    "outputs": list(wanted),
+                },
+            ):
+                outputs = tuple(name for name in OUTPUTS if name in wanted)
+                problem = Problem(
                     body,
                     potential,
                     motion_in.to_domain(),
@@ -106,8 +150,8 @@ def check_problem(document: object) -> CheckedProblem:
                     accuracy_in.to_domain(),
                     method,
                     outputs,
-                ),
-                {
+                )
+                canonical: dict[str, object] = {
                     "body": body_in.canonical(),
                     "potential": potential_in.canonical(),
                     "motion": motion_in.canonical(),
@@ -115,31 +159,16 @@ def check_problem(document: object) -> CheckedProblem:
                     "accuracy": accuracy_in.canonical(),
                     "method": method,
                     "outputs": list(outputs),
-                },
-            )
-    raise InvalidProblemError(each_once(faults))
+                }
+                return CheckedProblem(problem, canonical)
+        return None
 
 
-def read_question(document: object) -> Question:
-    """Return what a verdict is asked on.
-
-    Raises
-    ------
-    InvalidProblemError
-        Holds every fault that was found.
-    """
-    parts, faults = read_parts(document, ValidationIn)
+def _read(document: object, model: type[ProblemIn | ValidationIn]) -> _Reading:
+    parts, faults = read_parts(document, model)
     faults += combination_faults(document, parts)
     body, potential = read_setting(document, parts, faults)
-    motion_in = parts.get("motion")
-    if isinstance(body, RigidBody) and isinstance(potential, Potential) and not faults:
-        motion = motion_in.to_domain() if isinstance(motion_in, PlanarMotionIn | StateMotionIn) else None
-        points = parts.get("points")
-        if not isinstance(points, PointsIn):
-            return Question(body, potential, motion)
-        w, g2 = (tuple(map(float, values)) for values in (points.w, points.g2))
-        return Question(body, potential, motion, w, g2)
-    raise InvalidProblemError(each_once(faults))
+    return _Reading(parts, body, potential, faults)
 
 
 def each_once(faults: list[Fault]) -> list[Fault]:

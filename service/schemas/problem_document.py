@@ -24,7 +24,7 @@ class ProblemDetailsOut(ResponseModel):
     errors: list[FaultOut] = Field(description="Every fault of the request.")
     counterexample: CounterexampleOut = Field(description="With `inadmissible_potential`.")
     evidence: EvidenceOut = Field(description="With `undecided_potential`.")
-    windows: list[MotionWindowOut] = Field(description="With `several_windows`.")
+    windows: list[MotionWindowOut] = Field(description="With `several_windows` and `no_such_window`.")
     items: list[JobItemOut] = Field(
         description="With `no_problem_accepted`: what refuses each problem of the list, in its order."
     )

@@ -163,11 +163,22 @@ class PointsIn(WireModel):
 
 
 class ValidationIn(WireModel):
-    """A body and a potential, and perhaps a motion: what ``POST /v1/validations`` takes."""
+    """A body and a potential, and perhaps a motion or a whole problem: what ``POST /v1/validations`` takes.
+
+    With a motion and times it is a problem, and judged as ``POST /v1/jobs`` would judge it.
+    """
 
     body: BodyIn = Field(description="The rigid body.")
     potential: PotentialIn = Field(description="The potential that is judged.")
     motion: MotionIn | None = Field(default=None, description="With it, its windows are told.")
+    time: TimeIn | None = Field(default=None, description="With it and a motion it is a whole problem.")
+    accuracy: AccuracyIn = Field(
+        default_factory=lambda: TierIn(tier="standard"), description="Of a whole problem, as for jobs."
+    )
+    method: Method = Field(default="auto", description="Of a whole problem, as for jobs.")
+    outputs: Annotated[list[OutputName], Field(min_length=1, max_length=20)] = Field(
+        default_factory=lambda: list(DEFAULT_OUTPUTS), description="Of a whole problem, as for jobs."
+    )
     points: PointsIn | None = Field(
         default=None, description="With it, the values of F and G there are told."
     )

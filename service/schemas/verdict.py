@@ -21,14 +21,6 @@ QuadrantOut = Literal["pp", "mp", "pm", "mm"]
 """Signs of g1 and g3."""
 
 
-class EnergyFormulaOut(ResponseModel):
-    """The energy of the motions, as a formula."""
-
-    h: str | dict[QuadrantOut, str] = Field(
-        description="In lambda, or in nu where A = 2C; by the signs of g1 and g3 where it depends on them."
-    )
-
-
 class BallOut(ResponseModel):
     """mid ± rad, in decimals: the exact number is certainly inside."""
 
@@ -70,16 +62,39 @@ class MotionWindowOut(ResponseModel):
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")
 
 
-class FunctionValuesOut(ResponseModel):
-    """A function that has no formula, by its values."""
+class FunctionOut(ResponseModel):
+    """A function of one variable: a formula, or values where there is none."""
 
-    numeric: Literal[True] = Field(description="Always true: tells values from a formula.")
-    points: list[tuple[float, float]] = Field(description="[argument, value], the values rounded to doubles.")
-    error: float = Field(description="Largest absolute error of a value.")
+    formula: str | None = Field(description="In the one variable, with all numbers put in.")
+    named: str | None = Field(
+        description="The same with the names of the parameters (for coefficients in lists a1, A0, ...);"
+        " true for all their values. Null if there are none, or if it is true for those values only."
+    )
+    numeric: bool = Field(description="There is no formula, and `points` has values.")
+    points: list[tuple[float, float]] = Field(
+        description="[argument, value], the values rounded to doubles; empty where there is a formula."
+    )
+    error: float | None = Field(description="Largest absolute error of a value; null where there are none.")
 
 
-FunctionOut = str | FunctionValuesOut
-"""A formula of the grammar, or values where there is none."""
+class EnergyQuadrantsOut(ResponseModel):
+    """h by the signs of g1 and g3, p for plus, m for minus; null where the potential has no value."""
+
+    pp: FunctionOut | None = Field(description="g1 > 0, g3 > 0.")
+    mp: FunctionOut | None = Field(description="g1 < 0, g3 > 0.")
+    pm: FunctionOut | None = Field(description="g1 > 0, g3 < 0.")
+    mm: FunctionOut | None = Field(description="g1 < 0, g3 < 0.")
+
+
+class EnergyFormulaOut(ResponseModel):
+    """The energy of the motions as a function of the curve."""
+
+    h: str | None = Field(
+        description="The formula, if one holds whatever the signs of g1 and g3; else null, see `quadrants`."
+    )
+    h_named: str | None = Field(description="h with the names of the parameters, as `named` of a function.")
+    variable: Literal["lambda", "nu"] = Field(description="What h is a function of: nu where A = 2C.")
+    quadrants: EnergyQuadrantsOut = Field(description="h by the signs of g1 and g3.")
 
 
 class TermsOut(ResponseModel):
@@ -103,15 +118,39 @@ class QuadrantValuesOut(ResponseModel):
     )
 
 
-class DecompositionOut(ResponseModel):
-    """V = V1[F] + (A g1² + C g3²) G(g2); by the signs of g1 and g3 where they differ between quadrants."""
+class PartsOut(ResponseModel):
+    """F and G where g1 and g3 have certain signs."""
 
-    F: FunctionOut | dict[QuadrantOut, FunctionOut] = Field(description="In w.")
-    G: FunctionOut | dict[QuadrantOut, FunctionOut] = Field(description="In g2.")
-    reference_angle: str = Field(description="atan2(|g3|, |g1|) where V1 = 0, as a formula.")
-    terms: TermsOut | dict[QuadrantOut, TermsOut | None] | None = Field(
+    F: FunctionOut = Field(description="In w.")
+    G: FunctionOut = Field(description="In g2.")
+    terms: TermsOut | None = Field(
         description="Coefficients, if V is a finite sum of the known terms (on |g1| and |g3|)."
     )
+
+
+class PartsQuadrantsOut(ResponseModel):
+    """F and G by the signs of g1 and g3, p for plus, m for minus; null where the potential has no value."""
+
+    pp: PartsOut | None = Field(description="g1 > 0, g3 > 0.")
+    mp: PartsOut | None = Field(description="g1 < 0, g3 > 0.")
+    pm: PartsOut | None = Field(description="g1 > 0, g3 < 0.")
+    mm: PartsOut | None = Field(description="g1 < 0, g3 < 0.")
+
+
+class DecompositionOut(ResponseModel):
+    """V = V1[F] + (A g1² + C g3²) G(g2).
+
+    `quadrants` always has everything. The fields beside it are what all
+    quadrants have in common, null where they differ or there is no formula.
+    """
+
+    F: str | None = Field(description="Formula in w, if one holds on all quadrants.")
+    F_named: str | None = Field(description="F with the names of the parameters, as `named` of a function.")
+    G: str | None = Field(description="Formula in g2, if one holds on all quadrants.")
+    G_named: str | None = Field(description="G with the names of the parameters.")
+    reference_angle: str = Field(description="atan2(|g3|, |g1|) where V1 = 0.")
+    terms: TermsOut | None = Field(description="Coefficients, if they are the same on all quadrants.")
+    quadrants: PartsQuadrantsOut = Field(description="F, G and terms by the signs of g1 and g3.")
     values: dict[QuadrantOut, QuadrantValuesOut] | None = Field(description="At the points that were sent.")
 
 
@@ -119,6 +158,9 @@ class NearestOut(ResponseModel):
     """The admissible polynomial nearest to one that is not, in the mean square over the sphere."""
 
     expression: str = Field(description="The polynomial, as a formula in g1, g2, g3 with exact numbers.")
+    expression_named: str | None = Field(
+        description="With the names of the parameters, true for all their values; null if it cannot be had."
+    )
     relative_squared_distance: str = Field(description="Mean of (V - nearest)² over that of V², exact.")
 
 
@@ -130,22 +172,47 @@ class NoticeOut(ResponseModel):
     pointer: str = Field(description="JSON pointer into the problem to what it is about.")
 
 
+class PlanOut(ResponseModel):
+    """What a job of the problem that was sent would do."""
+
+    method: Literal["quadrature", "integration", "both"] = Field(description="What `auto` stands for here.")
+    tier: Literal["draft", "standard", "high", "certified"] = Field(
+        description="The tier that was asked for, that keeps the tolerance, or that is chosen for the budget."
+    )
+    tolerance: float = Field(description="Largest error of any variable that is allowed.")
+    samples: int = Field(description="Times at which the solution is stored.")
+    window: MotionWindowOut | None = Field(description="Of a planar motion.")
+    expected_seconds: float | None = Field(
+        description="What the accuracy table of the installation says; null if it does not know the tier."
+    )
+    solution: str | None = Field(
+        description="Id of a solution of this very problem: a job would bring it at once, `reused`."
+    )
+
+
 class VerdictOut(ResponseModel):
     """Whether a potential admits the planar motions, and how that is known."""
 
-    verdict: Literal["admissible", "inadmissible", "undecided"] = Field(
-        description="`admissible` and `inadmissible` are proved; `undecided` is neither."
+    verdict: Literal["admissible", "inadmissible", "undecided"] | None = Field(
+        description="`admissible` and `inadmissible` are proved; `undecided` is neither. Null for a whole"
+        " problem from a state: its job needs no verdict."
     )
-    proof: Literal["symbolic", "counterexample", "numeric"] = Field(
+    proof: Literal["symbolic", "counterexample", "numeric"] | None = Field(
         description="`symbolic`: the compatibility equation holds identically; `counterexample`: it fails at"
-        " the point that is given; `numeric`: no such point was found, which proves nothing."
+        " the point that is given; `numeric`: no such point was found, which proves nothing. Null where the"
+        " verdict is."
     )
-    energy: EnergyFormulaOut | None = Field(description="Null if it is not known or has no formula.")
+    energy: EnergyFormulaOut | None = Field(
+        description="Of an admissible potential; null if it is not known."
+    )
     counterexample: CounterexampleOut | None = Field(description="With proof `counterexample`.")
     evidence: EvidenceOut | None = Field(description="With proof `numeric`.")
     decomposition: DecompositionOut | None = Field(description="Of an admissible potential.")
     nearest: NearestOut | None = Field(description="Of a polynomial that is not admissible.")
     motions: list[MotionWindowOut] | None = Field(
         description="Every window of the motion that was sent; null if none was, or if there are no motions."
+    )
+    plan: PlanOut | None = Field(
+        description="Of a whole problem (a motion and times were sent): what its job would do."
     )
     warnings: list[NoticeOut] = Field(description="What to know about the potential; often empty.")

@@ -7,7 +7,7 @@ from fractions import Fraction
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.schemas.faults import Fault
-from service.schemas.verdict import MotionWindowOut, VerdictOut
+from service.schemas.verdict import FunctionOut, MotionWindowOut, VerdictOut
 
 _PROOFS = {
     "symbolic": "proved: the compatibility equation holds identically",
@@ -47,13 +47,15 @@ def describe_verdict(verdict: VerdictOut) -> str:
 
 
 def _lines(verdict: VerdictOut) -> Iterator[str]:
-    yield f"verdict     {verdict.verdict}"
-    yield f"proof       {_PROOFS[verdict.proof]}"
+    if verdict.verdict is not None and verdict.proof is not None:
+        yield f"verdict     {verdict.verdict}"
+        yield f"proof       {_PROOFS[verdict.proof]}"
     if verdict.energy is not None:
-        yield from _by_quadrant("energy      h", verdict.energy.h)
+        yield from _by_quadrant("energy      h", dict(verdict.energy.quadrants))
     if verdict.decomposition is not None:
-        yield from _by_quadrant("V1[F], F(w)", verdict.decomposition.F)
-        yield from _by_quadrant("Q G,  G(g2)", verdict.decomposition.G)
+        parts = [(q, part) for q, part in verdict.decomposition.quadrants if part is not None]
+        yield from _by_quadrant("V1[F], F(w)", {quadrant: part.F for quadrant, part in parts})
+        yield from _by_quadrant("Q G,  G(g2)", {quadrant: part.G for quadrant, part in parts})
     if verdict.counterexample is not None:
         residual = verdict.counterexample.residual
         yield f"at          (g1, g2, g3) = ({', '.join(verdict.counterexample.g)})"
@@ -76,18 +78,23 @@ def _lines(verdict: VerdictOut) -> Iterator[str]:
             yield f"window {window.window:<4} {_window(window)}"
 
 
-def _by_quadrant(what: str, given: object) -> Iterator[str]:
-    """Yield a function, or one for each quadrant."""
-    if isinstance(given, Mapping):
-        for quadrant, function in given.items():
-            signs = quadrant.replace("p", "+").replace("m", "-")
-            yield f"{what} = {_function(function)} (signs of g1, g3: {signs})"
-    else:
-        yield f"{what} = {_function(given)}"
+def _by_quadrant(what: str, functions: Mapping[str, FunctionOut | None]) -> Iterator[str]:
+    """Yield a function, or one for each quadrant where they differ."""
+    texts = {
+        quadrant: _function(function) for quadrant, function in functions.items() if function is not None
+    }
+    if len(set(texts.values())) == 1:
+        yield f"{what} = {next(iter(texts.values()))}"
+        return
+    for quadrant, text in texts.items():
+        signs = quadrant.replace("p", "+").replace("m", "-")
+        yield f"{what} = {text} (signs of g1, g3: {signs})"
 
 
-def _function(given: object) -> str:
-    return given if isinstance(given, str) else "no formula; its values are in the JSON"
+def _function(function: FunctionOut) -> str:
+    if function.formula is None:
+        return "no formula; its values are in the JSON"
+    return function.formula if function.named is None else f"{function.formula} = {function.named}"
 
 
 def _window(window: MotionWindowOut) -> str:

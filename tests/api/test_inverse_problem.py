@@ -15,6 +15,10 @@ def expression(text):
     return {"type": "expression", "expression": text}
 
 
+def formulas(quadrants, function):
+    return {quadrant: parts[function]["formula"] for quadrant, parts in quadrants.items()}
+
+
 def test_the_parts_of_a_sum_of_known_terms_are_formulas_and_coefficients(client):
     text = "(3*g1^2+g3^2)*(g2^2-1/2+g2^3/5) - g1^(4/3)/3 + 1/(200*g3^4)"
     found = validate(client, expression(text), {"A": 3, "C": 1})["decomposition"]
@@ -33,9 +37,10 @@ def test_the_parts_of_a_sum_of_known_terms_are_formulas_and_coefficients(client)
 
 def test_an_odd_term_has_an_F_of_its_own_on_each_quadrant(client):
     found = validate(client, {"type": "gravity", "a": -1})
-    assert found["energy"] == {"h": "1/2*nu"}
+    assert (found["energy"]["h"], found["energy"]["h_named"]) == ("1/2*nu", "-1/2*a*nu")
     # w = nu², h = nu/2 = −F.
-    F = found["decomposition"]["F"]
+    assert found["decomposition"]["F"] is None
+    F = formulas(found["decomposition"]["quadrants"], "F")
     assert F == {"pp": "-1/2*w^(1/2)", "mp": "1/2*w^(1/2)", "pm": "-1/2*w^(1/2)", "mm": "1/2*w^(1/2)"}
 
 
@@ -43,7 +48,8 @@ def test_an_energy_that_depends_on_signs_is_told_by_quadrant(client):
     found = validate(client, expression("-g1*(4*g1^2+3*g3^2)"), {"A": 4, "C": 1})
     # B_1 at α = 4 has H = −(4 − 2)/4 λ⁴.
     half = {"pp": "1/2*lambda^4", "mp": "-1/2*lambda^4", "pm": "1/2*lambda^4", "mm": "-1/2*lambda^4"}
-    assert found["energy"]["h"] == half
+    assert found["energy"]["h"] is None
+    assert {q: h["formula"] for q, h in found["energy"]["quadrants"].items()} == half
 
 
 def test_the_functions_are_evaluated_at_points_that_are_sent(client):

@@ -8,9 +8,10 @@ section phi = phi0, where V1 is zero (H. M. Yehia, (V1) and (V2) of the paper).
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
-from flint import ctx
+from flint import arb, ctx
 from numpy.typing import ArrayLike, NDArray
 
 from service.dynamics.body import RigidBody
@@ -68,6 +69,18 @@ class Decomposition:
         if formula is not None:
             return enclose(_in_balls(formula, "w"), w)
         return enclose(F_on_curves(self.body, self.potential, SIGNS[quadrant]), w)
+
+    def energy_at(self, quadrant: Quadrant, curve: ArrayLike) -> Values:
+        """Return h at λ > 0, if A = 2C at nu with the sign of g1, of any shape; raises as :meth:`F_at`."""
+        body, balls, formula = self.body, BallAlgebra(), self.F[quadrant]
+        F = F_on_curves(body, self.potential, SIGNS[quadrant]) if formula is None else _in_balls(formula, "w")
+        power = Fraction(2) if body.A == 2 * body.C else 2 * body.alpha
+
+        def h(x: arb) -> arb:
+            scale = balls.power(balls.constant(abs(body.A - body.C)), body.alpha - 1)
+            return -F(scale * balls.power(abs(x), power))
+
+        return enclose(h, curve)
 
     def G_at(self, quadrant: Quadrant, g2: ArrayLike) -> Values:
         """Return G at -1 < g2 < 1 of any shape, with bounds of the errors."""
@@ -129,12 +142,12 @@ def decompose(body: RigidBody, potential: Potential) -> Decomposition:
     G: dict[Quadrant, str | None] = {}
     terms: dict[Quadrant, Terms | None] = {}
     for quadrant, signs in SIGNS.items():
-        points = _points_with_values(potential, signs)
+        points = points_with_values(potential, signs)
         if points:
-            energy = _energy_in_quadrant(energies, signs)
+            energy = energy_in_quadrant(energies, signs)
             expansion = expand_in_quadrant(potential.tape, *signs)
             F[quadrant] = _confirmed_F(body, potential, energy, points)
-            G[quadrant] = _G_formula(body, potential, expansion, signs)
+            G[quadrant] = G_formula(body, potential, expansion, signs)
             terms[quadrant] = read_terms(body, expansion, energy)
     return Decomposition(body, potential, F, G, terms)
 
@@ -158,7 +171,7 @@ def _confirmed_F(
     return formula if formula is not None and is_F_confirmed(body, potential, formula, points) else None
 
 
-def _G_formula(
+def G_formula(
     body: RigidBody, potential: Potential, expansion: Expansion | None, signs: tuple[int, int]
 ) -> str | None:
     """Return the simplified formula, else that of V with the section put in, if its balls meet those of V."""
@@ -170,7 +183,7 @@ def _G_formula(
     return text if text is not None and is_G_confirmed(body, potential, text, signs) else None
 
 
-def _energy_in_quadrant(
+def energy_in_quadrant(
     energies: Mapping[Signs, EnergyTerms | None], signs: tuple[int, int]
 ) -> EnergyTerms | None:
     """Return the terms of the energy in both hemispheres of a quadrant, None if they are not known."""
@@ -185,7 +198,7 @@ def _energy_in_quadrant(
     return found[0]
 
 
-def _points_with_values(potential: Potential, signs: tuple[int, int]) -> list[Point]:
+def points_with_values(potential: Potential, signs: tuple[int, int]) -> list[Point]:
     """Return a few points of the quadrant where V and its derivatives have values, if there are any."""
     found: list[Point] = []
     with ctx.workprec(_SEARCH_BITS):

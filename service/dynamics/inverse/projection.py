@@ -44,8 +44,12 @@ class Nearest:
     relative_squared_distance: Fraction
 
 
-def nearest_admissible(body: RigidBody, potential: Potential) -> Nearest | None:
+def nearest_admissible(
+    body: RigidBody, potential: Potential, *, highest: int | None = None
+) -> Nearest | None:
     """Return the nearest admissible potential, None if ``potential`` is not a polynomial of moderate degree.
+
+    It has at most the degree ``highest``, that of ``potential`` if left out.
 
     Raises
     ------
@@ -56,7 +60,7 @@ def nearest_admissible(body: RigidBody, potential: Potential) -> Nearest | None:
     polynomial = as_polynomial(potential)
     if polynomial is None:
         return None
-    highest = degree(polynomial)
+    highest = degree(polynomial) if highest is None else highest
     basis = admissible_basis(body.alpha, highest)
     moments = [mean_product(element, polynomial) for element in basis]
     coefficients = _solve_gram(basis, moments)

@@ -1,6 +1,6 @@
 """A client's formula with its parameters and moments made numbers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
 from service.dynamics.body import RigidBody
@@ -28,6 +28,21 @@ def bound_formula(
     MissingMomentError
         The formula has B, and the body does not.
     """
+    return _bound(text, variables, parameters, body, pointer)
+
+
+def named_formula(text: str, variables: Sequence[str], names: Iterable[str], body: RigidBody) -> Tree:
+    """Return the tree of ``text`` with the ``names`` of its parameters left in; raises as bound_formula."""
+    return _bound(text, (*variables, *names), {}, body, "/potential")
+
+
+def _bound(
+    text: str,
+    variables: Sequence[str],
+    parameters: Mapping[str, Fraction],
+    body: RigidBody,
+    pointer: str,
+) -> Tree:
     try:
         located = parse_located(text)
         constants = {**parameters, "A": body.A, "C": body.C}

@@ -28,6 +28,9 @@ class NoMotionError(DynamicsError):
     code = "no_motion"
 
 
+_WINDOW_POINTER = "/motion/window"
+
+
 class SeveralWindowsError(DynamicsError):
     """More than one admissible window and none was chosen."""
 
@@ -35,10 +38,8 @@ class SeveralWindowsError(DynamicsError):
 
     def __init__(self, windows: tuple[Window, ...]) -> None:
         listed = "; ".join(f"{w.index}: g1 from {w.g1[0]:.6g} to {w.g1[1]:.6g}" for w in windows)
-        super().__init__(
-            f'{len(windows)} admissible windows ({listed}); choose one with "window"',
-            pointer="/motion/window",
-        )
+        message = f'{len(windows)} admissible windows ({listed}); choose one with "window"'
+        super().__init__(message, pointer=_WINDOW_POINTER)
         self.windows = windows
 
 
@@ -52,6 +53,11 @@ class NoSuchWindowError(DynamicsError):
     """A window was chosen that the curve does not have."""
 
     code = "no_such_window"
+
+    def __init__(self, number: int, windows: tuple[Window, ...]) -> None:
+        accepted = "accepted is 0" if len(windows) == 1 else f"accepted are 0 to {len(windows) - 1}"
+        super().__init__(f"window {number} of {len(windows)}; {accepted}", pointer=_WINDOW_POINTER)
+        self.windows = windows
 
 
 _ENDS: dict[ZeroKind, ArcEnd] = {"simple": "rest", "multiple": "double", "edge": "edge"}
@@ -119,10 +125,7 @@ def choose_window(windows: tuple[Window, ...], motion: PlanarMotion) -> Window:
             raise SeveralWindowsError(windows)
         return windows[0]
     if not 0 <= motion.window < len(windows):
-        raise NoSuchWindowError(
-            f"window {motion.window} of {len(windows)}; accepted are 0 to {len(windows) - 1}",
-            pointer="/motion/window",
-        )
+        raise NoSuchWindowError(motion.window, windows)
     return windows[motion.window]
 
 

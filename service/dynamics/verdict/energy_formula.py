@@ -1,11 +1,14 @@
 """The energy as a formula: h(λ), or h(nu) for A = 2C with λ² = |nu|, from its terms in every octant."""
 
+from collections.abc import Mapping
 from fractions import Fraction
+from types import MappingProxyType
 
 from flint import ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.binding import bind
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
@@ -14,10 +17,14 @@ from service.dynamics.potentials.general_solution import SIGNS, Quadrant
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.verdict.energy_terms import EnergyTerms, energy_terms, power_text, sum_text, term_text
 from service.dynamics.verdict.points import sphere_points
-from service.dynamics.verdict.proof import Proof
+from service.dynamics.verdict.proof import Proof, Signs
 
 _CHECK_BITS = 128
 _CHECK_POINTS = 16
+
+OctantTerms = Mapping[Signs, EnergyTerms | None]
+"""The terms of the energy by the signs of g1, g2, g3; None where it is no sum of such terms."""
+NO_NAMES: Mapping[str, Fraction] = MappingProxyType({})
 
 
 def energy_formula(body: RigidBody, potential: Potential, proof: Proof) -> str | None:
@@ -27,13 +34,20 @@ def energy_formula(body: RigidBody, potential: Potential, proof: Proof) -> str |
     of g1 and g3; an energy that depends on those signs otherwise than through
     nu has no formula. What is returned agrees with H in balls at sample points.
     """
+    return formula_of(body, potential, energy_terms(body, proof))
+
+
+def formula_of(
+    body: RigidBody, potential: Potential, octants: OctantTerms, names: Mapping[str, Fraction] = NO_NAMES
+) -> str | None:
+    """Do the same from the terms of the energy in every octant, whose constants may hold ``names``."""
     has_nu = body.A == 2 * body.C
     by_sign: dict[int, EnergyTerms] = {}
-    for signs, terms in energy_terms(body, proof).items():
+    for signs, terms in octants.items():
         sign = signs[0] if has_nu else 1
         if terms is None or by_sign.setdefault(sign, terms) != terms:
             return None
-    return _confirmed(body, potential, _text(body, by_sign))
+    return _confirmed(body, potential, _text(body, by_sign), names) if by_sign else None
 
 
 def signed_energy_formulas(body: RigidBody, potential: Potential, proof: Proof) -> dict[Quadrant, str] | None:
@@ -41,7 +55,13 @@ def signed_energy_formulas(body: RigidBody, potential: Potential, proof: Proof) 
 
     None if a quadrant has no formula, or none has V.
     """
-    octants = energy_terms(body, proof)
+    return signed_formulas_of(body, potential, energy_terms(body, proof))
+
+
+def signed_formulas_of(
+    body: RigidBody, potential: Potential, octants: OctantTerms, names: Mapping[str, Fraction] = NO_NAMES
+) -> dict[Quadrant, str] | None:
+    """Do the same from the terms of the energy in every octant, whose constants may hold ``names``."""
     texts: dict[Quadrant, str] = {}
     for quadrant, (first, third) in SIGNS.items():
         found = [octants[signs] for s in (1, -1) if (signs := (first, s, third)) in octants]
@@ -51,7 +71,7 @@ def signed_energy_formulas(body: RigidBody, potential: Potential, proof: Proof) 
         if terms is None or terms != found[-1]:
             return None
         text = _text(body, {first if body.A == 2 * body.C else 1: terms})
-        confirmed = _confirmed(body, potential, text, (first, third))
+        confirmed = _confirmed(body, potential, text, names, (first, third))
         if confirmed is None:
             return None
         texts[quadrant] = confirmed
@@ -63,13 +83,17 @@ def _text(body: RigidBody, by_sign: dict[int, EnergyTerms]) -> str:
 
 
 def _confirmed(
-    body: RigidBody, potential: Potential, text: str, quadrant: tuple[int, int] | None = None
+    body: RigidBody,
+    potential: Potential,
+    text: str,
+    names: Mapping[str, Fraction],
+    quadrant: tuple[int, int] | None = None,
 ) -> str | None:
     """Return the formula printed anew, or None if it is beyond the limits or balls of H do not meet it."""
-    in_nu = body.A == 2 * body.C
+    curve = ("nu" if body.A == 2 * body.C else "lambda",)
     try:
         tree = parse(text)
-        tape = compile_tape(tree, ("nu" if in_nu else "lambda",))
+        tape = compile_tape(bind(tree, names, variables=curve), curve)
     except FormulaError:
         return None
     return format_tree(tree) if _agrees(body, potential, tape, quadrant) else None

@@ -19,11 +19,12 @@ from flint import arb, ctx
 from service.dynamics.body import RigidBody
 from service.dynamics.compatibility import energy_on_curve
 from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.binding import PI
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import exact_tree, format_tree
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.formula.traversal import fold_tree
+from service.dynamics.formula.traversal import fold_tree, post_order
 from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree
 from service.dynamics.potentials.angular_ball import curve_ball
 from service.dynamics.potentials.general_solution import QUADRANTS, GeneralPotential, Quadrant
@@ -62,13 +63,14 @@ def energy_defect(body: RigidBody, potential: GeneralPotential, point: Point) ->
 def energy_formulas(body: RigidBody, potential: GeneralPotential) -> dict[Quadrant, str] | None:
     """Return h = −F(w) on each quadrant, in ``lambda``, or in ``nu`` if A = 2C; None if beyond the limits."""
     try:
-        texts = [_energy_text(body, piece.F) for piece in potential.pieces]
+        texts = [energy_text(body, piece.F) for piece in potential.pieces]
     except FormulaError:
         return None
     return dict(zip(QUADRANTS, texts, strict=True))
 
 
-def _energy_text(body: RigidBody, F: Tree) -> str:
+def energy_text(body: RigidBody, F: Tree) -> str:
+    """Return h = −F(w) in ``lambda``, or in ``nu`` if A = 2C; F may have names of parameters in it."""
     w = _curve_tree(body)
 
     def build(index: int, node: Tree, operands: Sequence[Tree]) -> Tree:
@@ -82,7 +84,9 @@ def _energy_text(body: RigidBody, F: Tree) -> str:
 
     value = fold_tree(F, build)
     text = format_tree(value.operand if isinstance(value, Negation) else Negation(value))
-    compile_tape(parse(text), ("nu" if body.A == 2 * body.C else "lambda",))
+    again = parse(text)
+    names = {node.name for node in post_order(again) if isinstance(node, Symbol)} - {PI}
+    compile_tape(again, sorted(names))
     return text
 
 

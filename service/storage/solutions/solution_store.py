@@ -15,6 +15,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 from service.jobs.errors import SolutionNotFoundError
 from service.storage.database import Database
 from service.storage.ids import is_id
+from service.storage.jobs.finishing import solved
 from service.storage.jobs.records import instant
 from service.storage.paging import rows_of_page
 from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
@@ -85,6 +86,11 @@ class SolutionStore:
             if row is None:
                 raise SolutionNotFoundError(solution_id)
             return _solution_of(row)
+
+    def of_problem(self, digest: str) -> str | None:
+        """Return the id of the first solution of the problem with this digest, None if there is none."""
+        with self._database.read() as session:
+            return solved(session.connection(), [digest]).get(digest)
 
     def find(self, query: SolutionQuery) -> SolutionPage:
         """Return one page of the solutions that match."""

@@ -1,0 +1,167 @@
+"""A formula as a polynomial in its parameters: which terms each of them carries."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from service.dynamics.formula.binding import bind
+from service.dynamics.formula.traversal import fold_tree
+from service.dynamics.formula.tree import Binary, BinaryOperator, Call, Negation, Number, Symbol, Tree
+
+MAX_PARTS = 12
+"""Products of parameters in one formula."""
+_LARGEST_POWER = 8
+_ONE, _ZERO = Number(Fraction(1)), Number(Fraction(0))
+
+Product = tuple[int, ...]
+"""Exponents of the parameters, in their order."""
+_Sum = dict[Product, Tree]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One term Π a^k · coefficient; ``factor`` is the product as text, empty for 1."""
+
+    factor: str
+    coefficient: Tree
+
+
+class _InseparableError(Exception):
+    """A parameter stands where the formula is no polynomial in it; ``names`` are those to blame."""
+
+    def __init__(self, names: Collection[str]) -> None:
+        super().__init__("no polynomial in the parameters")
+        self.names = frozenset(names)
+
+
+def split_by_parameters(tree: Tree, values: Mapping[str, Fraction]) -> tuple[Part, ...] | None:
+    """Return the parts whose sum is ``tree``; None if they are more than MAX_PARTS, or have no parameters.
+
+    A parameter inside a function or an exponent gets its number, as does one
+    that divides by a sum. Products that are 0 with these numbers are left out.
+    """
+    free = [name for name in values if values[name]]
+    while free:
+        constants = {name: value for name, value in values.items() if name not in free}
+        try:
+            found = _expand(tree, free, constants)
+        except _InseparableError as error:
+            if not error.names:
+                return None
+            free = [name for name in free if name not in error.names]
+            continue
+        has_names = any(any(product) for product in found)
+        if not has_names or len(found) > MAX_PARTS:
+            return None
+        return tuple(Part(_text(free, product), part) for product, part in found.items())
+    return None
+
+
+def _expand(tree: Tree, free: Sequence[str], constants: Mapping[str, Fraction]) -> _Sum:
+    one: Product = (0,) * len(free)
+    units = {name: tuple(int(name == other) for other in free) for name in free}
+
+    def names_in(*sums: _Sum) -> set[str]:
+        return {
+            name for terms in sums for product in terms for name, k in zip(free, product, strict=True) if k
+        }
+
+    def build(_: int, node: Tree, operands: Sequence[_Sum]) -> _Sum:
+        match node:
+            case Symbol(name) if name in units:
+                return {units[name]: _ONE}
+            case Symbol(name):
+                # A term that is 0 is taken away whole, also where the rest of it has no value.
+                return {} if constants.get(name) == 0 else {one: _valued(node, constants)}
+            case Negation():
+                return {product: Negation(part) for product, part in operands[0].items()}
+            case Call(function):
+                if names_in(operands[0]):
+                    raise _InseparableError(names_in(operands[0]))
+                return {one: Call(function, operands[0].get(one, _ZERO))}
+            case Binary(operator):
+                left, right = operands
+                return combine(operator, left, right)
+        return {one: node}
+
+    def combine(operator: BinaryOperator, left: _Sum, right: _Sum) -> _Sum:
+        if operator in "+-":
+            total = dict(left)
+            for product, part in right.items():
+                if product in total:
+                    total[product] = Binary(operator, total[product], part)
+                else:
+                    total[product] = part if operator == "+" else Negation(part)
+            return _bounded(total, names_in(left, right))
+        if operator == "*":
+            return _multiply(left, right, names_in(left, right))
+        if operator == "/":
+            if len(right) != 1:
+                raise _InseparableError(names_in(right))
+            ((below, divisor),) = right.items()
+            return {
+                tuple(a - b for a, b in zip(product, below, strict=True)): _quotient(part, divisor)
+                for product, part in left.items()
+            }
+        return power(left, right)
+
+    def power(base: _Sum, exponent: _Sum) -> _Sum:
+        if names_in(exponent):
+            raise _InseparableError(names_in(exponent))
+        if not names_in(base):
+            return {one: Binary("^", base.get(one, _ZERO), exponent.get(one, _ZERO))}
+        n = _whole(exponent.get(one, _ZERO))
+        if n is None or abs(n) > _LARGEST_POWER or (n < 0 and len(base) != 1):
+            raise _InseparableError(names_in(base))
+        if len(base) == 1:
+            ((product, part),) = base.items()
+            raised = part if part == _ONE else Binary("^", part, exponent[one])
+            return {tuple(n * k for k in product): raised}
+        result: _Sum = {one: _ONE}
+        for _ in range(n):
+            result = _multiply(result, base, names_in(base))
+        return result
+
+    return fold_tree(tree, build)
+
+
+def _valued(node: Symbol, constants: Mapping[str, Fraction]) -> Tree:
+    return bind(node, constants) if node.name in constants else node
+
+
+def _multiply(left: _Sum, right: _Sum, names: Collection[str]) -> _Sum:
+    total: _Sum = {}
+    for one, first in left.items():
+        for other, second in right.items():
+            product = tuple(a + b for a, b in zip(one, other, strict=True))
+            part = second if first == _ONE else first if second == _ONE else Binary("*", first, second)
+            total[product] = Binary("+", total[product], part) if product in total else part
+    return _bounded(total, names)
+
+
+def _bounded(terms: _Sum, names: Collection[str]) -> _Sum:
+    if len(terms) > MAX_PARTS:
+        raise _InseparableError(names)
+    return terms
+
+
+def _quotient(part: Tree, divisor: Tree) -> Tree:
+    return part if divisor == _ONE else Binary("/", part, divisor)
+
+
+def _whole(exponent: Tree) -> int | None:
+    """Return a whole number that is written as one, None for anything else."""
+    match exponent:
+        case Number(value) if value.denominator == 1:
+            return value.numerator
+        case Negation(Number(value)) if value.denominator == 1:
+            return -value.numerator
+    return None
+
+
+def _text(names: Sequence[str], product: Product) -> str:
+    return "*".join(
+        name if k == 1 else f"{name}^{k}" if k > 0 else f"{name}^({k})"
+        for name, k in zip(names, product, strict=True)
+        if k
+    )
