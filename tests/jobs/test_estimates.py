@@ -80,7 +80,7 @@ def told_at(now: float, runs: list[ChunkRun], points: int) -> float | None:
 def told(installation: Installation):
     """Return instants, what is told at each (NaN for nothing) and what it really takes from there."""
     runs, end = installation.run()
-    instants = np.arange(0.25, end, 0.25)
+    instants = np.arange(0.25, end, 0.75)
     estimates = [told_at(float(now), runs, installation.points) for now in instants]
     return instants, np.array([np.nan if each is None else each for each in estimates]), end - instants
 
@@ -107,7 +107,7 @@ def test_the_start_of_the_workers_is_not_taken_for_the_speed_of_points():
 
 
 def test_a_pause_of_the_workers_is_no_work():
-    night = 40_000.0
+    night = 400.0
     installation = Installation(60_000, 2, 2e-3, pause=(20.0, 20.0 + night))
     instants, estimates, truth = told(installation)
     asleep = (instants > 25.0 + PAUSE_SECONDS) & (instants < 20.0 + night)
