@@ -1,5 +1,6 @@
 """The HTTP application: what it owns, from start to end."""
 
+import logging
 import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -23,8 +24,11 @@ from service.storage.jobs.worker_registry import SILENT_LEASES
 from service.storage.key_store import KeyStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
+
+logger = logging.getLogger(__name__)
 
 VERDICT_WORKERS = 2
 """Children that reach verdicts: one slow formula must not stop everybody else's."""
@@ -56,6 +60,7 @@ def create_app(
         if settings.samples_days is not None:
             retention = Retention(database, older_than_seconds=settings.samples_days * DAY_SECONDS)
         ring = KeyRing(keys)
+        presence = ServicePresence(database, host=settings.host_name)
         app.state.resources = Resources(
             settings=settings,
             database=database,
@@ -67,12 +72,17 @@ def create_app(
             metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker),
             keys=ring,
             limits=Limits(settings, keys),
+            presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),
             local_worker=local_worker,
         )
+        presence.start()
+        if database.file is not None and (warning := database.file.mode_warning()):
+            logger.warning("%s", warning)
         try:
             yield
         finally:
+            presence.close()
             if retention is not None:
                 retention.close()
             if sandbox is None:

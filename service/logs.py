@@ -2,7 +2,8 @@
 
 What a record is about (a request, a job) is said once by :func:`about` and put
 into every record made meanwhile. Passwords in URLs and keys are masked in
-whatever is written, wherever it came from.
+whatever is written, wherever it came from, and what could control a terminal
+or forge a line is escaped.
 """
 
 import json
@@ -17,6 +18,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from types import MappingProxyType, TracebackType
 from typing import Literal, TypeVar, TypeVarTuple, get_args
+
+from service.escaping import one_line
 
 LogFormat = Literal["json", "text"]
 LogLevel = Literal["critical", "error", "warning", "info", "debug"]
@@ -92,7 +95,7 @@ def announce(line: str) -> None:
     if how is not None and how.format == "json":
         record = logging.LogRecord(OURS[0], logging.INFO, "", 0, line, None, None)
         line = _JsonFormatter().format(record)
-    sys.stderr.write(f"{line}\n")
+    sys.stderr.write(f"{one_line(line)}\n")
 
 
 def mask(text: str) -> str:
@@ -135,12 +138,14 @@ class _JsonFormatter(logging.Formatter):
 
 class _TextFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
-        """Return a line, and those of the exception below it."""
+        """Return a line, and those of the exception below it, indented: none of them looks like a record."""
         fields = "".join(f" {name}={value}" for name, value in _fields(record).items())
         line = f"{_instant(record)} {record.levelname} {record.name}: {record.getMessage()}{fields}"
+        lines = [one_line(mask(line))]
         if record.exc_info:
-            line += f"\n{self.formatException(record.exc_info)}"
-        return mask(line)
+            below = mask(self.formatException(record.exc_info)).split("\n")
+            lines += [f"    {one_line(each)}" for each in below]
+        return "\n".join(lines)
 
 
 def _fields(record: logging.LogRecord) -> dict[str, object]:

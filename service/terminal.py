@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self, TextIO
 
+from service.escaping import printable
 from service.schemas.strict_json import InvalidJsonError, parse_json
 
 STANDARD_STREAM = Path("-")
@@ -27,7 +28,7 @@ class FileFaultError(Exception):
 
 def say(line: str) -> None:
     """Tell a person something; stdout is for answers."""
-    sys.stderr.write(f"{line}\n")
+    sys.stderr.write(f"{printable(line)}\n")
 
 
 def answer(text: str) -> None:
@@ -40,10 +41,10 @@ def answer(text: str) -> None:
     """
     stdout = _stdout()
     encoding = stdout.encoding or "utf-8"
-    # Names of files may hold bytes that are no characters.
-    printable = text.encode(encoding, "backslashreplace").decode(encoding)
+    # The stream may not know every character.
+    written = printable(text).encode(encoding, "backslashreplace").decode(encoding)
     try:
-        stdout.write(printable)
+        stdout.write(written)
         stdout.flush()
     except OSError as fault:
         _forget_stdout()

@@ -8,6 +8,7 @@ from random import Random
 
 from sqlalchemy.exc import SQLAlchemyError
 
+from service.escaping import one_line
 from service.sandbox import Sandbox
 from service.settings import Settings, read_settings
 from service.storage.database import Database
@@ -48,7 +49,7 @@ def examine(options: argparse.Namespace) -> int:
     finally:
         database.close()
     lines = [json.dumps(_document(report))] if options.json else _describe(report)
-    answer("".join(f"{line}\n" for line in lines))
+    answer("".join(f"{one_line(line)}\n" for line in lines))
     return 0 if report.is_clean else 1
 
 

@@ -13,6 +13,7 @@ from service.api.responses import json_response, refusals
 from service.examination import answer_ping
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.solution import HealthOut
+from service.storage.database_file import DatabaseFileError
 from service.storage.revisions import fault_of, stored_revision
 
 router = APIRouter(tags=["health"])
@@ -29,7 +30,7 @@ def get_liveness() -> Response:
 
 @router.get("/readyz", response_model=HealthOut, responses=refusals(503), dependencies=[without_query])
 def get_readiness(inside: Inside) -> Response:
-    """Say whether the database is reachable and of this version, and verdicts can be reached.
+    """Say whether the database can be read and written and is of this version, and verdicts can be reached.
 
     A worker process that dies again and again is told, and makes nothing unready: jobs are accepted.
     """
@@ -46,9 +47,13 @@ def _database(inside: Resources) -> str:
     try:
         with inside.database.read() as session:
             stored = stored_revision(session.connection())
-    except SQLAlchemyError:
-        return "cannot be read"
-    return fault_of(stored) or OK
+    except SQLAlchemyError as fault:
+        lost = getattr(fault, "orig", None)
+        return str(lost) if isinstance(lost, DatabaseFileError) else "cannot be read"
+    if mismatch := fault_of(stored):
+        return mismatch
+    reason = inside.presence.fault()
+    return OK if reason is None else f"cannot be written to: {reason}"
 
 
 def _sandbox(inside: Resources) -> str:

@@ -18,6 +18,7 @@ from service.settings import Settings
 from service.storage.database import Database
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.upkeep.presence import ServicePresence
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,8 @@ class Resources:
     metrics: Metrics
     keys: KeyRing
     limits: Limits
+    presence: ServicePresence
+    """Writes that this service is there, and knows whether it could."""
     waiting: threading.BoundedSemaphore
     """Places for clients that wait for their job: each takes a thread."""
     local_worker: Callable[[], WorkerStanding] | None

@@ -18,6 +18,7 @@ from service.cli.common import (
     migrate_database,
     settings_of,
 )
+from service.escaping import one_line
 from service.jobs.keys import ApiKey, KeyNotFoundError, KeyStanding, Role, key_prefix
 from service.settings import Settings
 from service.terminal import answer, say
@@ -165,7 +166,7 @@ def _row(key: ApiKey, now: datetime) -> tuple[str, ...]:
         _instant(key.revoked_at),
         _instant(key.last_used_at),
         f"{key.stored_bytes / MEGABYTE:.1f} MB",
-        key.name or "-",
+        one_line(key.name) or "-",
     )
 
 

@@ -16,10 +16,11 @@ from contextlib import AbstractContextManager, contextmanager
 from sqlite3 import Connection as SqliteConnection
 
 from psycopg import Connection as PostgresConnection
-from sqlalchemy import Connection, Engine, create_engine, event, make_url
+from sqlalchemy import Connection, Engine, create_engine, event, exc, make_url
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
+from service.storage.database_file import DatabaseFile, DatabaseFileError, file_of
 from service.storage.faults import chosen_fault
 
 _BEGIN = "sqlite_begin"
@@ -33,10 +34,14 @@ IDLE_SECONDS = 60
 
 
 class Database:
-    """An engine with a way to read and a way to write. Safe to share between threads, not across a fork."""
+    """An engine with a way to read and a way to write. Safe to share between threads, not across a fork.
+
+    The database must exist: :func:`service.storage.migration.migrate` makes it.
+    """
 
     def __init__(self, url: str) -> None:
-        self.engine = make_engine(url)
+        self.file = file_of(make_url(url))
+        self.engine = make_engine(url, file=self.file)
         self._writer = self.engine.execution_options(**{_BEGIN: "BEGIN IMMEDIATE"})
         self._fault = chosen_fault()
 
@@ -53,19 +58,31 @@ class Database:
             yield session
 
     @contextmanager
-    def write_rows(self) -> Iterator[Connection]:
-        """Open a transaction as :meth:`write` does, for statements on tables: nobody keeps track of rows."""
-        with self._writer.connect() as connection, self._committed(connection.begin()):
+    def write_rows(self, *, is_work: bool = True) -> Iterator[Connection]:
+        """Open a transaction as :meth:`write` does, for statements on tables: nobody keeps track of rows.
+
+        Where ``is_work`` is false, tests that choose a commit to die at do not count it.
+        """
+        with self._writer.connect() as connection, self._committed(connection.begin(), is_work=is_work):
             yield connection
 
     @contextmanager
-    def _committed(self, transaction: AbstractContextManager[object]) -> Iterator[None]:
+    def _committed(
+        self, transaction: AbstractContextManager[object], *, is_work: bool = True
+    ) -> Iterator[None]:
+        fault = self._fault if is_work else None
         with transaction:
             yield
-            if self._fault is not None:
-                self._fault.reach("before")
-        if self._fault is not None:
-            self._fault.reach("after")
+            if fault is not None:
+                fault.reach("before")
+        if fault is not None:
+            fault.reach("after")
+        if self.file is not None:
+            # What was committed to a file without a name is lost: nobody may be told that it is kept.
+            try:
+                self.file.require_same()
+            except DatabaseFileError as lost:
+                raise exc.OperationalError("COMMIT", {}, lost) from lost
 
     def close(self) -> None:
         """Close every pooled connection."""
@@ -77,15 +94,38 @@ def is_postgres(connection: Connection) -> bool:
     return connection.dialect.name == "postgresql"
 
 
-def make_engine(url: str) -> Engine:
-    """Return an engine for ``url`` (SQLite or Postgres) with this project's settings."""
+def make_engine(url: str, *, file: DatabaseFile | None = None) -> Engine:
+    """Return an engine for ``url`` (SQLite or Postgres) with this project's settings.
+
+    ``file`` is that of SQLite if it must exist; else it is created, for its owner alone.
+    """
     engine = create_engine(url, json_serializer=_strict_json, connect_args=_patience(url))
     if engine.dialect.name == "sqlite":
+        _watch(engine, file or file_of(engine.url), create=file is None)
         event.listen(engine, "connect", _configure_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
     else:
         event.listen(engine, "connect", _configure_postgres)
     return engine
+
+
+def _watch(engine: Engine, file: DatabaseFile | None, *, create: bool) -> None:
+    """Let every transaction begin with a look at whether the file is the one that was opened first."""
+    if file is None:
+        return
+
+    def prepare(*_: object) -> None:
+        file.prepare(create=create)
+
+    def opened(*_: object) -> None:
+        file.opened()
+
+    def check(*_: object) -> None:
+        file.require_same()
+
+    event.listen(engine, "do_connect", prepare)
+    event.listen(engine, "connect", opened)
+    event.listen(engine, "checkout", check)
 
 
 def _patience(url: str) -> dict[str, float]:

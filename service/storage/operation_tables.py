@@ -30,7 +30,10 @@ class ApiKeyRow(Base):
 
 
 class WorkerRow(Base):
-    """A worker process that has been seen; its row is removed when it stops in order."""
+    """A worker process, or a service, that has been seen; its row is removed when it stops in order.
+
+    The row of a service has the engine ``service`` and no slots.
+    """
 
     __tablename__ = "workers"
 

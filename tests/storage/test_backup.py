@@ -151,6 +151,14 @@ def test_an_older_backup_is_brought_to_this_version(url, other_url, tmp_path):
     opened(url, assert_in_order)
 
 
+def tables_of(url):
+    engine = make_engine(url)
+    try:
+        return inspect(engine).get_table_names()
+    finally:
+        engine.dispose()
+
+
 def set_revision(url, revision):
     engine = make_engine(url)
     with engine.begin() as connection:
@@ -163,7 +171,7 @@ def test_a_backup_of_a_later_version_is_refused(jobs, url, other_url, tmp_path):
     back_up(url, tmp_path / "b")
     with pytest.raises(BackupError, match=r"schema 9999.*does not know"):
         restore(other_url, tmp_path / "b")
-    assert opened(other_url, lambda database: inspect(database.engine).get_table_names()) == []
+    assert tables_of(other_url) == []
 
 
 @pytest.mark.parametrize("content", [b"", b"no backup at all", b"SQLite format 3\0" + bytes(5000)])
@@ -190,7 +198,7 @@ def test_a_damaged_backup_is_refused(jobs, url, other_url, tmp_path):
     file.write_bytes(content)
     with pytest.raises(BackupError):
         restore(other_url, file)
-    assert "jobs" not in opened(other_url, lambda database: inspect(database.engine).get_table_names())
+    assert "jobs" not in tables_of(other_url)
 
 
 def test_an_existing_file_is_replaced_only_if_asked(jobs, url, tmp_path):

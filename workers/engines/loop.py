@@ -100,6 +100,7 @@ class EngineLoop:
         self._poll_seconds = poll_seconds
         self._grace_seconds = grace_seconds
         self._stop_by: float | None = None
+        self._is_away = False
 
     def stop(self) -> None:
         """Claim nothing more; may be called from anywhere, also twice."""
@@ -115,9 +116,15 @@ class EngineLoop:
             except Exception as fault:
                 if not is_away(fault):
                     raise
-                logger.exception("the database is away; trying again")
+                if not self._is_away:
+                    # Once: it may stay away for hours, and is tried twice a second.
+                    logger.exception("the database is away; trying again until it is back")
+                self._is_away = True
                 time.sleep(_AWAY_SECONDS)
             else:
+                if self._is_away:
+                    logger.warning("the database is back")
+                self._is_away = False
                 self._wait()
         try:
             self._runner.give_back()

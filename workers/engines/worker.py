@@ -21,6 +21,9 @@ from workers.runner import Computations, Limits, Runner
 
 logger = logging.getLogger(__name__)
 
+PRESENT_SECONDS = 10.0
+"""A worker writes at least this often that it is there: a third of the silence after which it is gone."""
+
 
 def run_worker(computations: Computations, settings: Settings, *, slots: int, wake_fd: int | None) -> None:
     """Run one worker in this process until SIGTERM, SIGINT, or the end of the service that started it.
@@ -41,7 +44,7 @@ def run_worker(computations: Computations, settings: Settings, *, slots: int, wa
     worker = WorkerProcess(new_worker_name(host), host, settings.engine, slots)
     database = Database(settings.database_url)
     registry = WorkerRegistry(database, lease_seconds=settings.lease_seconds)
-    presence = Presence(registry, worker, seconds=settings.lease_seconds)
+    presence = Presence(registry, worker, seconds=min(settings.lease_seconds, PRESENT_SECONDS))
     try:
         refuse_newer(database.engine)
         # From here on there is something to put in order before the end.

@@ -96,6 +96,16 @@ def _check_file(database: Database) -> Iterator[Finding]:
         faults = [line for line in _lines(session, "PRAGMA integrity_check") if line != "ok"]
     finding = Finding("file", "the pages and indexes of the file are sound")
     yield replace(finding, broken=len(faults), examples=tuple(faults[:EXAMPLES]))
+    if database.file is not None:
+        says = "the file and those beside it are private to their owner"
+        warning = database.file.mode_warning()
+        yield Finding(
+            "file_mode",
+            says,
+            broken=int(warning is not None),
+            examples=() if warning is None else (warning,),
+            is_warning=True,
+        )
 
 
 def _lines(session: Session, statement: str) -> list[str]:

@@ -37,6 +37,7 @@ class WorkerRegistry:
             before = (
                 select(WorkerRow)
                 .where(WorkerRow.host != worker.host, WorkerRow.seen_at >= now - self._silent_seconds)
+                .where(WorkerRow.slots > 0)  # a service without workers may be anywhere
                 .order_by(WorkerRow.seen_at.desc())
                 .limit(1)
             )

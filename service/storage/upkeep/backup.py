@@ -11,12 +11,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sqlalchemy import make_url
-from sqlalchemy.exc import ArgumentError
+from sqlalchemy.exc import ArgumentError, DBAPIError
 
+from service.storage.availability import is_away
+from service.storage.database import make_engine
 from service.storage.migration import migrate
 from service.storage.revisions import known_revisions
 from service.storage.upkeep import postgres_backup, sqlite_backup
 from service.storage.upkeep.backup_checks import BackupError, Contents
+from service.storage.upkeep.presence import GONE_SECONDS, forget_everybody, who_is_present
 
 
 def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:
@@ -50,8 +53,9 @@ def restore(url: str, file: Path, *, force: bool = False) -> Contents:
     Raises
     ------
     BackupError
-        The file is no backup or of a later version, or the database has jobs
-        and ``force`` is not given. The database is as it was.
+        The file is no backup or of a later version, a service or a worker uses
+        the database, or it has jobs and ``force`` is not given. The database is
+        as it was.
     """
     if file.is_dir():
         raise BackupError(f"{file}: it is a directory")
@@ -62,12 +66,38 @@ def restore(url: str, file: Path, *, force: bool = False) -> Contents:
         raise BackupError(
             f"{file} has the schema {revision}, which this version does not know; restore it with a later one"
         )
+    _require_alone(url)
     if _is_postgres(url):
         contents = postgres_backup.load(url, file, force=force)
     else:
         contents = sqlite_backup.load(_database_file(url), file, force=force)
     migrate(url)
+    engine = make_engine(url)
+    with engine.begin() as connection:
+        forget_everybody(connection)
+    engine.dispose()
     return contents
+
+
+def _require_alone(url: str) -> None:
+    """Refuse to replace a database under those who use it: what they write later would be lost or mixed."""
+    if not _is_postgres(url) and not _database_file(url).exists():
+        return
+    engine = make_engine(url)
+    try:
+        with engine.connect() as connection:
+            present = who_is_present(connection)
+    except DBAPIError as fault:
+        if is_away(fault):
+            raise BackupError(str(fault.orig).splitlines()[0]) from fault
+        return  # damaged, or of another program: nobody can be at work on it
+    finally:
+        engine.dispose()
+    if present:
+        raise BackupError(
+            f"{' and '.join(present)} uses the database; stop the service and its workers first. Those that "
+            f"were killed are forgotten {GONE_SECONDS:.0f} s later"
+        )
 
 
 def _is_postgres(url: str) -> bool:
@@ -90,7 +120,8 @@ def _part_of(file: Path) -> Iterator[Path]:
     part = file.with_name(f"{file.name}.part")
     try:
         part.unlink(missing_ok=True)
-        part.touch(mode=0o600)  # a folder that cannot be written is told in its own words
+        # A folder that cannot be written is told in its own words.
+        part.touch(mode=0o600, exist_ok=False)
         yield part
     except OSError as fault:
         raise BackupError(f"{file}: {fault.strerror or fault}") from fault

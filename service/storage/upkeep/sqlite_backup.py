@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+from service.storage.database_file import create_private
 from service.storage.upkeep.backup_checks import NOT_OURS, BackupError, Contents, refuse_jobs
 
 BUSY_SECONDS = 30.0
@@ -57,9 +58,10 @@ def load(database: Path, file: Path, *, force: bool) -> Contents:
 
 @contextmanager
 def _opened(file: Path, *, create: bool = False) -> Iterator[sqlite3.Connection]:
-    mode = "rwc" if create else "rw"
     try:
-        uri = f"{file.absolute().as_uri()}?mode={mode}"
+        if create:
+            create_private(file)
+        uri = f"{file.absolute().as_uri()}?mode=rw"
         with closing(sqlite3.connect(uri, uri=True, timeout=BUSY_SECONDS, isolation_level=None)) as opened:
             yield opened
     except sqlite3.Error as fault:

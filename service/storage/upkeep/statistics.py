@@ -206,7 +206,7 @@ def _oldest_queued(session: Session, now: float) -> float:
 def _workers(session: Session, since: float) -> dict[str, Workers]:
     statement = (
         select(WorkerRow.engine, func.count(), func.sum(WorkerRow.slots))
-        .where(WorkerRow.seen_at >= since)
+        .where(WorkerRow.seen_at >= since, WorkerRow.slots > 0)  # a service has none
         .group_by(WorkerRow.engine)
     )
     return {engine: Workers(count, int(slots)) for engine, count, slots in session.execute(statement)}

@@ -1,0 +1,151 @@
+"""That a service is there, written into the database as long as it runs; and who else is there.
+
+The same write shows whether anything can be kept: a disk may be full or read
+only, which no reader notices.
+"""
+
+import contextlib
+import logging
+import sqlite3
+import threading
+import time
+from collections.abc import Callable
+
+import psycopg
+from sqlalchemy import Connection, delete, insert, inspect, select, update
+from sqlalchemy.exc import SQLAlchemyError
+
+from service.jobs.hosts import new_worker_name, this_host
+from service.storage.base import table_of
+from service.storage.clock import DatabaseNow
+from service.storage.database import Database
+from service.storage.operation_tables import WorkerRow
+
+logger = logging.getLogger(__name__)
+
+SEEN_SECONDS = 5.0
+"""How often a service writes that it is there."""
+GONE_SECONDS = 30.0
+"""After this silence whoever had written that it is there is taken to be gone. Workers write every 10 s."""
+SERVICE = "service"
+"""What the row of a service has in place of a worker's engine. It has no slots."""
+_RETRY_SECONDS = 1.0
+"""After a write that failed."""
+_STOP_SECONDS = 2.0
+"""How long an end waits for the last write; else the row ages."""
+
+_workers = table_of(WorkerRow)
+
+
+class ServicePresence:
+    """A thread that writes now and then that this service is there.
+
+    Parameters
+    ----------
+    host
+        What this machine is called; its own name if None.
+    seconds
+        Between two writes.
+    clock
+        Of durations, in seconds.
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        *,
+        host: str | None = None,
+        seconds: float = SEEN_SECONDS,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._database = database
+        self._host = host or this_host()
+        self._name = new_worker_name(self._host)
+        self._seconds = seconds
+        self._clock = clock
+        self._fault: str | None = None
+        self._began_at: float | None = None
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._keep, name="presence", daemon=True)
+
+    def start(self) -> None:
+        """Begin to write."""
+        self._thread.start()
+
+    def fault(self) -> str | None:
+        """Say why nothing can be written to the database, as far as is known; None if it can. Never waits."""
+        if self._database.file is not None and (fault := self._database.file.fault()):
+            return fault
+        began_at = self._began_at
+        if began_at is not None and self._clock() - began_at > self._seconds:
+            return f"a write has been waiting for {self._clock() - began_at:.0f} s"
+        return self._fault
+
+    def write(self) -> None:
+        """Write once that this service is there, and remember whether that was possible."""
+        self._began_at = self._clock()
+        try:
+            self._see()
+        except SQLAlchemyError as fault:
+            reason = _reason(fault)
+            if self._fault is None:
+                logger.warning("nothing can be written to the database: %s", reason)
+            self._fault = reason
+        else:
+            if self._fault is not None:
+                logger.warning("the database can be written to again")
+            self._fault = None
+        finally:
+            self._began_at = None
+
+    def close(self) -> None:
+        """Stop, and remove the row; if that takes long, the row ages."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join(_STOP_SECONDS)
+
+    def _keep(self) -> None:
+        while not self._stopping.is_set():
+            self.write()
+            self._stopping.wait(self._seconds if self._fault is None else min(self._seconds, _RETRY_SECONDS))
+        with contextlib.suppress(SQLAlchemyError), self._database.write_rows(is_work=False) as connection:
+            connection.execute(delete(_workers).where(_workers.c.name == self._name))
+
+    def _see(self) -> None:
+        with self._database.write_rows(is_work=False) as connection:
+            here = _workers.c.name == self._name
+            if not connection.execute(update(_workers).where(here).values(seen_at=DatabaseNow())).rowcount:
+                row = {"name": self._name, "host": self._host, "engine": SERVICE, "slots": 0}
+                connection.execute(
+                    insert(_workers).values(**row, started_at=DatabaseNow(), seen_at=DatabaseNow())
+                )
+
+
+def who_is_present(connection: Connection) -> list[str]:
+    """Return, in words, which services and workers use a database at this time.
+
+    One that has written a time in the future is present too, unless it is so
+    far ahead that the clock must have been set back since.
+    """
+    if not inspect(connection).has_table(_workers.name):
+        return []
+    silence = (DatabaseNow() - _workers.c.seen_at).label("silence")
+    statement = select(_workers.c.host, _workers.c.slots, silence).order_by(silence)
+    return [
+        f"{'a worker' if slots else 'a service'} of {host} (seen {max(seconds, 0.0):.0f} s ago)"
+        for host, slots, seconds in connection.execute(statement)
+        if abs(seconds) <= GONE_SECONDS
+    ]
+
+
+def _reason(fault: SQLAlchemyError) -> str:
+    """Return what the database said; how it is reached, which a driver may add, is nobody's business."""
+    said = getattr(fault, "orig", None)
+    if isinstance(said, sqlite3.Error) or (isinstance(said, psycopg.Error) and said.sqlstate is not None):
+        return str(said).splitlines()[0]
+    return "it does not answer"
+
+
+def forget_everybody(connection: Connection) -> None:
+    """Remove all rows: those of a backup tell who was there when it was made."""
+    connection.execute(delete(_workers))
