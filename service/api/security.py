@@ -41,7 +41,8 @@ class Guard:
             try:
                 key = await self._admit(scope)
             except (ApiError, HTTPException, SQLAlchemyError) as error:
-                await respond(Request(scope), error)(scope, receive, send)
+                answer = await respond(Request(scope), error)
+                await answer(scope, receive, send)
                 return
             scope.setdefault("state", {})[_STATE] = key
         await self._app(scope, receive, send)
@@ -66,7 +67,7 @@ class Guard:
             return False
 
 
-def _holder(request: Request) -> ApiKey | None:
+async def _holder(request: Request) -> ApiKey | None:
     key = request.scope["state"][_STATE]
     assert key is None or isinstance(key, ApiKey)
     return key
