@@ -8,6 +8,7 @@ modules once, so that a child that was killed is replaced within milliseconds.
 
 import contextlib
 import multiprocessing
+import os
 import signal
 import threading
 import time
