@@ -44,6 +44,16 @@ class Settings(BaseSettings):
     """If not chosen, text on a terminal and JSON elsewhere."""
     log_level: LogLevel | None = None
     """If not chosen, warning for the service and info for workers."""
+    max_connections: int = Field(default=1000, ge=1)
+    """Connections of clients to ``serve``; fewer where there are not so many file descriptors."""
+    header_seconds: float = Field(default=10.0, gt=0)
+    """How long a client may take for the head of a request, and before its first one."""
+    body_seconds: float = Field(default=30.0, gt=0)
+    """How long a client may take for the body of a request."""
+    send_seconds: float = Field(default=60.0, gt=0)
+    """How long a client may leave an answer unread, or any next part of it."""
+    idle_seconds: int = Field(default=20, ge=1)
+    """How long a connection is kept after an answer for a next request."""
     samples_days: float | None = Field(default=None, gt=0)
     """Stored samples that are older are deleted; they can be made again. None keeps them for ever."""
     verdict_seconds: float = Field(default=10.0, gt=0)

@@ -19,6 +19,7 @@ TITLES: Mapping[str, str] = {
     "cross_origin": "Sent by a page of another origin",
     "inadmissible_potential": "The potential admits no such motions",
     "internal_error": "The service failed",
+    "invalid_http": "The request is not HTTP",
     "invalid_json": "The body is not JSON",
     "invalid_problem": "The document is not a problem",
     "invalid_request": "The request is not valid",
