@@ -54,6 +54,8 @@ class Settings(BaseSettings):
     """How long a client may leave an answer unread, or any next part of it."""
     idle_seconds: int = Field(default=20, ge=1)
     """How long a connection is kept after an answer for a next request."""
+    origins: str = ""
+    """Origins of pages, separated by commas, that may send what changes something, beside the own one."""
     samples_days: float | None = Field(default=None, gt=0)
     """Stored samples that are older are deleted; they can be made again. None keeps them for ever."""
     verdict_seconds: float = Field(default=10.0, gt=0)

@@ -23,6 +23,7 @@ from service.api.submission import Accepted, Checked, Examined, accept, accept_m
 from service.jobs.job import Job
 from service.jobs.keys import ApiKey
 from service.jobs.states import JobState
+from service.schemas.faults import first_of
 from service.schemas.job import JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
 
@@ -206,7 +207,7 @@ def _nothing_accepted(answers: Sequence[Accepted | ApiError]) -> ApiError:
         HTTPStatus.UNPROCESSABLE_ENTITY,
         "no_problem_accepted",
         f"of {len(answers)} problems none is accepted; items says why",
-        faults=faults,
+        faults=first_of(faults),
         extras={"items": [_refused(refusal).model_dump() for refusal in refusals]},
     )
 

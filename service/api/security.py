@@ -16,6 +16,7 @@ from service.api.access import OPEN, Access
 from service.api.errors import ApiError
 from service.api.handlers import respond
 from service.api.keyring import SECOND_LOOK_SECONDS
+from service.api.origins import check_length, check_origin
 from service.api.resources import Resources
 from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
 from service.settings import is_this_machine
@@ -39,6 +40,9 @@ class Guard:
             return
         if scope["type"] == "http":
             try:
+                headers = Headers(scope=scope)
+                check_length(scope["http_version"], headers)
+                check_origin(scope["method"], headers, scope["app"].state.resources.settings.origins)
                 key = await self._admit(scope)
             except (ApiError, HTTPException, SQLAlchemyError) as error:
                 answer = await respond(Request(scope), error)

@@ -23,7 +23,7 @@ from service.examination import examine_problem, examine_problems
 from service.jobs.keys import ApiKey
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.budgets import choose_tier, window_of, with_tier
-from service.schemas.faults import Fault, InvalidProblemError
+from service.schemas.faults import Fault, InvalidProblemError, first_of
 from service.schemas.problem import CheckedProblem, check_problem, problem_digest
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
@@ -34,6 +34,8 @@ LIST_VERDICTS = 3
 """A list is examined for at most so many times the limit of one verdict."""
 _TOGETHER = 50
 """Problems of one potential that are examined by one call."""
+_FAULTS_TOLD = 1000
+"""Of a list; the problems after them are told one fault each."""
 _AT_WORK = 2
 """Calls of one list that wait or run at the same time."""
 
@@ -106,11 +108,17 @@ def check_each(documents: Sequence[object], settings: Settings) -> list[Checked 
         message = f"{len(documents)} problems; 1 to {MOST_PROBLEMS} are accepted at once"
         raise InvalidProblemError([Fault("", "out_of_range", message)])
     answers: list[Checked | ApiError] = []
+    told = 0
     for document in documents:
         try:
             answers.append(check(document, settings))
-        except (InvalidProblemError, DynamicsError) as fault:
+        except InvalidProblemError as error:
+            # Of many problems with many faults, the later ones are told more shortly.
+            fault = error if told < _FAULTS_TOLD else InvalidProblemError(first_of(error.faults, 1))
+            told += len(fault.faults)
             answers.append(refusal_of(fault))
+        except DynamicsError as error:
+            answers.append(refusal_of(error))
     return answers
 
 

@@ -357,6 +357,18 @@ def test_a_body_has_a_deadline(sqlite_url, verdicts):
     serve(act, create_app(Settings(**settings), sandbox=verdicts), **settings)
 
 
+def test_a_request_of_two_lengths_is_refused_and_nothing_after_it_is_read(sqlite_url, verdicts):
+    async def act(port):
+        head = b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
+        both = head + b"Content-Length: 4\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n"
+        _, _, answer = await exchange(port, both + GET)
+        assert answer.count(b"HTTP/1.1 ") == 1
+        assert problem(answer) == (400, "ambiguous_length")
+
+    settings = {"database_url": sqlite_url}
+    serve(act, create_app(Settings(**settings), sandbox=verdicts), **settings)
+
+
 def test_a_request_whose_client_hangs_up_while_sending_is_no_fault_of_ours(sqlite_url, verdicts, caplog):
     async def act(port):
         head = b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
