@@ -6,13 +6,16 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from importlib.metadata import version
 
+from anyio import CapacityLimiter, to_thread
 from fastapi import FastAPI
 
 from service.api.exposition import Metrics
 from service.api.keyring import KeyRing
+from service.api.lanes import Lanes
 from service.api.limits import Limits
 from service.api.resources import Resources
 from service.api.routes import install
+from service.api.verdict_queue import VerdictQueue
 from service.jobs.restarts import WorkerStanding
 from service.jobs.wakeup import Doorbell
 from service.sandbox import Sandbox
@@ -30,8 +33,10 @@ from service.storage.upkeep.statistics import Statistics
 
 logger = logging.getLogger(__name__)
 
-VERDICT_WORKERS = 2
-"""Children that reach verdicts: one slow formula must not stop everybody else's."""
+VERDICT_WORKERS = 3
+"""Children that reach verdicts: one is left to others by lists, and by each key."""
+_CHECKS_AT_ONCE = 2
+"""Threads for /readyz: probes get an answer although all others are taken."""
 
 
 def create_app(
@@ -61,6 +66,7 @@ def create_app(
             retention = Retention(database, older_than_seconds=settings.samples_days * DAY_SECONDS)
         ring = KeyRing(keys)
         presence = ServicePresence(database, host=settings.host_name)
+        verdicts = VerdictQueue(children, settings, children=VERDICT_WORKERS)
         app.state.resources = Resources(
             settings=settings,
             database=database,
@@ -68,6 +74,8 @@ def create_app(
             solutions=SolutionStore(database),
             sweeps=SweepStore(database, dispatcher),
             sandbox=children,
+            verdicts=verdicts,
+            lanes=Lanes(),
             doorbell=bell,
             metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker),
             keys=ring,
@@ -75,6 +83,7 @@ def create_app(
             presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),
             local_worker=local_worker,
+            checking=CapacityLimiter(_CHECKS_AT_ONCE),
         )
         presence.start()
         if database.file is not None and (warning := database.file.mode_warning()):
@@ -85,6 +94,7 @@ def create_app(
             presence.close()
             if retention is not None:
                 retention.close()
+            await to_thread.run_sync(verdicts.close, limiter=CapacityLimiter(1))
             if sandbox is None:
                 children.close()
             ring.close()

@@ -4,42 +4,28 @@ Neither a thread nor a signal handler can stop a computation inside a compiled
 library, and some inputs crash the interpreter; a child process bears both.
 Children are forked from a clean server process that has imported the heavy
 modules once, so that a child that was killed is replaced within milliseconds.
-
-A child never outlives the process that asked for it, even if that one is
-killed: the kernel sends it SIGKILL when the pipe to it closes. PR_SET_PDEATHSIG
-alone would not do, since it follows the fork server, which itself stays as long
-as any child does. It is set besides: children that have lost their fork server
-cannot be watched any more, and would go on taking calls from the pipe of their
-successors.
 """
 
 import contextlib
-import ctypes
-import fcntl
 import multiprocessing
 import os
-import resource
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from multiprocessing.process import BaseProcess
-from pathlib import Path
 from typing import Any, TypeVar, TypeVarTuple  # Any: a seat does not know what its calls return
 
 from pebble import ProcessExpired, ProcessPool
 
-from service.logs import Logging, current_logging, start_logging
+from service.confinement import confine_child
+from service.logs import current_logging
 
 T = TypeVar("T")
 Arguments = TypeVarTuple("Arguments")
 
-_MIB = 1024 * 1024
-_PR_SET_PDEATHSIG = 1
 
 START_SECONDS = 30.0
 """A free child that has not taken a call by then never will; importing the heavy modules takes less."""
@@ -130,15 +116,16 @@ class Sandbox:
         function: Callable[[*Arguments], T],
         *arguments: *Arguments,
         seconds: float | None,
+        crashes: int = 1,
         submitted: Callable[[Future[T]], None] | None = None,
     ) -> T:
         """Call a module's function in a child and wait; raises what :func:`result_of` raises.
 
-        A call whose child dies is made once more: somebody else may have killed
-        it. One that ends because the processes around the child died is made
+        A call whose child dies is made again, after so many ``crashes``: somebody
+        else may have killed it. One that ends because the processes around the child died is made
         anew some times more. ``submitted`` is given the future of every try.
         """
-        crashes = breakages = 0
+        breakages = 0
         while True:
             try:
                 future = self.submit(function, *arguments, seconds=seconds)
@@ -151,8 +138,8 @@ class Sandbox:
                     raise
                 self._replace_idle()
             except SandboxCrashError:
-                crashes += 1
-                if crashes > 1:
+                crashes -= 1
+                if crashes < 0:
                     raise
 
     def _wait_for(self, future: Future[T], seconds: float | None) -> T:
@@ -221,7 +208,7 @@ class Sandbox:
     def _new_pool(self) -> ProcessPool:
         return ProcessPool(
             max_workers=1,
-            initializer=_confine_child,
+            initializer=confine_child,
             initargs=(self._memory_mb, current_logging()),
             context=self._context,
         )
@@ -278,43 +265,3 @@ def _stop(pool: ProcessPool) -> None:
     with contextlib.suppress(*_BREAKAGES):
         pool.stop()  # type: ignore[no-untyped-call]
         pool.join()
-
-
-def _confine_child(memory_mb: int | None, logging: Logging | None) -> None:
-    """Prepare a new child."""
-    if logging is not None:
-        start_logging(logging.format, logging.level)
-    # Die at once when told to: a Python handler would wait for the compiled code to return.
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    # Ctrl-C in a terminal reaches every process; the parent decides what becomes of its children.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        _die_with(parent)
-    if memory_mb is not None and sys.platform == "linux":
-        _limit_memory(memory_mb * _MIB)
-
-
-def _die_with(parent: BaseProcess) -> None:
-    pipe = parent.sentinel
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))  # with the fork server, too
-        fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
-        fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
-        fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
-    # Elsewhere a thread must do; it has to wait for compiled code that holds the interpreter.
-    # Here it covers a parent that died before the signal was set up.
-    threading.Thread(target=_kill_self_after, args=(parent,), daemon=True).start()
-
-
-def _kill_self_after(parent: BaseProcess) -> None:
-    parent.join()
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-def _limit_memory(extra: int) -> None:
-    """Limit the private writable memory: address space alone is reserved freely by threads and compilers."""
-    status = Path("/proc/self/status").read_text(encoding="ascii")
-    line = next(line for line in status.splitlines() if line.startswith("VmData:"))
-    limit = int(line.split()[1]) * 1024 + extra
-    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))

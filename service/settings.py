@@ -44,10 +44,24 @@ class Settings(BaseSettings):
     """If not chosen, text on a terminal and JSON elsewhere."""
     log_level: LogLevel | None = None
     """If not chosen, warning for the service and info for workers."""
+    max_connections: int = Field(default=1000, ge=1)
+    """Connections of clients to ``serve``; fewer where there are not so many file descriptors."""
+    header_seconds: float = Field(default=10.0, gt=0)
+    """How long a client may take for the head of a request, and before its first one."""
+    body_seconds: float = Field(default=30.0, gt=0)
+    """How long a client may take for the body of a request."""
+    send_seconds: float = Field(default=60.0, gt=0)
+    """How long a client may leave an answer unread, or any next part of it."""
+    idle_seconds: int = Field(default=20, ge=1)
+    """How long a connection is kept after an answer for a next request."""
+    origins: str = ""
+    """Origins of pages, separated by commas, that may send what changes something, beside the own one."""
     samples_days: float | None = Field(default=None, gt=0)
     """Stored samples that are older are deleted; they can be made again. None keeps them for ever."""
     verdict_seconds: float = Field(default=10.0, gt=0)
-    """Time limit of one verdict on a potential."""
+    """Time limit of one verdict on a potential, with the time for which it waits for a child process."""
+    verdict_places: int = Field(default=64, ge=1)
+    """Verdicts that may be waited for while all children are at work; a key may have half of the places."""
     requests_per_second: float = Field(default=5000.0, gt=0)
     """Of a key without a limit of its own, or of everybody where there are no keys; so the next two."""
     max_queued_jobs: int = Field(default=1_000_000, ge=0)
@@ -58,8 +72,8 @@ class Settings(BaseSettings):
     """Samples of one problem or one trajectory."""
     max_sweep_points: int = Field(default=10_000_000, ge=1)
     """Points of one sweep."""
-    waiting_places: int = Field(default=16, ge=0, le=32)
-    """Clients that may wait for jobs at the same time; each takes one of the server's 40 threads."""
+    waiting_places: int = Field(default=16, ge=0, le=1000)
+    """Clients that may wait for jobs at the same time; each has its job looked up four times a second."""
 
     @field_validator("engine")
     @classmethod

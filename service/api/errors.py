@@ -13,9 +13,13 @@ URN = "urn:polhode:problem:"
 
 TITLES: Mapping[str, str] = {
     "accuracy_not_met": "The accuracy cannot be met",
+    "ambiguous_length": "The length of the body is ambiguous",
     "body_too_large": "The body is too large",
+    "client_gone": "The client has gone",
+    "cross_origin": "Sent by a page of another origin",
     "inadmissible_potential": "The potential admits no such motions",
     "internal_error": "The service failed",
+    "invalid_http": "The request is not HTTP",
     "invalid_json": "The body is not JSON",
     "invalid_problem": "The document is not a problem",
     "invalid_request": "The request is not valid",
@@ -39,12 +43,14 @@ TITLES: Mapping[str, str] = {
     "motion_ended": "The motion has ended by then",
     "outside_horizon": "Outside the times of the solution",
     "period_needed": "The motion has no period",
+    "request_timeout": "The request came too slowly",
     "role_insufficient": "The role is not enough",
     "host_not_local": "Not a name of this machine",
     "several_windows": "There are several motions",
     "start_needed": "A start must be given",
     "start_outside_window": "The motion does not pass the start",
     "storage_limit": "Too much is stored",
+    "too_many_connections": "Too many connections",
     "too_many_queued_jobs": "Too many jobs",
     "too_many_requests": "Too many requests",
     "sweep_finished": "The sweep has finished",
@@ -56,6 +62,7 @@ TITLES: Mapping[str, str] = {
     "verdict_crashed": "The verdict could not be reached",
     "verdict_memory_limit": "The verdict takes too much memory",
     "verdict_time_limit": "The verdict takes too long",
+    "verdicts_busy": "Too many wait for verdicts",
 }
 """Titles by code; a code of the mathematics that is not listed here is its own title."""
 

@@ -1,30 +1,28 @@
 """Asks the child process that examines documents, and reads its answer."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any  # Any: a document that was read from JSON
 
 from service.api.errors import ApiError
-from service.api.resources import Resources
+from service.api.verdict_queue import Claimant, Examination, VerdictQueue
 from service.schemas.faults import Fault
 
 
-def examine(
-    resources: Resources, function: Callable[[str], str], document: object
+async def examine(
+    verdicts: VerdictQueue, examination: Examination, text: str, claimant: Claimant
 ) -> Mapping[str, object] | None:
-    """Return the verdict on ``document``, or None if it asks for none.
+    """Return the verdict on the document that ``text`` holds as JSON, or None if it asks for none.
 
     Raises
     ------
     ApiError
-        422 with what the examination found.
+        422 with what the examination found; 503 if too many wait for verdicts.
     SandboxTimeoutError, SandboxMemoryError, SandboxCrashError
         It did not come to an end.
     """
-    text = json.dumps(document)
-    answer = json.loads(resources.sandbox.run(function, text, seconds=resources.settings.verdict_seconds))
-    return verdict_in(answer)
+    return verdict_in(json.loads(await verdicts.ask(examination, text, claimant)))
 
 
 def verdict_in(answer: Mapping[str, Any]) -> Mapping[str, object] | None:

@@ -7,6 +7,7 @@ from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from service.api.errors import ApiError, invalid_request
 from service.api.observing import REQUEST_ID, id_of
@@ -20,9 +21,13 @@ from service.storage.availability import is_away
 
 _log = logging.getLogger(__name__)
 
+CLIENT_GONE = 499
+"""Status, in logs and metrics, of requests whose client did not wait for the answer."""
 RETRY_SECONDS = 5
 """What clients are told to wait if the database cannot be reached."""
 
+_OVERLOAD = ("verdicts_busy",)
+"""Refusals that are not ours to mend; they are counted by status, and many come at once."""
 _CODES = {
     HTTPStatus.NOT_FOUND: "not_found",
     HTTPStatus.METHOD_NOT_ALLOWED: "method_not_allowed",
@@ -47,14 +52,18 @@ def install(app: FastAPI) -> None:
     for limit in (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError):
         app.add_exception_handler(limit, respond)
     app.add_exception_handler(SQLAlchemyError, respond)
+    app.add_exception_handler(ClientDisconnect, respond)
     app.add_exception_handler(Exception, respond)
 
 
-def respond(request: Request, error: Exception) -> Response:
-    """Return the problem document of an error, and log what is ours to mend."""
+async def respond(request: Request, error: Exception) -> Response:
+    """Return the problem document of an error, and log what is ours to mend.
+
+    On the event loop: where all threads are taken, that must still be told.
+    """
     refusal = refusal_of(error)
     request_id = id_of(request)
-    if refusal.status >= HTTPStatus.INTERNAL_SERVER_ERROR:
+    if refusal.status >= HTTPStatus.INTERNAL_SERVER_ERROR and refusal.code not in _OVERLOAD:
         trace = None if isinstance(error, ApiError) else error
         # What nobody expected is answered outside of the request's own context.
         extra = {"fields": {"request_id": request_id}}
@@ -82,6 +91,8 @@ def refusal_of(error: Exception) -> ApiError:
             return invalid_request(_query_faults(error))
         case HTTPException():
             return _of_http(error)
+        case ClientDisconnect():
+            return ApiError(CLIENT_GONE, "client_gone", "the client hung up; nobody reads this")
         case JobNotFoundError() | SolutionNotFoundError() | SweepNotFoundError():
             return ApiError(HTTPStatus.NOT_FOUND, "not_found", str(error))
         case JobFinishedError():

@@ -3,6 +3,7 @@
 from concurrent.futures import CancelledError
 from http import HTTPStatus
 
+from anyio import to_thread
 from fastapi import APIRouter, Response
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -23,24 +24,28 @@ _PING_SECONDS = 5.0
 
 
 @router.get("/livez", response_model=HealthOut, responses=refusals(), dependencies=[without_query])
-def get_liveness() -> Response:
+async def get_liveness() -> Response:
     """Answer: the process serves."""
     return json_response(HealthOut(status="ok", checks={}))
 
 
 @router.get("/readyz", response_model=HealthOut, responses=refusals(503), dependencies=[without_query])
-def get_readiness(inside: Inside) -> Response:
+async def get_readiness(inside: Inside) -> Response:
     """Say whether the database can be read and written and is of this version, and verdicts can be reached.
 
     A worker process that dies again and again is told, and makes nothing unready: jobs are accepted.
     """
-    checks = {"database": _database(inside), "sandbox": _sandbox(inside)}
+    checks = await to_thread.run_sync(_checks, inside, limiter=inside.checking)
     bad = [f"{name}: {said}" for name, said in checks.items() if said != OK]
     if bad:
         raise ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "not_ready", "; ".join(bad), extras={"checks": checks})
     if inside.local_worker is not None:
         checks["worker"] = str(inside.local_worker())
     return json_response(HealthOut(status="ok", checks=checks))
+
+
+def _checks(inside: Resources) -> dict[str, str]:
+    return {"database": _database(inside), "sandbox": _sandbox(inside)}
 
 
 def _database(inside: Resources) -> str:
@@ -57,7 +62,7 @@ def _database(inside: Resources) -> str:
 
 
 def _sandbox(inside: Resources) -> str:
-    if not inside.sandbox.is_idle:
+    if not (inside.verdicts.is_idle and inside.sandbox.is_idle):
         return OK  # busy with verdicts, each of which has its limit
     try:
         inside.sandbox.run(answer_ping, seconds=_PING_SECONDS)

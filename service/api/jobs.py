@@ -5,9 +5,11 @@ from dataclasses import replace
 from http import HTTPStatus
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Response
+from fastapi import APIRouter, Depends, Header, Request, Response
 from pydantic import Field
+from starlette.concurrency import run_in_threadpool
 
+from service.api.disconnects import while_connected
 from service.api.documentation import request_body
 from service.api.errors import ApiError
 from service.api.places import JobId
@@ -17,11 +19,13 @@ from service.api.requests import Body, read_json
 from service.api.resources import Inside, Resources
 from service.api.responses import json_response, refusals
 from service.api.security import Holder, check_owner
-from service.api.submission import Accepted, accept, accept_many
+from service.api.submission import Accepted, Checked, Examined, accept, accept_many, check, check_each
 from service.jobs.job import Job
 from service.jobs.keys import ApiKey
 from service.jobs.states import JobState
+from service.schemas.faults import first_of
 from service.schemas.job import JobItemOut, JobListOut, JobOut, JobPageOut
+from service.settings import Settings
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -72,11 +76,12 @@ class SubmitQuery(QueryModel):
     status_code=HTTPStatus.ACCEPTED,
     responses={
         200: {"model": JobOut, "description": "With `Prefer: wait=S`: the job has finished in time"},
-        **refusals(400, 413, 415, 503),
+        **refusals(400, 408, 413, 415, 503),
     },
     openapi_extra={**request_body("ProblemIn", EXAMPLES, several=True), **query_parameters(SubmitQuery)},
 )
-def submit_job(
+async def submit_job(
+    request: Request,
     content: Body,
     inside: Inside,
     holder: Holder,
@@ -94,21 +99,79 @@ def submit_job(
     are accepted: `items` answers for each in order, with its job or with what
     refuses it. It is refused if none is accepted. Nobody waits for a list.
     """
+    found = await inside.lanes.run(len(content), _checked, content, inside.settings)
+    seconds = wait_seconds(prefer)
+    if isinstance(found, list):
+        work = _submit_list(found, inside, holder, query.priority)
+    else:
+        work = _submit_one(found, inside, holder, query.priority, seconds)
+    return await while_connected(request, work)
+
+
+def _checked(content: bytes, settings: Settings) -> Checked | list[Checked | ApiError]:
     document = read_json(content)
-    key_id = None if holder is None else holder.id
-    if isinstance(document, list):
-        return _submit_list(document, inside, holder, query.priority)
-    problem = accept(inside, document, holder)
-    job = inside.jobs.submit(problem.document, problem.digest, priority=query.priority, key_id=key_id)
+    return check_each(document, settings) if isinstance(document, list) else check(document, settings)
+
+
+async def _submit_one(
+    problem: Checked, inside: Resources, holder: ApiKey | None, priority: int, seconds: int | None
+) -> Response:
+    examined = await accept(inside, problem, holder)
+    job = await run_in_threadpool(_queue, examined, inside, holder, priority)
+    # Nobody waits where there is no place for one more.
+    if seconds is None or not inside.waiting.acquire(blocking=False):
+        return await run_in_threadpool(_submitted, job)
+    try:
+        await _finish(job, inside, seconds)
+    finally:
+        inside.waiting.release()
+    return await run_in_threadpool(_waited, job.id, inside, seconds)
+
+
+def _queue(examined: Examined, inside: Resources, holder: ApiKey | None, priority: int) -> Job:
+    problem, key_id = examined.accepted(), None if holder is None else holder.id
+    job = inside.jobs.submit(problem.document, problem.digest, priority=priority, key_id=key_id)
     if not job.is_finished:
         inside.doorbell.ring()
-    return _submitted(job, inside, wait_seconds(prefer))
+    return job
 
 
-def _submit_list(
-    documents: list[object], inside: Resources, holder: ApiKey | None, priority: int
+async def _finish(job: Job, inside: Resources, seconds: int) -> None:
+    """Wait for a job, on no thread."""
+
+    async def is_finished() -> bool:
+        return (await run_in_threadpool(inside.jobs.get, job.id)).is_finished
+
+    await inside.doorbell.wait_for(job.id, is_finished=is_finished, timeout=seconds)
+
+
+def _submitted(job: Job) -> Response:
+    return json_response(_out(job), status=HTTPStatus.ACCEPTED, headers=_location(job.id))
+
+
+def _waited(job_id: str, inside: Resources, seconds: int) -> Response:
+    job = inside.jobs.get(job_id)
+    headers = {**_location(job_id), "Preference-Applied": f"wait={seconds}"}
+    return json_response(
+        _out(job), status=HTTPStatus.OK if job.is_finished else HTTPStatus.ACCEPTED, headers=headers
+    )
+
+
+def _location(job_id: str) -> dict[str, str]:
+    return {"Location": f"/v1/jobs/{job_id}"}
+
+
+async def _submit_list(
+    problems: list[Checked | ApiError], inside: Resources, holder: ApiKey | None, priority: int
 ) -> Response:
-    answers = accept_many(inside, documents, holder)
+    examined = await accept_many(inside, problems, holder)
+    return await run_in_threadpool(_queue_list, examined, inside, holder, priority)
+
+
+def _queue_list(
+    examined: Sequence[Examined | ApiError], inside: Resources, holder: ApiKey | None, priority: int
+) -> Response:
+    answers = [each if isinstance(each, ApiError) else each.accepted() for each in examined]
     accepted = [answer for answer in answers if isinstance(answer, Accepted)]
     if not accepted:
         raise _nothing_accepted(answers)
@@ -144,26 +207,9 @@ def _nothing_accepted(answers: Sequence[Accepted | ApiError]) -> ApiError:
         HTTPStatus.UNPROCESSABLE_ENTITY,
         "no_problem_accepted",
         f"of {len(answers)} problems none is accepted; items says why",
-        faults=faults,
+        faults=first_of(faults),
         extras={"items": [_refused(refusal).model_dump() for refusal in refusals]},
     )
-
-
-def _submitted(job: Job, inside: Resources, seconds: int | None) -> Response:
-    """Return the new job; wait for it if that is wished and there is a place for one more."""
-    status, headers = HTTPStatus.ACCEPTED, {"Location": f"/v1/jobs/{job.id}"}
-    if seconds is not None and inside.waiting.acquire(blocking=False):
-        try:
-            inside.doorbell.wait_for(
-                job.id, is_finished=lambda: inside.jobs.get(job.id).is_finished, timeout=seconds
-            )
-        finally:
-            inside.waiting.release()
-        headers["Preference-Applied"] = f"wait={seconds}"
-        job = inside.jobs.get(job.id)
-        if job.is_finished:
-            status = HTTPStatus.OK
-    return json_response(_out(job), status=status, headers=headers)
 
 
 @router.get("", response_model=JobPageOut, responses=refusals(), openapi_extra=query_parameters(JobsQuery))

@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
+from anyio import CapacityLimiter, to_thread
 from sqlalchemy.exc import SQLAlchemyError
-from starlette.concurrency import run_in_threadpool
 
 from service.jobs.keys import ApiKey
 from service.storage.key_store import USED_SECONDS, KeyStore
@@ -41,12 +41,16 @@ class KeyRing:
         self._lock = threading.Lock()
         self._known: Known | None = None
         self._noted: dict[str, float] = {}
+        self._looking = CapacityLimiter(1)
+        """A thread of its own: who asks must be known although all others are taken."""
         self._notes = ThreadPoolExecutor(max_workers=1, thread_name_prefix="keys")
 
     async def known(self, max_age: float = FRESH_SECONDS) -> Known:
         """Return the keys as they were at most ``max_age`` seconds ago."""
         known = self._fresh(max_age)
-        return known if known is not None else await run_in_threadpool(self._look, max_age)
+        if known is not None:
+            return known
+        return await to_thread.run_sync(self._look, max_age, limiter=self._looking)
 
     def now(self, known: Known) -> datetime:
         """Return the instant by the database's clock, which is not asked for it."""

@@ -1,5 +1,6 @@
 """Bodies, read by ourselves: what is wrong with them is told as a problem document."""
 
+import asyncio
 from collections.abc import Sequence
 from email.message import Message
 from http import HTTPStatus
@@ -8,22 +9,29 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from service.api.errors import ApiError
+from service.api.resources import Inside
 from service.schemas.strict_json import InvalidJsonError, parse_json
 
 MAX_BODY_BYTES = 1_000_000
 JSON, UTF_8, IDENTITY = "application/json", "utf-8", "identity"
 
 
-async def _read_body(request: Request) -> bytes:
+async def _read_body(request: Request, inside: Inside) -> bytes:
     """Return the body, which must be said to be plain JSON in UTF-8 and is never held beyond the limit."""
     _require_json(request.headers.get("content-type", ""))
     _require_identity(request.headers.getlist("content-encoding"))
-    content = bytearray()
-    async for chunk in request.stream():
-        content += chunk
-        if len(content) > MAX_BODY_BYTES:
-            detail = f"at most {MAX_BODY_BYTES} bytes are accepted"
-            raise ApiError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "body_too_large", detail)
+    content, seconds = bytearray(), inside.settings.body_seconds
+    try:
+        async with asyncio.timeout(seconds):
+            async for chunk in request.stream():
+                content += chunk
+                if len(content) > MAX_BODY_BYTES:
+                    detail = f"at most {MAX_BODY_BYTES} bytes are accepted"
+                    raise ApiError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "body_too_large", detail)
+    except TimeoutError as fault:
+        detail = f"the body was not complete after {seconds:g} s"
+        headers = {"Connection": "close"}
+        raise ApiError(HTTPStatus.REQUEST_TIMEOUT, "request_timeout", detail, headers=headers) from fault
     return bytes(content)
 
 

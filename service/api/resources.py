@@ -5,11 +5,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
+from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
 from service.api.exposition import Metrics
 from service.api.keyring import KeyRing
+from service.api.lanes import Lanes
 from service.api.limits import Limits
+from service.api.verdict_queue import VerdictQueue
 from service.jobs.restarts import WorkerStanding
 from service.jobs.store import JobStore
 from service.jobs.wakeup import Doorbell
@@ -31,6 +34,8 @@ class Resources:
     solutions: SolutionStore
     sweeps: SweepStore
     sandbox: Sandbox
+    verdicts: VerdictQueue
+    lanes: Lanes
     doorbell: Doorbell
     metrics: Metrics
     keys: KeyRing
@@ -38,12 +43,14 @@ class Resources:
     presence: ServicePresence
     """Writes that this service is there, and knows whether it could."""
     waiting: threading.BoundedSemaphore
-    """Places for clients that wait for their job: each takes a thread."""
+    """Places for clients that wait for their job: each looks into the database now and then."""
+    checking: CapacityLimiter
+    """Threads of /readyz alone."""
     local_worker: Callable[[], WorkerStanding] | None
     """Tells how the worker process beside this service does, if there is one."""
 
 
-def _resources(request: Request) -> Resources:
+async def _resources(request: Request) -> Resources:
     resources = request.app.state.resources
     assert isinstance(resources, Resources)
     return resources

@@ -16,6 +16,7 @@ from service.api.access import OPEN, Access
 from service.api.errors import ApiError
 from service.api.handlers import respond
 from service.api.keyring import SECOND_LOOK_SECONDS
+from service.api.origins import check_length, check_origin
 from service.api.resources import Resources
 from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
 from service.settings import is_this_machine
@@ -39,9 +40,13 @@ class Guard:
             return
         if scope["type"] == "http":
             try:
+                headers = Headers(scope=scope)
+                check_length(scope["http_version"], headers)
+                check_origin(scope["method"], headers, scope["app"].state.resources.settings.origins)
                 key = await self._admit(scope)
             except (ApiError, HTTPException, SQLAlchemyError) as error:
-                await respond(Request(scope), error)(scope, receive, send)
+                answer = await respond(Request(scope), error)
+                await answer(scope, receive, send)
                 return
             scope.setdefault("state", {})[_STATE] = key
         await self._app(scope, receive, send)
@@ -66,7 +71,7 @@ class Guard:
             return False
 
 
-def _holder(request: Request) -> ApiKey | None:
+async def _holder(request: Request) -> ApiKey | None:
     key = request.scope["state"][_STATE]
     assert key is None or isinstance(key, ApiKey)
     return key

@@ -1,24 +1,29 @@
 """/v1/sweeps: submit, follow, cancel."""
 
+from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Response
 from pydantic import Field
+from starlette.concurrency import run_in_threadpool
 
 from service.api.documentation import request_body
 from service.api.places import SweepId
 from service.api.queries import QueryModel, query_of, query_parameters, without_query
 from service.api.requests import Body, read_json
-from service.api.resources import Inside
+from service.api.resources import Inside, Resources
 from service.api.responses import json_response, refusals
 from service.api.security import Holder, check_owner
 from service.jobs.chunking import largest_chunk
+from service.jobs.keys import ApiKey
 from service.jobs.states import JobState
 from service.jobs.sweeps import SweepProgress, SweepRecord
 from service.schemas.faults import Fault
+from service.schemas.sweep import Sweep
 from service.schemas.sweep_out import SweepOut, SweepPageOut, SweepStateOut
 from service.schemas.sweeps import InvalidSweepError, read_sweep
+from service.settings import Settings
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
@@ -60,33 +65,48 @@ class SweepsQuery(QueryModel):
     "",
     response_model=SweepOut,
     status_code=HTTPStatus.ACCEPTED,
-    responses=refusals(400, 413, 415, 503),
+    responses=refusals(400, 408, 413, 415, 503),
     openapi_extra=request_body("SweepIn", EXAMPLES),
     dependencies=[without_query],
 )
-def submit_sweep(content: Body, inside: Inside, holder: Holder) -> Response:
+async def submit_sweep(content: Body, inside: Inside, holder: Holder) -> Response:
     """Check a sweep and queue its first points; the others follow as those are done.
 
     The base must be a problem with the first value of each axis. Whether a
     point has a motion is told by the point.
     """
+    document, sweep = await inside.lanes.run(len(content), _checked, content, inside.settings)
+    return await run_in_threadpool(_submit, document, sweep, inside, holder)
+
+
+def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Sweep]:
     document = read_json(content)
-    sweep = read_sweep(document, max_points=inside.settings.max_sweep_points)
+    sweep = read_sweep(document, max_points=settings.max_sweep_points)
     assert isinstance(document, dict)
-    if sweep.samples > inside.settings.max_samples:
-        message = f"{sweep.samples} samples; 1 to {inside.settings.max_samples} are accepted here"
+    if sweep.samples > settings.max_samples:
+        message = f"{sweep.samples} samples; 1 to {settings.max_samples} are accepted here"
         raise InvalidSweepError([Fault("/base/time", "out_of_range", message)])
+    return document, sweep
+
+
+def _submit(document: dict[str, object], sweep: Sweep, inside: Resources, holder: ApiKey | None) -> Response:
     inside.limits.reserve_jobs(holder)
     record = inside.sweeps.submit(
         document,
         points=sweep.points,
         most=largest_chunk(sweep.samples, len(sweep.series_columns)),
-        priority=document.get("priority", 0),
+        priority=_priority(document),
         key_id=None if holder is None else holder.id,
     )
     inside.doorbell.ring()
     headers = {"Location": f"/v1/sweeps/{record.id}"}
     return json_response(_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
+
+
+def _priority(document: Mapping[str, object]) -> int:
+    priority = document.get("priority", 0)
+    assert isinstance(priority, int)
+    return priority
 
 
 @router.get(

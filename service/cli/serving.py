@@ -20,9 +20,6 @@ from service.logs import LOG_LEVELS, announce, start_logging
 from service.settings import Settings
 from service.stopping import StopAsked
 
-FINISH_REQUESTS_SECONDS = 3
-"""How long open requests may go on after a signal to stop."""
-
 
 def serve(
     host: Annotated[
@@ -69,6 +66,7 @@ def _serve(settings: Settings, listener: socket.socket) -> None:
     import uvicorn  # noqa: PLC0415
 
     from service.app import create_app  # noqa: PLC0415
+    from service.connections.server import guarded  # noqa: PLC0415
 
     class _Server(uvicorn.Server):
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -88,14 +86,9 @@ def _serve(settings: Settings, listener: socket.socket) -> None:
         doorbell = Doorbell()
         workers = LocalWorkers(settings, doorbell) if settings.workers else None
         try:
-            config = uvicorn.Config(
-                create_app(
-                    settings, doorbell=doorbell, local_worker=None if workers is None else workers.standing
-                ),
-                access_log=False,
-                log_config=None,
-                timeout_graceful_shutdown=FINISH_REQUESTS_SECONDS,
-            )
+            standing = None if workers is None else workers.standing
+            app = create_app(settings, doorbell=doorbell, local_worker=standing)
+            config, listener = guarded(app, settings, listener)
             server = _Server(config)
             host, port = listener.getsockname()[:2]
             announce(

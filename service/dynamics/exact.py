@@ -76,7 +76,9 @@ def exact_number(value: int | float | str | Fraction) -> Fraction:
     mantissa, _, exponent = text.lower().partition("e")
     if exponent and abs(int(exponent)) > MAX_EXPONENT:
         raise InvalidNumberError(f"the exponent of {text[:40]!r} is beyond ±{MAX_EXPONENT}")
-    return Fraction(mantissa) * Fraction(10) ** int(exponent or 0)
+    whole, _, decimals = mantissa.partition(".")
+    digits, shift = int(whole + decimals), int(exponent or 0) - len(decimals)
+    return Fraction(digits * 10**shift) if shift >= 0 else Fraction(digits, 10**-shift)
 
 
 def exact_text(value: Fraction) -> str:

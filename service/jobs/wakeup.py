@@ -6,11 +6,13 @@ only saves waiting; whatever is lost on it is found by looking, since the jobs
 table is the truth.
 """
 
+import asyncio
 import contextlib
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import dataclass
 
 _LOOK_SECONDS = 0.25
 """How often a waiting client's job is looked up even if nobody rings: another machine may finish it."""
@@ -20,9 +22,10 @@ class Doorbell:
     """The API's side: rings workers, and waits for their jobs. Safe between threads."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        # Reentrant: a signal handler may close the bell while its thread holds the lock.
+        self._lock = threading.RLock()
         self._lines: list[socket.socket] = []
-        self._waiting: dict[str, set[threading.Event]] = {}
+        self._waiting: dict[str, set[_Ear]] = {}
         self._closed = False
 
     def new_line(self) -> socket.socket:
@@ -45,52 +48,55 @@ class Doorbell:
                 with contextlib.suppress(OSError):
                     line.send(b".", socket.MSG_DONTWAIT)
 
-    def wait_for(self, job_id: str, *, is_finished: Callable[[], bool], timeout: float) -> bool:
-        """Return whether the job is finished within ``timeout`` seconds.
+    async def wait_for(
+        self, job_id: str, *, is_finished: Callable[[], Awaitable[bool]], timeout: float
+    ) -> bool:
+        """Return whether the job is finished within ``timeout`` seconds; holds no thread meanwhile.
 
         ``is_finished`` asks the store; it is asked at once, whenever a worker
         says so, and now and then. A closed bell makes nobody wait.
         """
         deadline = time.monotonic() + timeout
-        with self._registered(job_id) as finished:
-            while not is_finished():
+        with self._registered(job_id) as heard:
+            while not await is_finished():
                 rest = deadline - time.monotonic()
                 if rest <= 0 or self._closed:
                     return False
-                finished.wait(min(rest, _LOOK_SECONDS))
-                finished.clear()
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(heard.wait(), min(rest, _LOOK_SECONDS))
+                heard.clear()
         return True
 
     def announce(self, job_id: str) -> None:
         """Wake whoever waits for that job."""
         with self._lock:
-            for event in self._waiting.get(job_id, ()):
-                event.set()
+            for ear in self._waiting.get(job_id, ()):
+                ear.tell()
 
     def close(self) -> None:
         """Hang up: workers at the other ends finish what they have and stop, and nobody waits any more."""
         self._closed = True
         with self._lock:
-            for events in self._waiting.values():
-                for event in events:
-                    event.set()
+            for ears in self._waiting.values():
+                for ear in ears:
+                    ear.tell()
             for line in self._lines:
                 with contextlib.suppress(OSError):
                     line.shutdown(socket.SHUT_RDWR)
 
     @contextlib.contextmanager
-    def _registered(self, job_id: str) -> Iterator[threading.Event]:
+    def _registered(self, job_id: str) -> Iterator[asyncio.Event]:
         """Register before the first look: an announcement in between would be missed else."""
-        event = threading.Event()
+        ear = _Ear(asyncio.get_running_loop(), asyncio.Event())
         with self._lock:
-            self._waiting.setdefault(job_id, set()).add(event)
+            self._waiting.setdefault(job_id, set()).add(ear)
         try:
-            yield event
+            yield ear.heard
         finally:
             with self._lock:
-                events = self._waiting[job_id]
-                events.discard(event)
-                if not events:
+                ears = self._waiting[job_id]
+                ears.discard(ear)
+                if not ears:
                     del self._waiting[job_id]
 
     def _listen(self, line: socket.socket) -> None:
@@ -100,6 +106,20 @@ class Doorbell:
                     self.announce(word.strip())
             with self._lock:
                 self._lines.remove(line)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ear:
+    """Somebody who waits on an event loop."""
+
+    loop: asyncio.AbstractEventLoop
+    heard: asyncio.Event
+
+    def tell(self) -> None:
+        """Wake it, from any thread."""
+        # The loop may have been closed with the one who waited on it.
+        with contextlib.suppress(RuntimeError):
+            self.loop.call_soon_threadsafe(self.heard.set)
 
 
 class WorkerLine:

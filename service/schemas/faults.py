@@ -5,6 +5,10 @@ from dataclasses import dataclass
 
 from service.dynamics.errors import DynamicsError
 
+MAX_FAULTS = 200
+"""Listed at once: a list of 100 000 wrong numbers is told from its beginning."""
+_TOLD_IN_SENTENCE = 10
+
 
 @dataclass(frozen=True, slots=True)
 class Fault:
@@ -22,8 +26,18 @@ class InvalidProblemError(Exception):
     """A document that is not a problem; ``faults`` holds everything that was found."""
 
     def __init__(self, faults: Sequence[Fault]) -> None:
-        super().__init__("; ".join(f"{fault.pointer or '/'}: {fault.message}" for fault in faults))
+        told = [f"{fault.pointer or '/'}: {fault.message}" for fault in faults[:_TOLD_IN_SENTENCE]]
+        if len(faults) > _TOLD_IN_SENTENCE:
+            told.append(f"and {len(faults) - _TOLD_IN_SENTENCE} more")
+        super().__init__("; ".join(told))
         self.faults = tuple(faults)
+
+
+def first_of(faults: Sequence[Fault], most: int = MAX_FAULTS) -> list[Fault]:
+    """Return the first of very many faults, and a last one that says that there are others."""
+    if len(faults) <= most:
+        return list(faults)
+    return [*faults[:most], Fault("", "more_faults", f"there are more faults; the first {most} are listed")]
 
 
 def pointer_to(parts: Iterable[str | int]) -> str:

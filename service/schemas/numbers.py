@@ -17,6 +17,8 @@ MAX_SAMPLES = 100_000
 HIGHEST_PRIORITY = 100
 LATEST = Fraction(10) ** 15
 """Largest |t| and number of periods: beyond it the spacing of doubles leaves no phase to speak of."""
+_LARGEST, _LATEST = int(LARGEST), int(LATEST)
+"""The same as integers: lists of 100 000 numbers are compared with them."""
 
 
 def refuse(code: str, message: str, *, below: str = "") -> PydanticCustomError:
@@ -34,7 +36,8 @@ def read_exact(value: object) -> Fraction:
         number = exact_number(value)
     except InvalidNumberError as error:
         raise refuse("invalid_number", error.message) from error
-    if number and not 1 / LARGEST <= abs(number) <= LARGEST:
+    above, below = abs(number.numerator), number.denominator
+    if above and not (below <= above * _LARGEST and above <= below * _LARGEST):
         raise refuse("invalid_number", "beyond what can be computed with; accepted are 0 and 1e-300 to 1e300")
     return number
 
@@ -84,7 +87,7 @@ def read_sign(value: object) -> Literal[-1, 1]:
 def read_time(value: object) -> Fraction:
     """Return an exact instant."""
     number = read_exact(value)
-    if abs(number) > LATEST:
+    if abs(number.numerator) > _LATEST * number.denominator:
         raise refuse("out_of_range", f"too far away; times up to ±{float(LATEST):.0e} are accepted")
     return number
 

@@ -13,7 +13,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from service.schemas.choices import TAG_MARK
-from service.schemas.faults import Fault, pointer_to
+from service.schemas.faults import MAX_FAULTS, Fault, pointer_to
 from service.schemas.motions import EquatorStartIn, PlanarMotionIn, PointStartIn, RestStartIn, StateMotionIn
 from service.schemas.potentials import MODELS
 from service.schemas.sections import (
@@ -75,7 +75,7 @@ def read_parts(document: object, model: type[Model]) -> tuple[dict[str, object],
         whole = model.model_validate(document)
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False)
-        faults = [_fault(details, model) for details in found]
+        faults = [_fault(details, model) for details in found[: MAX_FAULTS + 1]]
         bad = {str(details["loc"][0]) for details in found if details["loc"]}
         return {
             name: _read_part(model, name, document) for name in model.model_fields if name not in bad

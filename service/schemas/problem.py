@@ -9,7 +9,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion
-from service.schemas.faults import Fault, InvalidProblemError
+from service.schemas.faults import Fault, InvalidProblemError, first_of
 from service.schemas.motions import PlanarMotionIn, StateMotionIn
 from service.schemas.parts import read_parts
 from service.schemas.potential_model import PotentialModel
@@ -25,9 +25,6 @@ from service.schemas.sections import (
     ValidationIn,
 )
 from service.schemas.tiers import BudgetIn, TierIn, ToleranceIn
-
-MAX_FAULTS = 200
-"""Listed at once: a list of 100 000 wrong numbers is told from its beginning."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,12 +169,8 @@ def _read(document: object, model: type[ProblemIn | ValidationIn]) -> _Reading:
 
 
 def each_once(faults: list[Fault]) -> list[Fault]:
-    """Drop what two checks found alike; of very many faults, keep the first and say how many there are."""
+    """Drop what two checks found alike; of very many faults, keep the first."""
     seen: dict[tuple[str, str], Fault] = {}
     for fault in faults:
         seen.setdefault((fault.pointer, fault.code), fault)
-    kept = list(seen.values())
-    if len(kept) <= MAX_FAULTS:
-        return kept
-    rest = Fault("", "more_faults", f"{len(kept) - MAX_FAULTS} more faults are not listed")
-    return [*kept[:MAX_FAULTS], rest]
+    return first_of(list(seen.values()))

@@ -8,8 +8,19 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 from service.dynamics.body import RigidBody
 from service.dynamics.problem import TimeList, TimePeriods, Times, TimeSpan
 from service.schemas.choices import TAG_MARK, WireModel, require_one, tag_by_field
+from service.schemas.long_lists import each_of
 from service.schemas.motions import MotionIn
-from service.schemas.numbers import MAX_SAMPLES, Exact, Instant, Moment, Periods, Positive, Samples, refuse
+from service.schemas.numbers import (
+    MAX_SAMPLES,
+    Exact,
+    Instant,
+    Moment,
+    Periods,
+    Positive,
+    Samples,
+    read_time,
+    refuse,
+)
 from service.schemas.potentials import PotentialIn
 from service.schemas.tiers import AccuracyIn, TierIn
 
@@ -94,9 +105,9 @@ class TimePeriodsIn(WireModel):
 class TimeListIn(WireModel):
     """The times themselves."""
 
-    times: Annotated[list[Instant], Field(min_length=1, max_length=MAX_SAMPLES)] = Field(
-        description="In any order, in the unit of time that the problem implies."
-    )
+    times: Annotated[
+        list[Instant], Field(min_length=1, max_length=MAX_SAMPLES), each_of(read_time, most=MAX_SAMPLES)
+    ] = Field(description="In any order, in the unit of time that the problem implies.")
 
     def to_domain(self) -> Times:
         """Return the times."""

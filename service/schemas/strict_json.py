@@ -8,6 +8,10 @@ from service.dynamics.exact import NumberBeyondDoubles, is_zero_text
 
 MAX_INTEGER_CHARACTERS = 1000
 """Longer integers are refused before they cost quadratic time; numbers of problems have far fewer digits."""
+MAX_FIELDS = 500
+"""Of one object; more are told before anybody looks at them. No document of ours has more than 120."""
+MAX_ALL_FIELDS = 60_000
+"""Of all objects of a document: 1000 problems have some 30 000."""
 
 
 class InvalidJsonError(ValueError):
@@ -32,7 +36,7 @@ def parse_json(content: bytes) -> object:
             parse_constant=_refuse_constant,
             parse_int=_integer,
             parse_float=_double,
-            object_pairs_hook=_object,
+            object_pairs_hook=_Fields().read,
         )
         if "\\u" in text:
             # An escaped half of a surrogate pair stands for no character and cannot be stored or sent.
@@ -66,10 +70,22 @@ def _double(text: str) -> float:
     return double
 
 
-def _object(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
-    document = dict(pairs)
-    if len(document) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise InvalidJsonError(f"the field {twice!r} is given twice in one object")
-    return document
+class _Fields:
+    """Makes the objects of one document, and counts their fields."""
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def read(self, pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+        """Return the object of these fields."""
+        self._count += len(pairs)
+        if len(pairs) > MAX_FIELDS:
+            raise InvalidJsonError(f"an object of {len(pairs)} fields; at most {MAX_FIELDS} are accepted")
+        if self._count > MAX_ALL_FIELDS:
+            raise InvalidJsonError(f"more than {MAX_ALL_FIELDS} fields in all; so many are accepted")
+        document = dict(pairs)
+        if len(document) < len(pairs):
+            names = [name for name, _ in pairs]
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InvalidJsonError(f"the field {twice!r} is given twice in one object")
+        return document

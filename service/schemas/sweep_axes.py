@@ -7,7 +7,8 @@ from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Stri
 
 from service.dynamics.sweep_axes import Axis, LinearAxis, ListedAxis, LogarithmicAxis, UniformAxis
 from service.schemas.choices import TAG_MARK, WireModel, tag_by_field
-from service.schemas.numbers import Exact, Positive, integer_schema, read_integer, refuse
+from service.schemas.long_lists import each_of
+from service.schemas.numbers import Exact, Positive, integer_schema, read_exact, read_integer, refuse
 
 MAX_LISTED = 100_000
 LONGEST_AXIS = 100_000_000
@@ -50,9 +51,9 @@ class ListedAxisIn(WireModel):
     """The values themselves."""
 
     pointer: str = Field(description=_POINTER, max_length=200)
-    values: Annotated[list[Exact], Field(min_length=1, max_length=MAX_LISTED)] = Field(
-        description="Exact, in the order of the points."
-    )
+    values: Annotated[
+        list[Exact], Field(min_length=1, max_length=MAX_LISTED), each_of(read_exact, most=MAX_LISTED)
+    ] = Field(description="Exact, in the order of the points.")
 
     def to_domain(self, _: int) -> Axis:
         """Return the axis."""

@@ -8,6 +8,7 @@ import pytest
 
 from service.jobs import wakeup
 from service.jobs.wakeup import Doorbell, WorkerLine
+from tests.support.waiting import wait_for
 
 
 @pytest.fixture
@@ -35,7 +36,7 @@ def waiting(doorbell, job, is_finished):
         return found
 
     with ThreadPoolExecutor(1) as pool:
-        answer = pool.submit(doorbell.wait_for, job, is_finished=look, timeout=3600.0)
+        answer = pool.submit(wait_for, doorbell, job, is_finished=look, timeout=3600.0)
         assert has_looked.wait(60.0)
         yield answer
         answer.result(timeout=60.0)
@@ -58,17 +59,17 @@ def test_a_finished_job_ends_the_wait_at_once(doorbell, line):
 
 
 def test_a_job_that_finished_before_the_wait_is_seen(doorbell):
-    assert doorbell.wait_for("job-1", is_finished=lambda: True, timeout=0.0)
+    assert wait_for(doorbell, "job-1", is_finished=lambda: True, timeout=0.0)
 
 
 def test_a_job_that_another_machine_finished_is_found_by_looking(doorbell):
     finished = threading.Event()
     threading.Timer(0.05, finished.set).start()
-    assert doorbell.wait_for("job-1", is_finished=finished.is_set, timeout=60.0)
+    assert wait_for(doorbell, "job-1", is_finished=finished.is_set, timeout=60.0)
 
 
 def test_the_wait_ends_at_its_timeout(doorbell):
-    assert not doorbell.wait_for("job-1", is_finished=lambda: False, timeout=0.02)
+    assert not wait_for(doorbell, "job-1", is_finished=lambda: False, timeout=0.02)
 
 
 def test_a_line_stays_open_however_often_it_is_rung(doorbell, line):
@@ -87,7 +88,7 @@ def test_a_worker_that_died_does_not_disturb_the_others(doorbell, line):
     doorbell.ring()
     assert line.is_open()
     line.tell("job-1")
-    assert not doorbell.wait_for("job-2", is_finished=lambda: False, timeout=0.01)
+    assert not wait_for(doorbell, "job-2", is_finished=lambda: False, timeout=0.01)
 
 
 @pytest.mark.usefixtures("bell_alone")

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.sandbox import Sandbox
-from service.schemas.faults import InvalidProblemError, pointer_to
-from service.schemas.problem import MAX_FAULTS, read_problem, read_question
+from service.schemas.faults import MAX_FAULTS, InvalidProblemError, pointer_to
+from service.schemas.problem import read_problem, read_question
 from tests.support.verdicts import read_quietly
 
 PROBLEM = {

@@ -8,6 +8,7 @@ from service.jobs.states import AttemptOutcome, JobState
 from service.jobs.wakeup import Doorbell
 from service.storage.sweeps.chunk_codec import SOLVED, decode_points
 from service.storage.sweeps.sweep_store import SweepStore
+from tests.support.waiting import wait_for
 from tests.workers.processes import PATIENCE, wait_until
 
 
@@ -143,7 +144,7 @@ def test_the_bell_spares_the_poll_interval(jobs, doorbell, start_worker):
     finished(jobs, first)
     job = jobs.submit({}, "1")
     doorbell.ring()
-    assert doorbell.wait_for(job.id, is_finished=lambda: jobs.get(job.id).is_finished, timeout=PATIENCE)
+    assert wait_for(doorbell, job.id, is_finished=lambda: jobs.get(job.id).is_finished, timeout=PATIENCE)
 
 
 def test_a_job_that_nobody_announced_is_found(jobs, start_worker):

@@ -1,0 +1,254 @@
+"""Where calls for verdicts wait, in front of the few children that reach them.
+
+A verdict may take seconds. Whoever waits for one holds no thread: the calls
+stand in a bounded queue, and as many threads as there are children take them
+from it. Nobody can have all of it:
+
+- a call that finds the queue full, or its key's share of it, is refused at once;
+- keys take turns, and so do single problems and lists;
+- lists together, and each key, leave one child to the others;
+- the time limit of a verdict includes the waiting;
+- a call that nobody waits for any more leaves the queue, and its child is stopped.
+"""
+
+import asyncio
+import math
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Future, InvalidStateError
+from contextlib import suppress
+from dataclasses import dataclass, field
+from http import HTTPStatus
+
+from service.api.errors import ApiError
+from service.sandbox import Sandbox, SandboxTimeoutError
+from service.settings import Settings
+
+Examination = Callable[[str], str]
+"""A function of :mod:`service.examination`: from a document to an answer, both as JSON text."""
+
+_GRACE_SECONDS = 1.0
+"""How long after its time limit a child's own word is waited for: it is killed within 0.2 s."""
+_SHARE = 2
+"""One key may have every second place of the queue."""
+
+
+@dataclass(frozen=True, slots=True)
+class Claimant:
+    """On whose account a call waits. Where there are no keys, everybody is the same one."""
+
+    key_id: str | None
+    is_list: bool = False
+
+
+@dataclass(eq=False, slots=True)
+class _Call:
+    """One call: waiting, then with a child, then answered."""
+
+    examination: Examination
+    text: str
+    claimant: Claimant
+    crashes: int
+    deadline: float
+    answer: Future[str] = field(default_factory=Future)
+    attempt: Future[str] | None = None
+    """What the child is at work on."""
+    has_waited: bool = False
+    is_dropped: bool = False
+
+
+class VerdictQueue:
+    """Gives every call for a verdict its turn. Safe between threads.
+
+    Parameters
+    ----------
+    sandbox
+        Has ``children`` children, and is closed by its owner after the queue.
+    children
+        Verdicts that are reached at the same time.
+    settings
+        Say how many calls may wait, and how long from a call to its answer.
+    """
+
+    def __init__(self, sandbox: Sandbox, settings: Settings, *, children: int) -> None:
+        self._sandbox, self._settings, self._children = sandbox, settings, children
+        self._lock = threading.Lock()
+        self._changed = threading.Condition(self._lock)
+        self._waiting: dict[Claimant, deque[_Call]] = {}
+        """In the order of turns: who had the last one stands at the end."""
+        self._running: list[_Call] = []
+        self._closed = False
+        self._threads = [
+            threading.Thread(target=self._serve, name="verdicts", daemon=True) for _ in range(children)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    async def ask(self, examination: Examination, text: str, claimant: Claimant, *, crashes: int = 1) -> str:
+        """Return what a child answers. Cancelling gives the place back and stops the child.
+
+        So many ``crashes`` are excused, and the call is made again.
+
+        Raises
+        ------
+        ApiError
+            503: there is no place, or no child was free for long enough.
+        SandboxTimeoutError, SandboxMemoryError, SandboxCrashError
+            It did not come to an end.
+        """
+        call = self._enter(_Call(examination, text, claimant, crashes, self._deadline()))
+        try:
+            rest = call.deadline - time.monotonic()
+            return await asyncio.wait_for(asyncio.wrap_future(call.answer), rest + _GRACE_SECONDS)
+        except (SandboxTimeoutError, TimeoutError) as fault:
+            if call.has_waited:
+                raise self._busy("no child that reaches verdicts was free for long enough") from fault
+            raise SandboxTimeoutError("the time limit passed") from fault
+        finally:
+            self._drop(call)
+
+    @property
+    def waiting(self) -> int:
+        """Number of calls that no child has taken yet."""
+        with self._lock:
+            return self._count_waiting()
+
+    @property
+    def is_idle(self) -> bool:
+        """No child is at work."""
+        with self._lock:
+            return not self._running
+
+    def close(self) -> None:
+        """Stop the children's work, and answer those who wait that they should come again."""
+        with self._lock:
+            self._closed = True
+            calls = [*self._running, *(call for line in self._waiting.values() for call in line)]
+            self._changed.notify_all()
+        for call in calls:
+            with suppress(InvalidStateError):
+                call.answer.set_exception(self._busy("the service stops"))
+            self._drop(call)
+        for thread in self._threads:
+            thread.join()
+
+    def _deadline(self) -> float:
+        return time.monotonic() + self._settings.verdict_seconds
+
+    def _enter(self, call: _Call) -> _Call:
+        claimant = call.claimant
+        with self._lock:
+            places = self._settings.verdict_places
+            # A call for which a child is free takes no place: its thread only has to wake up.
+            before = self._count_waiting() - (self._children - len(self._running))
+            if self._closed or before >= places:
+                raise self._busy(f"{places} verdicts are waited for; more are not accepted")
+            share = max(1, places // _SHARE)
+            if claimant.key_id is not None and self._count_before(claimant.key_id) >= share:
+                raise self._busy(f"{share} verdicts are waited for with this key; more are not accepted")
+            call.has_waited = before >= 0
+            self._waiting.setdefault(claimant, deque()).append(call)
+            self._changed.notify()
+        return call
+
+    def _count_waiting(self, key_id: str | None = None) -> int:
+        lines = self._waiting.items()
+        return sum(len(line) for claimant, line in lines if key_id is None or claimant.key_id == key_id)
+
+    def _count_before(self, key_id: str) -> int:
+        at_work = sum(call.claimant.key_id == key_id for call in self._running)
+        return self._count_waiting(key_id) - (self._most - at_work)
+
+    @property
+    def _most(self) -> int:
+        """Children that lists together, or one key, may keep at work."""
+        return max(1, self._children - 1)
+
+    def _busy(self, detail: str) -> ApiError:
+        headers = {"Retry-After": str(max(1, math.ceil(self._settings.verdict_seconds)))}
+        return ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "verdicts_busy", detail, headers=headers)
+
+    def _drop(self, call: _Call) -> None:
+        """Take a call out of the queue, or from its child; nothing if it was answered."""
+        with self._lock:
+            call.is_dropped = True
+            line = self._waiting.get(call.claimant)
+            if line is not None and call in line:
+                line.remove(call)
+                if not line:
+                    del self._waiting[call.claimant]
+            attempt = call.attempt
+        if attempt is not None:
+            attempt.cancel()
+        call.answer.cancel()
+
+    def _serve(self) -> None:
+        """Take calls as long as the queue is open; one thread for each child."""
+        while (call := self._next_call()) is not None:
+            try:
+                self._make(call)
+            finally:
+                with self._lock:
+                    self._running.remove(call)
+                    # A list or a key that waited for its turn may have it now.
+                    self._changed.notify_all()
+
+    def _next_call(self) -> _Call | None:
+        with self._lock:
+            while not self._closed:
+                call = self._take_turn()
+                if call is not None:
+                    self._running.append(call)
+                    return call
+                self._changed.wait()
+        return None
+
+    def _take_turn(self) -> _Call | None:
+        keys = Counter(call.claimant.key_id for call in self._running)
+        lists = sum(call.claimant.is_list for call in self._running)
+        for claimant, line in self._waiting.items():
+            has_its_share = claimant.key_id is not None and keys[claimant.key_id] >= self._most
+            if has_its_share or (claimant.is_list and lists >= self._most):
+                for call in line:
+                    call.has_waited = True
+                continue
+            del self._waiting[claimant]
+            call = line.popleft()
+            if line:
+                self._waiting[claimant] = line
+            return call
+        return None
+
+    def _make(self, call: _Call) -> None:
+        # An answer that is not wanted any more has been cancelled.
+        with suppress(InvalidStateError):
+            try:
+                call.answer.set_result(self._answer(call))
+            except InvalidStateError:
+                raise
+            except Exception as fault:  # whatever it is, the one who waits must hear of it
+                call.answer.set_exception(fault)
+
+    def _answer(self, call: _Call) -> str:
+        while True:
+            try:
+                return self._sandbox.run(
+                    call.examination,
+                    call.text,
+                    seconds=max(0.001, call.deadline - time.monotonic()),
+                    crashes=call.crashes,
+                    submitted=lambda attempt: self._note(call, attempt),
+                )
+            except CancelledError:
+                # By us; or the child was replaced because of somebody else.
+                if call.is_dropped or self._closed:
+                    raise
+
+    def _note(self, call: _Call, attempt: Future[str]) -> None:
+        with self._lock:
+            call.attempt = attempt
+            is_dropped = call.is_dropped
+        if is_dropped:
+            attempt.cancel()

@@ -1,0 +1,65 @@
+"""What a child process does to itself before its first call: it limits its memory, and dies with its parents.
+
+A child never outlives the process that asked for it, even if that one is
+killed: the kernel sends it SIGKILL when the pipe to it closes. PR_SET_PDEATHSIG
+alone would not do, since it follows the fork server, which itself stays as long
+as any child does. It is set besides: children that have lost their fork server
+cannot be watched any more, and would go on taking calls from the pipe of their
+successors.
+"""
+
+import ctypes
+import fcntl
+import multiprocessing
+import os
+import resource
+import signal
+import sys
+import threading
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+
+from service.logs import Logging, start_logging
+
+_MIB = 1024 * 1024
+_PR_SET_PDEATHSIG = 1
+
+
+def confine_child(memory_mb: int | None, logging: Logging | None) -> None:
+    """Prepare a new child."""
+    if logging is not None:
+        start_logging(logging.format, logging.level)
+    # Die at once when told to: a Python handler would wait for the compiled code to return.
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    # Ctrl-C in a terminal reaches every process; the parent decides what becomes of its children.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        _die_with(parent)
+    if memory_mb is not None and sys.platform == "linux":
+        _limit_memory(memory_mb * _MIB)
+
+
+def _die_with(parent: BaseProcess) -> None:
+    pipe = parent.sentinel
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))  # with the fork server, too
+        fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
+    # Elsewhere a thread must do; it has to wait for compiled code that holds the interpreter.
+    # Here it covers a parent that died before the signal was set up.
+    threading.Thread(target=_kill_self_after, args=(parent,), daemon=True).start()
+
+
+def _kill_self_after(parent: BaseProcess) -> None:
+    parent.join()
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _limit_memory(extra: int) -> None:
+    """Limit the private writable memory: address space alone is reserved freely by threads and compilers."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    line = next(line for line in status.splitlines() if line.startswith("VmData:"))
+    limit = int(line.split()[1]) * 1024 + extra
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))

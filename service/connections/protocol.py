@@ -1,0 +1,149 @@
+"""HTTP/1.1 with deadlines: a client that sends or reads too slowly loses its connection."""
+
+import asyncio
+import sys
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any  # Any: what an application keeps
+
+import h11
+from uvicorn.config import Config
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.server import ServerState
+
+from service.connections.gate import Gate, Phase
+from service.connections.refusals import as_bytes, malformed, too_slow
+
+
+@dataclass(frozen=True, slots=True)
+class Deadlines:
+    """Seconds that a client may take."""
+
+    head: float
+    """From the first byte of a request to the end of its head; and from opening a connection to that."""
+    body: float
+    """For the body, after it was refused or answered without being read."""
+    send: float
+    """For reading some of an answer."""
+
+
+class WatchedProtocol(H11Protocol):
+    """Uvicorn's protocol, which tells the gate what it is at. Made by :func:`watched`."""
+
+    gate: Gate
+    deadlines: Deadlines
+
+    def __init__(
+        self,
+        config: Config,
+        server_state: ServerState,
+        app_state: dict[str, Any],
+        _loop: asyncio.AbstractEventLoop | None = None,
+    ) -> None:
+        super().__init__(config, server_state, app_state, _loop)
+        self._phase = Phase.ANSWER
+        self._deadline: asyncio.TimerHandle | None = None
+        self._send_deadline: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin to wait for a request."""
+        super().connection_made(transport)
+        self.gate.enter(self)
+        self._enter(Phase.IDLE)
+        self._deadline = self.loop.call_later(self.deadlines.head, self._expire)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self._stop_timers()
+        self.gate.leave(self)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Read what was sent, and note how far the request has come."""
+        if self._phase is Phase.IDLE:
+            self._enter(Phase.HEAD)
+        super().data_received(data)
+        self._look()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        super().on_response_complete()
+        self._look()
+
+    def pause_writing(self) -> None:
+        """Wait only so long for a client that does not read."""
+        super().pause_writing()
+        if self._send_deadline is None:
+            self._send_deadline = self.loop.call_later(self.deadlines.send, self.give_up)
+
+    def resume_writing(self) -> None:
+        """Go on: the client reads."""
+        super().resume_writing()
+        if self._send_deadline is not None:
+            self._send_deadline.cancel()
+            self._send_deadline = None
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is no request, as a problem document."""
+        status = getattr(sys.exc_info()[1], "error_status_hint", HTTPStatus.BAD_REQUEST)
+        self.gate.complaints.tell("a client sent what is not HTTP/1.1")
+        self._stop_timers()
+        if self.cycle is not None and self.cycle.response_started and not self.cycle.response_complete:
+            self.give_up()  # another answer in the middle of one would be read as a part of it
+        else:
+            self._end(as_bytes(malformed(status)))
+
+    def give_up(self) -> None:
+        """Close the connection at once, whatever is under way."""
+        self._stop_timers()
+        self.transport.abort()
+
+    def _look(self) -> None:
+        """Find out what the connection is at."""
+        if self.transport.is_closing():
+            return
+        theirs = self.conn.their_state
+        if theirs is h11.SEND_BODY:
+            self._enter(Phase.BODY)
+        elif theirs is h11.IDLE:
+            self._enter(Phase.HEAD if self.conn.trailing_data[0] else Phase.IDLE)
+        else:
+            self._enter(Phase.ANSWER)
+
+    def _enter(self, phase: Phase) -> None:
+        answered = self.cycle is not None and self.cycle.response_complete
+        if phase is self._phase and not (phase is Phase.BODY and answered and self._deadline is None):
+            return
+        self._phase = phase
+        self.gate.move(self, phase)
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+        if phase is Phase.HEAD:
+            self._deadline = self.loop.call_later(self.deadlines.head, self._expire)
+        elif phase is Phase.BODY and answered:
+            # Whoever reads a body has a deadline for it; nobody reads this one.
+            self._deadline = self.loop.call_later(self.deadlines.body, self.give_up)
+
+    def _expire(self) -> None:
+        self._deadline = None
+        if self._phase is Phase.IDLE:
+            self.transport.close()
+        else:
+            self._end(as_bytes(too_slow(self.deadlines.head)))
+
+    def _end(self, answer: bytes) -> None:
+        if not self.transport.is_closing():
+            self.transport.write(answer)
+            self.transport.close()
+
+    def _stop_timers(self) -> None:
+        for timer in (self._deadline, self._send_deadline):
+            if timer is not None:
+                timer.cancel()
+        self._deadline = self._send_deadline = None
+
+
+def watched(gate: Gate, deadlines: Deadlines) -> type[WatchedProtocol]:
+    """Return the class of the connections of one server."""
+    return type("Connection", (WatchedProtocol,), {"gate": gate, "deadlines": deadlines})
