@@ -18,7 +18,7 @@ from service.dynamics.sampling import sample_times
 from service.examination import examine_problem
 from service.jobs.outcome import SolveOutcome
 from service.schemas.budgets import choose_tier, window_of, with_tier
-from service.schemas.problem import read_problem
+from service.schemas.problem import place_sent, read_problem
 from service.storage.solutions.accuracy_store import shipped_table
 from service.storage.solutions.codec import encode_arrays, encode_dense
 from workers.certification import beside_enclosures, certified_samples, with_tolerance_kept
@@ -44,7 +44,8 @@ def solve_document(document_json: str) -> SolveOutcome:
         findings = find_out(problem, motion)
         summary = summarise(document, problem, motion, findings, certified)
     except DynamicsError as fault:
-        error: dict[str, object] = {"code": fault.code, "detail": fault.message, "pointer": fault.pointer}
+        pointer = place_sent(document, fault.pointer)
+        error: dict[str, object] = {"code": fault.code, "detail": fault.message, "pointer": pointer}
         return SolveOutcome(summary=None, dense=b"", samples=b"", error=error)
     # The orientation is more columns on the same pieces.
     dense = motion.dense if findings.orientation is None else findings.orientation.dense

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from types import MappingProxyType
 from typing import Literal, get_args
 
@@ -20,6 +21,9 @@ TIER_TOLERANCES: Mapping[Tier, float] = MappingProxyType(
     {"draft": 1e-6, "standard": 1e-10, "high": 1e-13, "certified": 2.0 ** (8 - CERTIFIED_BITS[0])}
 )
 """Largest error of any of the six variables, absolute, and relative where they are above 1."""
+
+SMALLEST_TOLERANCE, LARGEST_TOLERANCE = Fraction(1, 10**15), Fraction(1, 100)
+"""Tolerances that can be asked for."""
 
 MotionKind = Literal[
     "pole to equator", "rest to equator", "pole to rest", "rest to rest", "aperiodic", "any state"

@@ -12,6 +12,8 @@ from service.dynamics.exact import exact_number, exact_text
 LARGEST = Fraction(10) ** 300
 """Numbers other than 0 lie between 1/LARGEST and LARGEST in absolute value: within a double's range."""
 
+_RANGE = "1e-300 to 1e300"
+
 MAX_SAMPLES = 100_000
 """Times of one trajectory."""
 HIGHEST_PRIORITY = 100
@@ -28,8 +30,8 @@ def refuse(code: str, message: str, *, below: str = "") -> PydanticCustomError:
     return PydanticCustomError(code, "{message}", context)  # type: ignore[arg-type,unused-ignore]
 
 
-def read_exact(value: object) -> Fraction:
-    """Return the exact value of a JSON number or string."""
+def read_exact(value: object, *, accepted: str = f"accepted are 0 and {_RANGE}") -> Fraction:
+    """Return the exact value of a JSON number or string; ``accepted`` is told of one out of range."""
     if isinstance(value, bool) or not isinstance(value, int | float | str | Fraction):
         raise refuse("invalid_number", 'a number, or a string such as "17/10", is expected')
     try:
@@ -38,21 +40,21 @@ def read_exact(value: object) -> Fraction:
         raise refuse("invalid_number", error.message) from error
     above, below = abs(number.numerator), number.denominator
     if above and not (below <= above * _LARGEST and above <= below * _LARGEST):
-        raise refuse("invalid_number", "beyond what can be computed with; accepted are 0 and 1e-300 to 1e300")
+        raise refuse("invalid_number", f"beyond what can be computed with; {accepted}")
     return number
 
 
-def read_positive(value: object) -> Fraction:
+def read_positive(value: object, *, accepted: str = f"accepted are {_RANGE}") -> Fraction:
     """Return an exact value above 0."""
-    number = read_exact(value)
+    number = read_exact(value, accepted=accepted)
     if number <= 0:
-        raise refuse("out_of_range", f"{_short(number)} is not positive; a number > 0 is accepted")
+        raise refuse("out_of_range", f"{_short(number)} is not positive; {accepted}")
     return number
 
 
 def read_moment(value: object) -> Fraction:
     """Return an exact moment of inertia."""
-    number = read_exact(value)
+    number = read_exact(value, accepted=f"a moment of inertia is {_RANGE}")
     if number <= 0:
         raise refuse("invalid_inertia", f"{_short(number)} is not positive; a moment of inertia is > 0")
     return number
@@ -60,23 +62,23 @@ def read_moment(value: object) -> Fraction:
 
 def read_nonzero(value: object) -> Fraction:
     """Return an exact value other than 0."""
-    number = read_exact(value)
+    number = read_exact(value, accepted=f"accepted are {_RANGE}, of either sign")
     if number == 0:
         raise refuse("out_of_range", "0 is not accepted here; any other number is")
     return number
 
 
-def read_integer(value: object) -> int:
+def read_integer(value: object, *, accepted: str = "an integer is accepted") -> int:
     """Return an integer, however it is written."""
-    number = read_exact(value)
+    number = read_exact(value, accepted=accepted)
     if number.denominator != 1:
-        raise refuse("invalid_number", f"{_short(number)} is not an integer; an integer is accepted")
+        raise refuse("invalid_number", f"{_short(number)} is not an integer; {accepted}")
     return number.numerator
 
 
 def read_sign(value: object) -> Literal[-1, 1]:
     """Return 1 or -1."""
-    number = read_integer(value)
+    number = read_integer(value, accepted="1 and -1 are accepted")
     if number == 1:
         return 1
     if number == -1:
@@ -86,7 +88,7 @@ def read_sign(value: object) -> Literal[-1, 1]:
 
 def read_time(value: object) -> Fraction:
     """Return an exact instant."""
-    number = read_exact(value)
+    number = read_exact(value, accepted=f"accepted are 0 and times of 1e-300 to {float(LATEST):.0e}")
     if abs(number.numerator) > _LATEST * number.denominator:
         raise refuse("out_of_range", f"too far away; times up to ±{float(LATEST):.0e} are accepted")
     return number
@@ -94,7 +96,7 @@ def read_time(value: object) -> Fraction:
 
 def read_periods(value: object) -> Fraction:
     """Return an exact number of periods."""
-    number = read_positive(value)
+    number = read_positive(value, accepted=f"1e-300 to {float(LATEST):.0e} periods are accepted")
     if number > LATEST:
         raise refuse("out_of_range", f"too many; up to {float(LATEST):.0e} periods are accepted")
     return number
@@ -102,7 +104,7 @@ def read_periods(value: object) -> Fraction:
 
 def read_window(value: object) -> int:
     """Return the number of a window."""
-    number = read_integer(value)
+    number = read_integer(value, accepted="0 to 999 are accepted")
     if not 0 <= number < 1000:
         raise refuse("out_of_range", "not the number of a window; 0 to 999 are accepted")
     return number
@@ -110,7 +112,7 @@ def read_window(value: object) -> int:
 
 def read_samples(value: object) -> int:
     """Return a number of samples."""
-    number = read_integer(value)
+    number = read_integer(value, accepted=f"1 to {MAX_SAMPLES} are accepted")
     if not 1 <= number <= MAX_SAMPLES:
         raise refuse("out_of_range", f"{number:.6g} samples; 1 to {MAX_SAMPLES} are accepted")
     return number

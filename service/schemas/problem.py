@@ -26,6 +26,9 @@ from service.schemas.sections import (
 )
 from service.schemas.tiers import BudgetIn, TierIn, ToleranceIn
 
+ACCURACY_POINTER = "/accuracy"
+ACCURACY_FIELDS = ("tolerance", "tier", "budget_seconds")
+
 
 @dataclass(frozen=True, slots=True)
 class CheckedProblem:
@@ -166,6 +169,20 @@ def _read(document: object, model: type[ProblemIn | ValidationIn]) -> _Reading:
     faults += combination_faults(document, parts)
     body, potential = read_setting(document, parts, faults)
     return _Reading(parts, body, potential, faults)
+
+
+def place_sent(document: object, pointer: str) -> str:
+    """Return the pointer that a solver's error gets: at the field by which the accuracy was sent.
+
+    Solvers know how accurate they had to be, not how that was said. Empty, the
+    whole document, if nothing was said of it.
+    """
+    if pointer != ACCURACY_POINTER:
+        return pointer
+    match document:
+        case {"accuracy": dict(accuracy)}:
+            return next((f"{pointer}/{name}" for name in ACCURACY_FIELDS if name in accuracy), pointer)
+    return ""
 
 
 def each_once(faults: list[Fault]) -> list[Fault]:

@@ -3,14 +3,20 @@
 from fractions import Fraction
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Tag, model_validator
 
-from service.dynamics.accuracy import CERTIFIED_BITS, TIER_TOLERANCES, TIERS, cheapest_tier
+from service.dynamics.accuracy import (
+    CERTIFIED_BITS,
+    LARGEST_TOLERANCE,
+    SMALLEST_TOLERANCE,
+    TIER_TOLERANCES,
+    TIERS,
+    cheapest_tier,
+)
 from service.dynamics.problem import Accuracy, Tier
 from service.schemas.choices import TAG_MARK, WireModel, require_one, tag_by_field
-from service.schemas.numbers import Positive, refuse
+from service.schemas.numbers import Positive, read_positive, refuse
 
-SMALLEST_TOLERANCE, LARGEST_TOLERANCE = Fraction(1, 10**15), Fraction(1, 100)
 LONGEST_BUDGET = Fraction(3600)
 
 _ACCEPTED = (
@@ -19,10 +25,23 @@ _ACCEPTED = (
 )
 
 
+def _read_tolerance(value: object) -> Fraction:
+    return read_positive(value, accepted="1e-15 to 1e-2 are accepted")
+
+
+def _read_budget(value: object) -> Fraction:
+    return read_positive(value, accepted="1e-300 to 3600 seconds are accepted")
+
+
+# After the type of positive numbers, whose description they keep.
+Tolerance = Annotated[Positive, PlainValidator(_read_tolerance)]
+Budget = Annotated[Positive, PlainValidator(_read_budget)]
+
+
 class ToleranceIn(WireModel):
     """Largest absolute error allowed in any of the six variables over the asked times."""
 
-    tolerance: Positive = Field(
+    tolerance: Tolerance = Field(
         description="1e-15 to 1e-2; relative where a variable is above 1.",
         json_schema_extra={"minimum": 1e-15, "maximum": 1e-2},
     )
@@ -76,7 +95,7 @@ class TierIn(WireModel):
 class BudgetIn(WireModel):
     """The best tier that is expected to take no longer, by the accuracy table of the installation."""
 
-    budget_seconds: Positive = Field(description="Seconds of computing, > 0, at most 3600.")
+    budget_seconds: Budget = Field(description="Seconds of computing, > 0, at most 3600.")
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:

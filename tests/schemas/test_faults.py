@@ -360,7 +360,22 @@ def test_a_question_needs_no_motion():
     question = {name: PROBLEM[name] for name in ("body", "potential")}
     assert read_question(question).motion is None
     assert read_question({**question, "motion": PROBLEM["motion"]}).motion is not None
-    assert faults_of({**question, "time": {}}, read=read_question) == [("/time", "unknown_field")]
+    assert faults_of({**question, "times": {}}, read=read_question) == [("/times", "unknown_field")]
+
+
+def test_what_a_question_has_of_a_problem_is_judged_as_there():
+    document = {
+        **changed(),
+        "time": {"stop": 0},
+        "method": "guess",
+        "outputs": [],
+        "accuracy": {"tier": "best"},
+    }
+    found = faults_of(document)
+    assert {pointer for pointer, _ in found} >= {"/time/samples", "/method", "/outputs", "/accuracy/tier"}
+    assert faults_of(document, read=read_question) == found
+    del document["motion"]
+    assert faults_of(document, read=read_question) == found
 
 
 def test_moments_may_be_equal_if_no_planar_motion_is_asked():
@@ -430,3 +445,27 @@ def test_reading_ends(sections, sandbox):
 
 def test_a_pointer_escapes_its_marks():
     assert pointer_to(["a/b", "~", 0]) == "/a~1b/~0/0"
+
+
+@pytest.mark.parametrize("number", ["1e-400", "1e400", "1/1" + "0" * 500])
+@pytest.mark.parametrize(
+    ("section", "field", "accepted"),
+    [
+        ("accuracy", "tolerance", "1e-15 to 1e-2"),
+        ("accuracy", "budget_seconds", "3600"),
+        ("motion", "window", "0 to 999"),
+        ("motion", "lambda", "accepted are 1e-300 to 1e300"),
+        ("motion", "g3_sign", "1 and -1"),
+        ("time", "samples", "1 to 100000"),
+        ("time", "stop", "to 1e+15"),
+        ("body", "A", "1e-300 to 1e300"),
+    ],
+)
+def test_a_number_out_of_range_is_told_the_range_of_its_field(section, field, accepted, number):
+    document = changed(accuracy={}) if section == "accuracy" else changed()
+    document[section][field] = number
+    with pytest.raises(InvalidProblemError) as caught:
+        read_problem(document)
+    (message,) = [fault.message for fault in caught.value.faults if fault.pointer == f"/{section}/{field}"]
+    assert accepted in message
+    assert section == "body" or "are 0 and 1e-300 to 1e300" not in message

@@ -132,12 +132,12 @@ def collapse(time: float, start_gradient: FloatArray, end_gradient: FloatArray) 
     if not end <= SINGULAR_GRADIENT * start:
         return CollisionError(
             f"the motion runs into a singularity of the potential at t = {time:.15g} "
-            f"(its gradient has grown from {start:.1e} to {end:.1e}); ask for an earlier time",
+            f"(its gradient has grown from {start:.1e} to {end:.1e}); ask for times nearer to 0",
             time=time,
         )
     return StepCollapseError(
         f"the steps shrink to nothing at t = {time:.15g} while the potential's gradient stays at {end:.1e}: "
-        "the potential is not smooth, or not defined, there; ask for an earlier time",
+        "the potential is not smooth, or not defined, there; ask for times nearer to 0",
         time=time,
     )
 
@@ -145,7 +145,7 @@ def collapse(time: float, start_gradient: FloatArray, end_gradient: FloatArray) 
 def too_many_steps(time: float, end: float, max_steps: int) -> StepCollapseError:
     """Return the error of a run that used up its steps."""
     return StepCollapseError(
-        f"{max_steps} steps reach t = {time:.15g} only, of {end:.15g}; ask for an earlier time", time=time
+        f"{max_steps} steps reach t = {time:.15g} only, of {end:.15g}; ask for times nearer to 0", time=time
     )
 
 
