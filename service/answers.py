@@ -57,7 +57,8 @@ def verdict_document(body: RigidBody, verdict: Verdict, potential: Potential) ->
 def plan_document(problem: Problem, window: Document | None) -> Document:
     """Return what a job of ``problem`` would do; ``window`` is the one of its planar motion.
 
-    What only an installation knows is null: the expected seconds, and whether it has solved the problem.
+    What only an installation knows is null: the expected seconds, and whether it has solved the problem;
+    for a budget the tier is that of the problem before one is chosen.
     """
     is_state = isinstance(problem.motion, StateMotion)
     method = problem.method if problem.method != "auto" else "integration" if is_state else "quadrature"

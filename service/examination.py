@@ -73,6 +73,19 @@ def examine_problems(documents_json: str) -> str:
     return json.dumps(answers, allow_nan=False)
 
 
+def refusal_of_reading(document: object, read: Callable[[object], object]) -> Document | None:
+    """Return the error of a document that ``read`` refuses, None if it does not.
+
+    Whoever hands a document to a child as text asks this first: JSON numbers
+    that no double is near are not numbers any more when they are written again.
+    """
+    try:
+        read(document)
+    except InvalidProblemError as error:
+        return _invalid(error)
+    return None
+
+
 def answer_ping() -> str:
     """Answer that the child lives."""
     return "alive"
@@ -86,8 +99,7 @@ def _answer_to(document: object, judge: Callable[[object], Answer]) -> Answer:
     try:
         return judge(document)
     except InvalidProblemError as error:
-        faults = [{"pointer": f.pointer, "code": f.code, "message": f.message} for f in error.faults]
-        return _error("invalid_problem", str(error), faults=faults)
+        return {"error": _invalid(error)}
     except (SeveralWindowsError, NoSuchWindowError) as error:
         windows = [window_document(window) for window in error.windows]
         return _error(error.code, error.message, error.pointer, windows=windows)
@@ -199,6 +211,11 @@ def _require_motion(problem: Problem, motion: PlanarMotion, windows: tuple[Windo
             pointer="/time/periods",
         )
     return window
+
+
+def _invalid(error: InvalidProblemError) -> Document:
+    faults = [{"pointer": f.pointer, "code": f.code, "message": f.message} for f in error.faults]
+    return {"code": "invalid_problem", "detail": str(error), "pointer": "", "faults": faults}
 
 
 def _error(code: str, detail: str, pointer: str = "", **extras: object) -> Answer:

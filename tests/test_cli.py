@@ -1,5 +1,6 @@
 """The command line as its users meet it: a process with two streams and an exit code."""
 
+import argparse
 import json
 import os
 import signal
@@ -18,6 +19,7 @@ from service.cli.commands import app
 from service.schemas.accuracy import AccuracyTableModel
 from service.storage.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore
+from workers.solving import solve
 
 POLHODE = Path(sys.executable).with_name("polhode")
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -296,3 +298,13 @@ def test_a_port_in_use_is_a_failure_with_a_reason(service, polhode):
     result = polhode("serve", "--port", port)
     assert result.returncode == 1
     assert "Address already in use" in result.stderr
+
+
+def test_a_number_that_no_double_is_near_is_refused_by_every_command(tmp_path, capsys):
+    path = tmp_path / "document.json"
+    problem = {**QUESTION, "motion": {"type": "planar", "lambda": 1}, "time": {"stop": 1, "samples": 2}}
+    path.write_text(json.dumps(problem).replace('"lambda": 1', '"lambda": 1e-400'), encoding="utf-8")
+    result = CliRunner().invoke(app, ["validate", str(path)])
+    assert (result.exit_code, result.stderr.partition(":")[0]) == (1, "/motion/lambda")
+    assert solve(argparse.Namespace(file=path, csv=None, json=False)) == 1
+    assert capsys.readouterr().err.partition(":")[0] == "/motion/lambda"

@@ -6,8 +6,10 @@ from pathlib import Path
 
 from rich.console import Console
 
+from service.examination import refusal_of_reading
 from service.jobs.outcome import SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.schemas.problem import read_problem
 from service.settings import Settings, read_settings
 from service.storage.solutions.codec import decode_arrays
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
@@ -22,10 +24,14 @@ def solve(options: argparse.Namespace) -> int:
         say("--json and --csv - both write to stdout; accepted is one of them")
         return 2
     settings = read_settings()
-    document = json.dumps(read_document(options.file))
+    document = read_document(options.file)
     if csv is not None:
         check_writable(csv)
-    outcome = _compute(document, settings)
+    refusal = refusal_of_reading(document, read_problem)
+    if refusal is not None:
+        say(_reason(refusal))
+        return 1
+    outcome = _compute(json.dumps(document), settings)
     if outcome.error is not None or outcome.summary is None:
         say(_reason(outcome.error or {}))
         return 1

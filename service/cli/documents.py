@@ -27,15 +27,20 @@ from service.terminal import answer, read_document, say
 
 def validate(file: Document, as_json: AsJson = False) -> None:
     """Say whether a potential admits planar motions; of a whole problem, whether it can be solved."""
-    from service.examination import examine_problem, examine_question  # noqa: PLC0415
+    from service.examination import examine_question, refusal_of_reading  # noqa: PLC0415
+    from service.schemas.problem import read_question  # noqa: PLC0415
 
     document = read_document(file)
-    is_problem = isinstance(document, dict) and "time" in document
-    text = _examine(examine_problem if is_problem else examine_question, json.dumps(document))
+    refusal = refusal_of_reading(document, read_question)
+    text = (
+        _examine(examine_question, json.dumps(document))
+        if refusal is None
+        else json.dumps({"error": refusal})
+    )
     judged = Answer.model_validate_json(text)
     if as_json:
         found = json.loads(text)
-        answer(json.dumps(found.get("error") or found["verdict"]) + "\n")
+        answer(json.dumps(found.get("error") or _without_choice(found["verdict"], document)) + "\n")
     if judged.error is not None:
         fail(judged.error.reason(), REFUSED)
     if judged.verdict is None:
@@ -45,6 +50,14 @@ def validate(file: Document, as_json: AsJson = False) -> None:
         answer(f"{describe_verdict(judged.verdict)}\n")
     if judged.verdict.verdict != "admissible":
         fail(f"the potential is {judged.verdict.verdict}", REFUSED)
+
+
+def _without_choice(verdict: object, document: object) -> object:
+    """Return the verdict without a plan if a budget was sent: what it chooses depends on an installation."""
+    match verdict, document:
+        case dict(), {"accuracy": {"budget_seconds": _}}:
+            return {**verdict, "plan": None}
+    return verdict
 
 
 def solve(
