@@ -21,6 +21,8 @@ LATEST = Fraction(10) ** 15
 """Largest |t| and number of periods: beyond it the spacing of doubles leaves no phase to speak of."""
 _LARGEST, _LATEST = int(LARGEST), int(LATEST)
 """The same as integers: lists of 100 000 numbers are compared with them."""
+_TIMES = f"accepted are 0 and times of 1e-300 to {float(LATEST):.0e}"
+"""Made once: a document may have 100 000 times."""
 
 
 def refuse(code: str, message: str, *, below: str = "") -> PydanticCustomError:
@@ -88,7 +90,7 @@ def read_sign(value: object) -> Literal[-1, 1]:
 
 def read_time(value: object) -> Fraction:
     """Return an exact instant."""
-    number = read_exact(value, accepted=f"accepted are 0 and times of 1e-300 to {float(LATEST):.0e}")
+    number = read_exact(value, accepted=_TIMES)
     if abs(number.numerator) > _LATEST * number.denominator:
         raise refuse("out_of_range", f"too far away; times up to ±{float(LATEST):.0e} are accepted")
     return number
