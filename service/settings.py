@@ -65,7 +65,7 @@ class Settings(BaseSettings):
     requests_per_second: float = Field(default=5000.0, gt=0)
     """Of a key without a limit of its own, or of everybody where there are no keys; so the next two."""
     max_queued_jobs: int = Field(default=1_000_000, ge=0)
-    """Jobs that are queued or running."""
+    """Jobs that are queued or running; a hundred points that sweeps have left count as one."""
     max_stored_mb: int = Field(default=100_000, ge=0)
     """Megabytes (10^6 bytes) of arrays that were stored for a key; nobody counts where there are no keys."""
     max_samples: int = Field(default=MAX_SAMPLES, ge=1, le=MAX_SAMPLES)

@@ -7,12 +7,13 @@ happened, from one thread. No transaction is open while a child computes.
 import json
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from dataclasses import dataclass
 from typing import TypedDict
 
 from service.jobs.job import Claim, Taken
+from service.jobs.lanes import Lane, LaneShares
 from service.jobs.outcome import Outcome
 from service.jobs.states import JobKind
 from service.jobs.store import JobStore
@@ -59,8 +60,11 @@ class _Run:
     """A claimed job at work in a child."""
 
     claim: Claim
+    was_owed: bool
+    """It was taken before others, since its lane was owed a job."""
     future: Future[Outcome]
     heartbeat_at: float
+    began_at: float
     started_by: float
     """When a child should have taken it at the latest."""
 
@@ -99,6 +103,7 @@ class Runner:
         self._limits = limits
         self._wake = wake
         self._runs: dict[str, _Run] = {}
+        self._shares = LaneShares()
         self._reconcile_at = self._watch_at = 0.0
 
     @property
@@ -110,10 +115,11 @@ class Runner:
         """Take jobs for the free slots; return the ids of those that need no computing any more."""
         finished: list[str] = []
         while free := self._slots - len(self._runs):
-            taken = self._store.take(self._name, free, lease_seconds=self._limits.lease_seconds)
+            owed = self._shares.owed()[:free]
+            taken = self._store.take(self._name, free, lease_seconds=self._limits.lease_seconds, owed=owed)
+            finished += self._begin(taken, owed)
             if taken == Taken():
                 break
-            finished += self._begin(taken)
         return finished
 
     def collect(self, *, refill: bool) -> list[str]:
@@ -125,10 +131,12 @@ class Runner:
         finished = list(done)
         for job_id in done:
             # Removed only afterwards: if the database is away, the result waits here.
+            owed = self._shares.owed()[: int(refill)]
             with about(**_fields(self._runs[job_id].claim)):
-                taken = self._finish(self._runs[job_id], int(refill))
-            del self._runs[job_id]
-            finished += self._begin(taken)
+                taken = self._finish(self._runs[job_id], int(refill), owed)
+            self._remove(job_id)
+            # If nothing came, then maybe nothing was asked for.
+            finished += self._begin(taken, owed if taken != Taken() else ())
         return finished
 
     def keep_leases(self) -> None:
@@ -148,7 +156,7 @@ class Runner:
                     "job %s attempt %d: the claim is gone, stopping", job_id, run.claim.attempt, extra=extra
                 )
                 run.future.cancel()
-                del self._runs[job_id]
+                self._remove(job_id)
             elif not run.future.running() and not run.future.done() and time.monotonic() > run.started_by:
                 extra = {"fields": _fields(run.claim)}
                 logger.warning(
@@ -156,7 +164,7 @@ class Runner:
                 )
                 self._sandbox.renew(run.future)
                 self._store.lose(run.claim, "no child took it", **self._limits.retries())
-                del self._runs[job_id]
+                self._remove(job_id)
 
     def reconcile(self) -> None:
         """Now and then, queue again the jobs of workers that are gone, whoever they were."""
@@ -176,28 +184,43 @@ class Runner:
             self._store.give_back(run.claim)
         self._runs.clear()
 
-    def _start(self, claim: Claim) -> None:
+    def _start(self, claim: Claim, *, was_owed: bool) -> None:
         document, compute = json.dumps(claim.payload), self._computations[claim.kind]
         fields = {**_fields(claim), "worker": self._name}
         future = self._sandbox.submit(call_about, fields, compute, document, seconds=self._limits.job_seconds)
-        deadline = time.monotonic() + START_SECONDS
-        self._runs[claim.job_id] = _Run(claim, future, self._next_heartbeat(), deadline)
+        now = time.monotonic()
+        self._runs[claim.job_id] = _Run(
+            claim, was_owed, future, self._next_heartbeat(), now, now + START_SECONDS
+        )
+        self._shares.begin(claim.lane)
         future.add_done_callback(lambda _: self._wake())
 
     def _next_heartbeat(self) -> float:
         return time.monotonic() + self._limits.lease_seconds / 3
 
-    def _begin(self, taken: Taken) -> tuple[str, ...]:
-        """Begin with the jobs to compute; return the ids of the others."""
+    def _remove(self, job_id: str) -> None:
+        """Forget a run that is over."""
+        run = self._runs.pop(job_id)
+        self._shares.end(run.claim.lane, time.monotonic() - run.began_at, was_owed=run.was_owed)
+
+    def _begin(self, taken: Taken, owed: Sequence[Lane]) -> tuple[str, ...]:
+        """Begin with the jobs to compute; return the ids of the others. ``owed`` lanes were asked first."""
         for claim in taken.claims:
-            self._start(claim)
+            self._start(claim, was_owed=claim.lane in owed)
+        for lane in owed:
+            if all(claim.lane is not lane for claim in taken.claims):
+                self._shares.forget(lane)
         return taken.reused
 
-    def _finish(self, run: _Run, then_take: int) -> Taken:
+    def _finish(self, run: _Run, then_take: int, owed: Sequence[Lane]) -> Taken:
         try:
             outcome = result_of(run.future)
             kept, taken = self._store.finish(
-                run.claim, outcome, then_take=then_take, lease_seconds=self._limits.lease_seconds
+                run.claim,
+                outcome,
+                then_take=then_take,
+                lease_seconds=self._limits.lease_seconds,
+                owed=owed,
             )
             if not kept:
                 detail = "finished too late, thrown away"

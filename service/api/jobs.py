@@ -18,10 +18,11 @@ from service.api.queries import QueryModel, query_of, query_parameters, without_
 from service.api.requests import Body, read_json
 from service.api.resources import Inside, Resources
 from service.api.responses import json_response, refusals
-from service.api.security import Holder, check_owner
+from service.api.security import Holder, check_owner, check_priority
 from service.api.submission import Accepted, Checked, Examined, accept, accept_many, check, check_each
 from service.jobs.job import Job
 from service.jobs.keys import ApiKey
+from service.jobs.lanes import Lane
 from service.jobs.states import JobState
 from service.schemas.faults import first_of
 from service.schemas.job import JobItemOut, JobListOut, JobOut, JobPageOut
@@ -64,10 +65,16 @@ class JobsQuery(QueryModel):
     offset: int = Field(default=0, ge=0, le=10**9, description="Items to leave out first.")
 
 
+PRIORITY = (
+    "Larger first; above 0 only for keys of the role operate. Of equal priority single problems come before "
+    "lists, lists before sweeps, and keys take turns."
+)
+
+
 class SubmitQuery(QueryModel):
     """How urgent."""
 
-    priority: int = Field(default=0, ge=-100, le=100, description="Larger first; equal ones by age.")
+    priority: int = Field(default=0, ge=-100, le=100, description=PRIORITY)
 
 
 @router.post(
@@ -99,6 +106,7 @@ async def submit_job(
     are accepted: `items` answers for each in order, with its job or with what
     refuses it. It is refused if none is accepted. Nobody waits for a list.
     """
+    check_priority(holder, query.priority, "?priority")
     found = await inside.lanes.run(len(content), _checked, content, inside.settings)
     seconds = wait_seconds(prefer)
     if isinstance(found, list):
@@ -180,6 +188,8 @@ def _queue_list(
             [(problem.document, problem.digest) for problem in accepted],
             priority=priority,
             key_id=None if holder is None else holder.id,
+            # Who sends a list of one waits for it like others.
+            lane=Lane.SINGLE if len(accepted) == 1 else Lane.LIST,
         )
     )
     inside.doorbell.ring()

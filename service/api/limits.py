@@ -10,6 +10,7 @@ from http import HTTPStatus
 from service.api.errors import ApiError
 from service.dynamics.problem import Problem, TimeList
 from service.jobs.keys import ApiKey
+from service.jobs.sweeps import POINTS_PER_JOB, queued_as
 from service.schemas.faults import Fault, InvalidProblemError
 from service.settings import Settings
 from service.storage.key_store import KeyStore
@@ -42,7 +43,7 @@ class TokenBucket:
 
 @dataclass(slots=True)
 class _Count:
-    """Live jobs of a key: as counted, and those let in since."""
+    """Live jobs of a key, its sweeps among them: as counted, and those let in since."""
 
     jobs: int
     counted_at: float
@@ -94,6 +95,30 @@ class Limits:
         ApiError
             429: too many are there, or too much is stored.
         """
+        self._reserve(
+            key, count, lambda known, _: f"{known} jobs are queued or running, and {count} more were sent"
+        )
+
+    def reserve_points(self, key: ApiKey | None, points: int) -> None:
+        """Let a sweep into the queue; :data:`~service.jobs.sweeps.POINTS_PER_JOB` points count as a job.
+
+        Raises
+        ------
+        ApiError
+            429: too much is there, or too much is stored.
+        """
+        count = queued_as(points)
+
+        def why(known: int, limit: int) -> str:
+            room = max(limit - known, 0) * POINTS_PER_JOB
+            return (
+                f"{known} jobs are queued or running, and the {points} points of the sweep count as {count} "
+                f"more ({POINTS_PER_JOB} points as one job); a sweep of {room} points would be accepted now"
+            )
+
+        self._reserve(key, count, why)
+
+    def _reserve(self, key: ApiKey | None, count: int, why: Callable[[int, int], str]) -> None:
         self._check_storage(key)
         own = None if key is None else key.max_queued_jobs
         limit = self._settings.max_queued_jobs if own is None else own
@@ -104,10 +129,7 @@ class Limits:
                 jobs = self._store.live_jobs(_id(key), at_most=limit)
                 known = self._counts[_id(key)] = _Count(jobs, now)
             if known.jobs + count > limit:
-                detail = (
-                    f"{known.jobs} jobs are queued or running, and {count} more were sent; "
-                    f"at most {limit} are accepted"
-                )
+                detail = f"{why(known.jobs, limit)}; at most {limit} are accepted"
                 raise _too_many("too_many_queued_jobs", detail, QUEUE_RETRY_SECONDS)
             known.jobs += count
 

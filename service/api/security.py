@@ -1,6 +1,7 @@
 """The guard in front of all endpoints: who asks, how often, and may they."""
 
 import contextlib
+from collections.abc import Sequence
 from http import HTTPStatus
 from typing import Annotated
 from urllib.parse import urlsplit
@@ -19,6 +20,8 @@ from service.api.keyring import SECOND_LOOK_SECONDS
 from service.api.origins import check_length, check_origin
 from service.api.resources import Resources
 from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
+from service.schemas.faults import Fault
+from service.schemas.numbers import HIGHEST_PRIORITY
 from service.settings import is_this_machine
 
 _CHALLENGE = "WWW-Authenticate"
@@ -93,12 +96,31 @@ def check_owner(holder: ApiKey | None, key_id: str | None) -> None:
         raise _role_insufficient(holder, Role.OPERATE, "it was not submitted with this key; ")
 
 
-def _role_insufficient(key: ApiKey, needed: Role, why: str = "") -> ApiError:
+def check_priority(holder: ApiKey | None, priority: int, pointer: str) -> None:
+    """Make sure that the holder may choose a priority: nobody else may step before all others.
+
+    Raises
+    ------
+    ApiError
+        403: it is positive, and the role is below operate.
+    """
+    if priority > 0 and holder is not None and not holder.role.may(Role.OPERATE):
+        message = f"{priority}; -{HIGHEST_PRIORITY} to 0 are accepted from the role {holder.role}"
+        raise _role_insufficient(
+            holder,
+            Role.OPERATE,
+            "a positive priority comes before everybody's work; ",
+            faults=[Fault(pointer, "role_insufficient", message)],
+        )
+
+
+def _role_insufficient(key: ApiKey, needed: Role, why: str = "", faults: Sequence[Fault] = ()) -> ApiError:
     detail = f"{why}the role {needed} is needed, and key {key.prefix} has the role {key.role}"
     return ApiError(
         HTTPStatus.FORBIDDEN,
         "role_insufficient",
         detail,
+        faults=faults,
         extras={"needed_role": needed.value},
         headers={_CHALLENGE: 'Bearer error="insufficient_scope"'},
     )

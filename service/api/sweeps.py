@@ -14,7 +14,7 @@ from service.api.queries import QueryModel, query_of, query_parameters, without_
 from service.api.requests import Body, read_json
 from service.api.resources import Inside, Resources
 from service.api.responses import json_response, refusals
-from service.api.security import Holder, check_owner
+from service.api.security import Holder, check_owner, check_priority
 from service.jobs.chunking import largest_chunk
 from service.jobs.keys import ApiKey
 from service.jobs.states import JobState
@@ -90,12 +90,14 @@ def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Swe
 
 
 def _submit(document: dict[str, object], sweep: Sweep, inside: Resources, holder: ApiKey | None) -> Response:
-    inside.limits.reserve_jobs(holder)
+    priority = _priority(document)
+    check_priority(holder, priority, "/priority")
+    inside.limits.reserve_points(holder, sweep.points)
     record = inside.sweeps.submit(
         document,
         points=sweep.points,
         most=largest_chunk(sweep.samples, len(sweep.series_columns)),
-        priority=_priority(document),
+        priority=priority,
         key_id=None if holder is None else holder.id,
     )
     inside.doorbell.ring()

@@ -54,7 +54,10 @@ def create(
         float | None, typer.Option(min=0.001, help="POLHODE_REQUESTS_PER_SECOND if left out")
     ] = None,
     queued_jobs: Annotated[
-        int | None, typer.Option(min=0, max=2**31 - 1, help="POLHODE_MAX_QUEUED_JOBS if left out")
+        int | None,
+        typer.Option(
+            min=0, max=2**31 - 1, help="of sweeps 100 points as one; POLHODE_MAX_QUEUED_JOBS if left out"
+        ),
     ] = None,
     stored_megabytes: Annotated[
         int | None, typer.Option(min=0, max=10**12, help="POLHODE_MAX_STORED_MB if left out")

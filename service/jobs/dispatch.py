@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
+from service.jobs.lanes import Lane
+
 Transaction = TypeVar("Transaction", contravariant=True)
 
 
@@ -25,16 +27,20 @@ class Delivery:
 
 
 class Dispatcher(Protocol[Transaction]):
-    """Delivers ids of jobs to workers: within the transaction that makes them claimable, and in order."""
+    """Delivers ids of jobs to workers: within the transaction that makes them claimable, and in order.
+
+    The order is: one job of each lane that is owed one; then the larger
+    priority, the earlier lane, the smaller turn, the older job of a key.
+    """
 
     def dispatch(self, transaction: Transaction, deliveries: Sequence[Delivery]) -> None:
         """Deliver jobs that this transaction has queued."""
         ...
 
-    def take(self, transaction: Transaction, count: int) -> Sequence[str] | None:
-        """Return the ids of at most ``count`` delivered jobs, to be claimed in this transaction.
+    def take(self, transaction: Transaction, count: int, owed: Sequence[Lane] = ()) -> Sequence[str] | None:
+        """Return the ids of at most ``count`` jobs, to be claimed in this transaction, in that order.
 
-        None if nothing is delivered; what is need not be claimable any more.
+        None if there are none.
         """
         ...
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
+from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobKind, JobState
 
 
@@ -54,6 +55,7 @@ class Claim:
     sweep: Mapping[str, object] | None = None
     """Of a chunk: the document of the sweep that it belongs to."""
     sweep_id: str | None = None
+    lane: Lane = Lane.SINGLE
 
     @property
     def payload(self) -> Mapping[str, object]:

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
+from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome
 from service.jobs.states import JobState
 
@@ -33,8 +34,12 @@ class JobStore(Protocol):
         *,
         priority: int = 0,
         key_id: str | None = None,
+        lane: Lane = Lane.SINGLE,
     ) -> tuple[Job, ...]:
-        """Do the same for several problems with their digests: all of them are stored, or none."""
+        """Do the same for several problems with their digests: all of them are stored, or none.
+
+        They wait in ``lane``.
+        """
         ...
 
     def get(self, job_id: str) -> Job:
@@ -57,8 +62,8 @@ class JobStore(Protocol):
         """
         ...
 
-    def take(self, worker: str, count: int, *, lease_seconds: float) -> Taken:
-        """Take up to ``count`` queued jobs, of larger priority first, then the older.
+    def take(self, worker: str, count: int, *, lease_seconds: float, owed: Sequence[Lane] = ()) -> Taken:
+        """Take up to ``count`` queued jobs, in the order of :class:`~service.jobs.dispatch.Dispatcher`.
 
         No two workers get the same one.
         """
@@ -73,7 +78,13 @@ class JobStore(Protocol):
         ...
 
     def finish(
-        self, claim: Claim, outcome: Outcome, *, then_take: int = 0, lease_seconds: float = 0.0
+        self,
+        claim: Claim,
+        outcome: Outcome,
+        *,
+        then_take: int = 0,
+        lease_seconds: float = 0.0,
+        owed: Sequence[Lane] = (),
     ) -> tuple[bool, Taken]:
         """Store what a job has come to, mark it finished and take so many others, in one transaction.
 

@@ -6,6 +6,14 @@ from datetime import datetime
 
 from service.jobs.states import JobState
 
+POINTS_PER_JOB = 100
+"""Points that a sweep has left count as one queued job by so many: they take about as long."""
+
+
+def queued_as(points: int) -> int:
+    """Return as how many queued jobs ``points`` of a sweep count."""
+    return -(-points // POINTS_PER_JOB)
+
 
 @dataclass(frozen=True, slots=True)
 class SweepProgress:

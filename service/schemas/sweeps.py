@@ -74,7 +74,9 @@ class SweepIn(WireModel):
         description="Numbers to keep of each point; period, energy and error if left out.",
     )
     series: bool = Field(default=False, description="Keep the samples of each point too.")
-    priority: Priority = Field(default=0, description="Larger ones are computed first.")
+    priority: Priority = Field(
+        default=0, description="Larger ones are computed first; above 0 only for keys of the role operate."
+    )
 
 
 def read_sweep(document: object, *, max_points: int | None = None) -> Sweep:

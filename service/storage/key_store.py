@@ -8,17 +8,21 @@ from datetime import datetime
 from sqlalchemy import Connection, func, or_, select, update
 
 from service.jobs.keys import ApiKey, KeyNotFoundError, Role, key_hash, key_prefix
+from service.jobs.lanes import Lane
 from service.jobs.states import FINISHED, JobState
+from service.jobs.sweeps import POINTS_PER_JOB
 from service.storage.base import table_of
 from service.storage.clock import DatabaseNow
 from service.storage.database import Database
 from service.storage.ids import new_id
 from service.storage.jobs.records import instant, optional_instant
 from service.storage.operation_tables import ApiKeyRow
+from service.storage.sweep_tables import SweepRow
 from service.storage.tables import JobRow
 
 _KEYS = table_of(ApiKeyRow)
 _ALPHABET = string.digits + string.ascii_uppercase + string.ascii_lowercase
+_LIVE = [state.value for state in JobState if state not in FINISHED]
 _PUBLIC_CHARACTERS = 8
 _SECRET_CHARACTERS = 43
 """62^43 > 2^256."""
@@ -115,12 +119,21 @@ class KeyStore:
     def live_jobs(self, key_id: str | None, *, at_most: int) -> int:
         """Return how many jobs of a key are queued or running, counting no further than ``at_most``.
 
-        None counts those that were submitted without a key.
+        A sweep counts by the points that it has left, :data:`POINTS_PER_JOB` of
+        them as a job. None counts what was submitted without a key.
         """
-        live = [state.value for state in JobState if state not in FINISHED]
-        some = select(JobRow.key_id).where(JobRow.key_id == key_id, JobRow.state.in_(live)).limit(at_most)
+        some = (
+            select(JobRow.key_id)
+            .where(JobRow.key_id == key_id, JobRow.state.in_(_LIVE), JobRow.lane < Lane.SWEEP.value)
+            .limit(at_most)
+        )
+        left = SweepRow.points - SweepRow.done
+        of_sweeps = select(func.sum((left + (POINTS_PER_JOB - 1)) // POINTS_PER_JOB)).where(
+            SweepRow.key_id == key_id, SweepRow.state.in_(_LIVE)
+        )
         with self._database.read() as session:
-            return session.scalar(select(func.count()).select_from(some.subquery())) or 0
+            jobs = session.scalar(select(func.count()).select_from(some.subquery())) or 0
+            return min(jobs + int(session.scalar(of_sweeps) or 0), at_most)
 
 
 def charge(connection: Connection, key_id: str | None, size: int) -> None:

@@ -1,8 +1,9 @@
 """The tables of jobs, their attempts, solutions and their arrays."""
 
-from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, String, Uuid, desc
+from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, SmallInteger, String, Uuid, desc, text
 from sqlalchemy.orm import Mapped, mapped_column
 
+from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.storage.base import Base, Document, one_of
 from service.storage.sweep_tables import SweepRow
@@ -27,16 +28,32 @@ class JobRow(Base):
         # Lists of jobs, with and without a state, newest first; with it the oldest one that waits.
         Index("ix_jobs_kind_id", "kind", "id"),
         Index("ix_jobs_state_id_kind", "state", "id", "kind"),
-        # In the order of claims.
-        Index("ix_jobs_queue", "state", desc("priority"), "id"),
+        CheckConstraint("lane IN (0, 1, 2)", name="lane"),
+        # In the order of claims; of what has ended it holds nothing. By its first column SQLite prefers it.
+        Index(
+            "ix_jobs_queue",
+            "state",
+            desc("priority"),
+            "lane",
+            "turn",
+            "key_id",
+            "id",
+            sqlite_where=text("state = 'queued'"),
+            postgresql_where=text("state = 'queued'"),
+        ),
+        # In the order of claims from one lane; its ends are the turns that were given and taken last.
+        Index("ix_jobs_lanes", "state", "lane", desc("priority"), "turn", "key_id", "id"),
         Index("ix_jobs_leases", "state", "lease_until"),
-        Index("ix_jobs_of_key", "key_id", "state"),
+        Index("ix_jobs_of_key", "key_id", "state", "lane", "priority", "turn"),
     )
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
     kind: Mapped[str] = mapped_column(String(16), default=JobKind.SOLVE.value, server_default="solve")
     state: Mapped[str] = mapped_column(String(16))
     priority: Mapped[int] = mapped_column(default=0, server_default="0")
+    lane: Mapped[int] = mapped_column(SmallInteger, default=Lane.SINGLE.value, server_default="0")
+    turn: Mapped[float] = mapped_column(default=0.0, server_default="0")
+    """Of equal priority and lane the smaller is claimed first: see :mod:`service.jobs.turns`."""
     ready_at: Mapped[float] = mapped_column(default=0.0, server_default="0")
     """Not claimed before: a lost worker's job waits a little longer each time."""
     attempt: Mapped[int] = mapped_column(default=0)

@@ -6,10 +6,13 @@ import pytest
 from sqlalchemy import event, update
 
 from service.jobs.keys import KeyNotFoundError, KeyStanding, Role, key_hash, key_prefix
+from service.jobs.sweeps import POINTS_PER_JOB, queued_as
 from service.storage.clock import DatabaseNow
 from service.storage.database import Database
 from service.storage.key_store import USED_SECONDS, KeyLimits, KeyStore, charge
 from service.storage.operation_tables import ApiKeyRow
+from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
+from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY
 
 
@@ -150,14 +153,33 @@ def test_live_jobs_are_counted_by_key_and_no_further_than_asked(jobs, keys):
     mine, other = (keys.create(Role.SUBMIT)[0] for _ in range(2))
     for k in range(4):
         jobs.submit(PROBLEM, f"mine{k}", key_id=mine.id)
-    jobs.submit(PROBLEM, "nobody's")
     claim = jobs.claim("w", lease_seconds=60.0)  # runs: lives
+    jobs.submit(PROBLEM, "nobody's")
     assert keys.live_jobs(mine.id, at_most=10) == 4
     assert keys.live_jobs(mine.id, at_most=3) == 3
     assert keys.live_jobs(None, at_most=10) == 1
     assert keys.live_jobs(other.id, at_most=10) == 0
     assert jobs.finish_failure(claim, {"code": "no_motion", "detail": ""})
     assert keys.live_jobs(mine.id, at_most=10) == 3
+
+
+def test_a_sweep_counts_by_the_points_that_it_has_left(database, jobs, keys):
+    mine, _ = keys.create(Role.SUBMIT)
+    sweeps = SweepStore(database)
+    first = sweeps.submit({"axes": []}, points=POINTS_PER_JOB * 5, most=POINTS_PER_JOB, key_id=mine.id)
+    sweeps.submit({"axes": []}, points=1, most=POINTS_PER_JOB, key_id=mine.id)
+    sweeps.submit({"axes": []}, points=POINTS_PER_JOB * 100, most=POINTS_PER_JOB)
+    jobs.submit(PROBLEM, "mine", key_id=mine.id)
+    assert keys.live_jobs(mine.id, at_most=10) == 5 + 1 + 1
+    assert keys.live_jobs(mine.id, at_most=3) == 3
+    while (claim := jobs.claim("w", lease_seconds=60.0)).sweep_id != first.id:
+        pass
+    count = claim.problem["count"]
+    assert jobs.finish_chunk(claim, chunk_outcome(ChunkPoints([SOLVED] * count, {}), 1.0))
+    left = queued_as(POINTS_PER_JOB * 5 - count)
+    assert keys.live_jobs(mine.id, at_most=100) == left + 1 + 1
+    sweeps.cancel(first.id)
+    assert keys.live_jobs(mine.id, at_most=100) == 1 + 1
 
 
 def test_the_count_reads_nothing_but_the_live_jobs_of_the_key_in_an_index(sqlite_url):
@@ -167,8 +189,10 @@ def test_the_count_reads_nothing_but_the_live_jobs_of_the_key_in_an_index(sqlite
         database.engine, "before_cursor_execute", lambda *given: statements.append((given[2], given[3]))
     )
     KeyStore(database).live_jobs("01a1fcba-3232-7921-abd1-05ca72abad77", at_most=10)
-    statement, parameters = statements[-1]
+    (statement, parameters), *_ = (each for each in statements if " jobs" in each[0])
     with database.engine.connect() as connection:
         plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {statement}", parameters).all()
     database.close()
-    assert any("COVERING INDEX ix_jobs_of_key (key_id=? AND state=?)" in row[3] for row in plan), plan
+    assert any("COVERING INDEX ix_jobs_of_key (key_id=? AND state=? AND lane<?)" in row[3] for row in plan), (
+        plan
+    )

@@ -6,6 +6,7 @@ import uuid
 import pytest
 from sqlalchemy import LargeBinary, MetaData, inspect, text
 
+from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobState
 from service.storage.database import Database, make_engine
 from service.storage.ids import new_id
@@ -188,3 +189,41 @@ def test_the_large_columns_are_bytes_as_before(old, ids, old_url):
     migrate(old_url)
     columns = {column["name"]: column["type"] for column in inspect(old.engine).get_columns("samples")}
     assert isinstance(columns["data"], LargeBinary)
+
+
+def test_what_waits_at_the_upgrade_is_shared_out_like_what_comes(old_url):
+    """Jobs of two keys and chunks of a sweep that the version before has queued."""
+    upgrade_to(old_url, "0004")
+    engine = make_engine(old_url)
+    metadata = MetaData()
+    metadata.reflect(engine)
+    raw = (lambda value: value.hex) if engine.dialect.name == "sqlite" else (lambda value: value)
+    alice, bob, sweep = (uuid.UUID(new_id()) for _ in range(3))
+    common = {"attempt": 0, "progress": 0.0, "reused": False, "problem": PROBLEM, "created_at": NOW}
+    numbers = {"points": 10, "next_index": 2, "done": 0, "refused": 0, "chunk_points": 1, "priority": 0}
+    with engine.begin() as connection:
+        connection.execute(
+            metadata.tables["sweeps"].insert(),
+            {"id": raw(sweep), "state": "queued", "document": {}, "created_at": NOW, **numbers},
+        )
+        for key, count, further in (
+            (alice, 2, {"kind": "chunk", "sweep_id": raw(sweep)}),
+            (alice, 20, {"kind": "solve"}),
+            (bob, 2, {"kind": "solve"}),
+            (alice, 1, {"kind": "solve", "priority": 3}),
+        ):
+            rows = [
+                {"id": raw(uuid.UUID(new_id())), "state": "queued", "digest": str(k), "key_id": raw(key)}
+                for k in range(count)
+            ]
+            given = [{**common, **row, **further} for row in rows]
+            connection.execute(metadata.tables["jobs"].insert(), given)
+    engine.dispose()
+    migrate(old_url)
+    database = Database(old_url)
+    claims = SqlJobStore(database).take("worker", 25, lease_seconds=60.0).claims
+    database.close()
+    keys = [claim.key_id for claim in claims]
+    assert keys[0] == str(alice)  # of the largest priority
+    assert sorted(keys[1:5]) == sorted([str(alice), str(bob)] * 2)
+    assert [claim.lane for claim in claims] == [Lane.SINGLE] * 23 + [Lane.SWEEP] * 2

@@ -7,6 +7,7 @@ from sqlalchemy import Connection, Row, bindparam, insert, select, update
 
 from service.jobs.dispatch import Dispatcher
 from service.jobs.job import Claim, Taken
+from service.jobs.lanes import Lane
 from service.jobs.states import JobKind, JobState
 from service.storage.base import table_of
 from service.storage.clock import DatabaseNow
@@ -42,7 +43,7 @@ _CLAIM = (
         _JOBS.c.id,
         _JOBS.c.kind,
         _JOBS.c.attempt,
-        _JOBS.c.priority,
+        _JOBS.c.lane,
         _JOBS.c.problem,
         _JOBS.c.digest,
         _JOBS.c.key_id,
@@ -55,13 +56,18 @@ _BEGIN = insert(table_of(AttemptRow))
 
 
 def take_jobs(
-    connection: Connection, dispatcher: Dispatcher[Connection], worker: str, count: int, lease_seconds: float
+    connection: Connection,
+    dispatcher: Dispatcher[Connection],
+    worker: str,
+    count: int,
+    lease_seconds: float,
+    owed: Sequence[Lane] = (),
 ) -> Taken | None:
     """Claim the next jobs, and finish at once those whose problems have been solved meanwhile.
 
     None if nothing is delivered; what is delivered may all be out of date.
     """
-    ids = dispatcher.take(connection, count) if count else None
+    ids = dispatcher.take(connection, count, owed[:count]) if count else None
     if ids is None:
         return None
     claims, solutions = _claim(connection, ids, worker, lease_seconds)
@@ -78,7 +84,7 @@ def take_jobs(
 def _claim(
     connection: Connection, ids: Sequence[str], worker: str, lease_seconds: float
 ) -> tuple[list[Claim], dict[str, str]]:
-    """Claim those of the jobs that are queued, in one compare-and-set, in the order of the queue.
+    """Claim those of the jobs that are queued, in one compare-and-set, in the order of ``ids``.
 
     Returns also the solutions that equal problems have already, by their digests.
     """
@@ -95,6 +101,7 @@ def _claim(
         if attempts:
             connection.execute(_BEGIN, attempts)
         solutions = solved(connection, sorted({row.digest for row in rows}))
+    places = {job_id: place for place, job_id in enumerate(ids)}
     claims = [
         Claim(
             job_id=row.id,
@@ -106,7 +113,8 @@ def _claim(
             kind=JobKind(row.kind),
             sweep=None if row.sweep_id is None else sweep_moves.begin(connection, row.sweep_id),
             sweep_id=row.sweep_id,
+            lane=Lane(row.lane),
         )
-        for row in sorted(rows, key=lambda row: (-row.priority, row.id))
+        for row in sorted(rows, key=lambda row: places[row.id])
     ]
     return claims, solutions

@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 from service.jobs.dispatch import Dispatcher
 from service.jobs.errors import JobFinishedError, JobNotFoundError
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
+from service.jobs.lanes import Lane
 from service.jobs.outcome import ChunkOutcome, Outcome, SolveOutcome
 from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.storage.base import table_of
@@ -53,10 +54,11 @@ class SqlJobStore:
         *,
         priority: int = 0,
         key_id: str | None = None,
+        lane: Lane = Lane.SINGLE,
     ) -> tuple[Job, ...]:
         """Store a job for each problem and its digest, all of them or none."""
         with self._database.write() as session:
-            rows = insert_jobs(session, problems, priority=priority, key_id=key_id)
+            rows = insert_jobs(session, problems, lane=lane, priority=priority, key_id=key_id)
             self._deliver(session, [row for row in rows if row.state == JobState.QUEUED.value])
             return tuple(job_of(row) for row in rows)
 
@@ -99,11 +101,11 @@ class SqlJobStore:
                 return claim
         return None
 
-    def take(self, worker: str, count: int, *, lease_seconds: float) -> Taken:
+    def take(self, worker: str, count: int, *, lease_seconds: float, owed: Sequence[Lane] = ()) -> Taken:
         """Take the first jobs of the queue, in its order."""
         while True:
             with self._database.write_rows() as connection:
-                taken = take_jobs(connection, self._dispatcher, worker, count, lease_seconds)
+                taken = take_jobs(connection, self._dispatcher, worker, count, lease_seconds, owed)
             if taken is None:
                 return Taken()
             if taken != Taken():
@@ -127,12 +129,18 @@ class SqlJobStore:
         )
 
     def finish(
-        self, claim: Claim, outcome: Outcome, *, then_take: int = 0, lease_seconds: float = 0.0
+        self,
+        claim: Claim,
+        outcome: Outcome,
+        *,
+        then_take: int = 0,
+        lease_seconds: float = 0.0,
+        owed: Sequence[Lane] = (),
     ) -> tuple[bool, Taken]:
         """Finish a job and take others by one commit."""
 
         def take(connection: Connection) -> Taken:
-            taken = take_jobs(connection, self._dispatcher, claim.worker, then_take, lease_seconds)
+            taken = take_jobs(connection, self._dispatcher, claim.worker, then_take, lease_seconds, owed)
             return taken or Taken()
 
         if isinstance(outcome, ChunkOutcome):

@@ -4,24 +4,46 @@ A delivery is a row of its queue and is written, and used up, by the
 transaction that queues, or claims, the job: there is no moment at which one
 has happened without the other. Hence no delivery is ever seen at work, and
 none is left behind by a worker that died.
+
+Procrastinate's queue knows an order by priority and age, and ours is fair
+besides. So a delivery says that there is work; which job is next is read from
+the jobs table, in the order of every engine, and that job's own delivery is
+used up.
 """
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
-from typing import LiteralString, cast
+from typing import Any, cast  # Any: of rows that the statements describe
 
 from procrastinate import SyncPsycopgConnector
 from procrastinate.exceptions import AlreadyEnqueued
 from procrastinate.jobs import Job
 from procrastinate.manager import JobManager, get_channel_for_queues
 from psycopg import Connection as PostgresConnection
-from sqlalchemy import Connection, Select, String, column, exists, select, table, text
+from sqlalchemy import (
+    BigInteger,
+    ColumnElement,
+    Connection,
+    Integer,
+    Select,
+    String,
+    Uuid,
+    bindparam,
+    column,
+    delete,
+    exists,
+    func,
+    literal_column,
+    select,
+    table,
+    text,
+)
 from sqlalchemy import cast as sql_cast
 
 from service.jobs.dispatch import Delivery
-from service.jobs.states import JobState
+from service.jobs.lanes import Lane
 from service.storage.base import table_of
-from service.storage.clock import DatabaseNow
+from service.storage.jobs.table_dispatcher import first_jobs, in_order, is_ready, take_in_order
 from service.storage.tables import JobRow
 
 QUEUE, TASK = "polhode", "claim"
@@ -30,15 +52,17 @@ QUEUE, TASK = "polhode", "claim"
 
 _REPAIRED = 100
 """Jobs at the head of the queue whose deliveries are looked for. One behind them is not due yet."""
-_TAKE: LiteralString = """
-    SELECT job.id, job.args,
-        CASE WHEN job.id IS NOT NULL
-        THEN procrastinate_finish_job_v1(job.id, 'succeeded', true)::text END AS finished
-    FROM procrastinate_fetch_job_v2(ARRAY[%(queue)s]::varchar[], NULL) AS job
-"""
-"""Fetch a job and delete it: what Procrastinate's worker does by two statements."""
+_EXAMINED = 1000
+"""Deliveries of which it is examined at a time whether they are still of use."""
 _JOBS = table_of(JobRow)
-_DELIVERIES = table("procrastinate_jobs", column("queueing_lock"))
+_DELIVERIES = table(
+    "procrastinate_jobs",
+    column("id", BigInteger),
+    column("queue_name", String),
+    column("queueing_lock", String),
+)
+# The index of locks has the waiting ones only; their state is an enumeration, unlike any bound value.
+_WAITS = text("procrastinate_jobs.status = 'todo'")
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -47,8 +71,9 @@ class ProcrastinateDispatcher:
 
     def __init__(self) -> None:
         # It never connects: every query is given the transaction's connection.
-        self._connector = SyncPsycopgConnector()
-        self._manager = JobManager(self._connector)
+        self._manager = JobManager(SyncPsycopgConnector())
+        self._examined = 0
+        """The last delivery that was examined."""
 
     def dispatch(self, connection: Connection, deliveries: Sequence[Delivery]) -> None:
         """Put rows into Procrastinate's queue; its trigger notifies whoever listens after the commit."""
@@ -57,19 +82,17 @@ class ProcrastinateDispatcher:
                 [_queued(delivery) for delivery in deliveries], connection=_driver(connection)
             )
 
-    def take(self, connection: Connection, count: int) -> Sequence[str] | None:
-        """Take deliveries out of the queue."""
-        driver = _driver(connection)
-        delivered: list[str] = []
-        while len(delivered) < count:
-            found = self._connector.execute_query_one_with_connection(driver, query=_TAKE, queue=QUEUE)
-            if found["id"] is None:
-                break
-            delivered.append(str(found["args"]["job"]))
-        return delivered or None
+    def take(self, connection: Connection, count: int, owed: Sequence[Lane] = ()) -> Sequence[str] | None:
+        """Return the first jobs of the queue that are ready, and use up their deliveries."""
+        return take_in_order(connection, _TAKE, _TAKE_OF_LANE, count, owed)
 
     def repair(self, connection: Connection) -> int:
-        """Deliver the jobs at the head of our queue that are not in Procrastinate's."""
+        """Deliver the jobs at the head of our queue that are not in Procrastinate's.
+
+        What is there and is of no use is removed, some at a time: deliveries
+        of jobs that were cancelled, say.
+        """
+        self._remove_useless(connection)
         lost = connection.execute(_without_delivery()).all()
         if not lost:
             return 0
@@ -81,18 +104,73 @@ class ProcrastinateDispatcher:
             return 0  # another worker has just done it
         return len(deliveries)
 
+    def _remove_useless(self, connection: Connection) -> None:
+        next_ones = {"after": self._examined, "count": _EXAMINED}
+        last, number = connection.execute(_NEXT, next_ones).one()
+        if number:
+            connection.execute(_REMOVE, {"after": self._examined, "last": last})
+        self._examined = last if number == _EXAMINED else 0
+
+
+def _lock_of(jobs: Any) -> ColumnElement[str]:  # noqa: ANN401
+    """Return by which lock the delivery of a job is found, from the columns ``jobs``."""
+    return sql_cast(jobs.id, String) + "#" + sql_cast(jobs.attempt, String)
+
+
+def _with_deliveries(*, of_lane: bool) -> Select[*tuple[Any, ...]]:
+    """Return the statement that locks jobs and finishes their deliveries, by Procrastinate's own function."""
+    columns = _JOBS.c.attempt, _JOBS.c.priority, _JOBS.c.lane, _JOBS.c.turn, _JOBS.c.key_id
+    chosen = first_jobs(*columns, of_lane=of_lane).cte("chosen")
+    finish = func.procrastinate_finish_job_v1(_DELIVERIES.c.id, text("'succeeded'"), text("true"))
+    finished = select(sql_cast(finish, String)).where(
+        _DELIVERIES.c.queueing_lock == _lock_of(chosen.c), _WAITS
+    )
+    return select(chosen.c.id, finished.scalar_subquery()).order_by(*in_order(chosen.c))
+
+
+_TAKE, _TAKE_OF_LANE = _with_deliveries(of_lane=False), _with_deliveries(of_lane=True)
+
+
+def _next() -> Select[int, int]:
+    """Return the statement for the id of the last of the next deliveries, and their number."""
+    found = (
+        select(_DELIVERIES.c.id)
+        .where(_DELIVERIES.c.queue_name == QUEUE, _WAITS, _DELIVERIES.c.id > bindparam("after"))
+        .order_by(_DELIVERIES.c.id)
+        .limit(bindparam("count", type_=Integer))
+        .subquery()
+    )
+    return select(func.max(found.c.id), func.count())
+
+
+_NEXT = _next()
+_JOB_ID, _ATTEMPT = (func.split_part(_DELIVERIES.c.queueing_lock, "#", part) for part in (1, 2))
+_USEFUL = exists().where(
+    _JOBS.c.id == sql_cast(_JOB_ID, Uuid(as_uuid=False)),
+    _JOBS.c.attempt == sql_cast(_ATTEMPT, Integer),
+    _JOBS.c.state == literal_column("'queued'"),
+)
+_REMOVE = delete(_DELIVERIES).where(
+    _DELIVERIES.c.id.in_(
+        select(_DELIVERIES.c.id)
+        .where(_DELIVERIES.c.queue_name == QUEUE, _WAITS)
+        .where(_DELIVERIES.c.id > bindparam("after"), _DELIVERIES.c.id <= bindparam("last"), ~_USEFUL)
+        # One that is locked is being used up, or removed by another worker.
+        .with_for_update(skip_locked=True)
+        .scalar_subquery()
+    )
+)
+
 
 def _without_delivery() -> Select[str, int, int, float]:
     due = (
         select(_JOBS.c.id, _JOBS.c.attempt, _JOBS.c.priority, _JOBS.c.ready_at)
-        .where(_JOBS.c.state == JobState.QUEUED.value, _JOBS.c.ready_at <= DatabaseNow())
-        .order_by(_JOBS.c.priority.desc(), _JOBS.c.id)
+        .where(*is_ready())
+        .order_by(*in_order(_JOBS.c))
         .limit(_REPAIRED)
         .subquery()
     )
-    key = sql_cast(due.c.id, String) + "#" + sql_cast(due.c.attempt, String)
-    # Its index has the waiting ones only; their state is an enumeration, unlike any bound value.
-    delivered = exists().where(_DELIVERIES.c.queueing_lock == key, text("procrastinate_jobs.status = 'todo'"))
+    delivered = exists().where(_DELIVERIES.c.queueing_lock == _lock_of(due.c), _WAITS)
     return select(due.c.id, due.c.attempt, due.c.priority, due.c.ready_at).where(~delivered)
 
 

@@ -5,11 +5,13 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy import insert
 from sqlalchemy.orm import Session
 
+from service.jobs.lanes import Lane
 from service.jobs.states import JobKind, JobState
 from service.storage.base import table_of
 from service.storage.clock import database_now
 from service.storage.ids import new_id
 from service.storage.jobs.finishing import solved
+from service.storage.jobs.turns import next_turns
 from service.storage.tables import JobRow
 
 _INSERT = insert(table_of(JobRow))
@@ -19,6 +21,7 @@ def insert_jobs(
     session: Session,
     problems: Sequence[tuple[Mapping[str, object], str]],
     *,
+    lane: Lane,
     priority: int,
     key_id: str | None,
 ) -> list[JobRow]:
@@ -27,7 +30,11 @@ def insert_jobs(
     The rows that are returned do not belong to the session.
     """
     now = database_now(session)
-    solutions = solved(session.connection(), sorted({digest for _, digest in problems}))
+    connection = session.connection()
+    solutions = solved(connection, sorted({digest for _, digest in problems}))
+    waiting = [digest for _, digest in problems if digest not in solutions]
+    given = next_turns(connection, lane=lane, priority=priority, key_id=key_id, seconds=[None] * len(waiting))
+    turns = iter(given)
     values: list[dict[str, object]] = []
     for problem, digest in problems:
         solution_id = solutions.get(digest)
@@ -38,6 +45,8 @@ def insert_jobs(
                 "kind": JobKind.SOLVE.value,
                 "state": (JobState.SUCCEEDED if reused else JobState.QUEUED).value,
                 "priority": priority,
+                "lane": int(lane),
+                "turn": 0.0 if reused else next(turns),
                 "ready_at": 0.0,
                 "attempt": 0,
                 "progress": 1.0 if reused else 0.0,

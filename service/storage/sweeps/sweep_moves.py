@@ -12,12 +12,14 @@ from sqlalchemy.orm import Session, defer
 
 from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_rest, further
 from service.jobs.job import Claim
+from service.jobs.lanes import Lane
 from service.jobs.outcome import ChunkOutcome
 from service.jobs.states import AttemptOutcome, JobKind, JobState, sources
 from service.storage.base import Document, table_of
 from service.storage.clock import DatabaseNow, database_now
 from service.storage.ids import new_id
 from service.storage.jobs.moves import end_attempt, fence, may_become, move
+from service.storage.jobs.turns import next_turns
 from service.storage.key_store import charge
 from service.storage.sweep_tables import SweepChunkRow, SweepRow
 from service.storage.sweeps.chunk_codec import ChunkPoints, chunk_outcome
@@ -54,20 +56,30 @@ def begin(connection: Connection, sweep_id: str) -> Document:
 
 def queue_chunks(session: Session, sweep: SweepRow, ranges: Iterable[Range], most: int) -> list[JobRow]:
     """Make a job of each range; ``most`` is the largest chunk that may be made of this sweep."""
-    now = database_now(session)
+    now, whole = database_now(session), list(ranges)
+    point_seconds = UNKNOWN_POINT_SECONDS if sweep.point_seconds is None else sweep.point_seconds
+    turns = next_turns(
+        session.connection(),
+        lane=Lane.SWEEP,
+        priority=sweep.priority,
+        key_id=sweep.key_id,
+        seconds=[each.count * point_seconds for each in whole],
+    )
     rows = [
         JobRow(
             id=new_id(),
             kind=JobKind.CHUNK.value,
             state=JobState.QUEUED.value,
             priority=sweep.priority,
+            lane=Lane.SWEEP.value,
+            turn=turn,
             key_id=sweep.key_id,
             sweep_id=sweep.id,
             problem={"first": each.first, "count": each.count, "most": most},
             digest=_NO_DIGEST,
             created_at=now,
         )
-        for each in ranges
+        for each, turn in zip(whole, turns, strict=True)
     ]
     session.add_all(rows)
     return rows
