@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.dense_output import DenseOutput
-from service.dynamics.errors import DynamicsError
+from service.dynamics.errors import BudgetTooSmallError, DynamicsError
 from service.dynamics.motion import COLUMNS, CrossCheck, Motion
 from service.dynamics.orientation import orientation_columns
 from service.dynamics.problem import Problem, StateMotion
@@ -44,15 +44,19 @@ def solve_document(document_json: str) -> SolveOutcome:
         findings = find_out(problem, motion)
         summary = summarise(document, problem, motion, findings, certified)
     except DynamicsError as fault:
-        pointer = place_sent(document, fault.pointer)
-        error: dict[str, object] = {"code": fault.code, "detail": fault.message, "pointer": pointer}
-        return SolveOutcome(summary=None, dense=b"", samples=b"", error=error)
+        return _refused(document, fault)
     # The orientation is more columns on the same pieces.
     dense = motion.dense if findings.orientation is None else findings.orientation.dense
     summary["cost"] = {"compute_seconds": time.perf_counter() - began}
     columns = _columns(problem, motion, dense)
     columns |= {name: part for name, part in enclosures.items() if name.partition(".")[0] in columns}
     return SolveOutcome(summary, encode_dense(dense), encode_arrays(columns), None)
+
+
+def _refused(document: object, fault: DynamicsError) -> SolveOutcome:
+    pointer = place_sent(document, fault.pointer)
+    error: dict[str, object] = {"code": fault.code, "detail": fault.message, "pointer": pointer}
+    return SolveOutcome(summary=None, dense=b"", samples=b"", error=error)
 
 
 def solve_checked(document_json: str) -> SolveOutcome:
@@ -64,7 +68,10 @@ def solve_checked(document_json: str) -> SolveOutcome:
     problem = read_problem(document)
     if problem.accuracy.budget_seconds is not None:
         # Without a database there is only the table that comes with the program.
-        choice = choose_tier(problem, window_of(report["verdict"]), shipped_table())
+        try:
+            choice = choose_tier(problem, window_of(report["verdict"]), shipped_table())
+        except BudgetTooSmallError as fault:
+            return _refused(document, fault)
         document_json = json.dumps(with_tier(document, choice))
     return solve_document(document_json)
 

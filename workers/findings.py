@@ -9,9 +9,9 @@ from service.dynamics.euler_poisson import areas_integral
 from service.dynamics.further_integrals import FurtherIntegral, find_further_integrals, integral_drift
 from service.dynamics.motion import PROVEN_SAMPLES, Estimate, Motion
 from service.dynamics.potentials.notice import Notice
+from service.dynamics.potentials.three_terms import recognise
 from service.dynamics.problem import PlanarMotion, Problem
 from workers.solvers.closed_form.lame import transverse_stability
-from workers.solvers.closed_form.three_terms import recognise
 from workers.solvers.invariants import Drifts, measure_drifts
 from workers.solvers.orientation.solve import Orientation, with_orientation
 from workers.solvers.quadrature.orbit import make_orbit

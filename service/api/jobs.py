@@ -179,7 +179,7 @@ async def _submit_list(
 def _queue_list(
     examined: Sequence[Examined | ApiError], inside: Resources, holder: ApiKey | None, priority: int
 ) -> Response:
-    answers = [each if isinstance(each, ApiError) else each.accepted() for each in examined]
+    answers = [each if isinstance(each, ApiError) else each.accepted_or_refusal() for each in examined]
     accepted = [answer for answer in answers if isinstance(answer, Accepted)]
     if not accepted:
         raise _nothing_accepted(answers)

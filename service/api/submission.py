@@ -82,6 +82,13 @@ class Examined:
         window = window_of(self.verdict)
         return settle(self.problem.document, self.problem.checked, window, self.table)
 
+    def accepted_or_refusal(self) -> Accepted | ApiError:
+        """Return the same, or what refuses it: no tier is expected to keep its budget."""
+        try:
+            return self.accepted()
+        except DynamicsError as fault:
+            return refusal_of(fault)
+
 
 def needs_verdict(checked: CheckedProblem) -> bool:
     """Whether a problem is queued only after its potential and its motion have been examined."""
@@ -175,7 +182,8 @@ def settle(
 ) -> Accepted:
     """Return what is queued: the problem, its budget turned into a tier.
 
-    ``window`` is the one of a planar motion, ``table`` what budgets are judged by.
+    ``window`` is the one of a planar motion, ``table`` what budgets are judged by. Raises
+    :class:`BudgetTooSmallError` where no tier is expected to keep it.
     """
     if checked.problem.accuracy.budget_seconds is not None and table is not None:
         choice = choose_tier(checked.problem, window, table)

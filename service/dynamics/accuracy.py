@@ -1,12 +1,13 @@
 """What the tiers of accuracy promise, what they cost on a machine, and the tiers chosen from that."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from types import MappingProxyType
-from typing import Literal, get_args
+from typing import Literal, Self, get_args
 
-from service.dynamics.errors import InvalidNumberError
+from service.dynamics.errors import BudgetTooSmallError, InvalidNumberError
 from service.dynamics.problem import (
     Tier as Tier,  # its home is the problem; those who ask for tiers find it here
 )
@@ -62,13 +63,20 @@ class AccuracyRow:
     reference_error: float
     """Bound of the reference's own error."""
     seconds: float
-    """For 1000 samples of the six variables, median, when the structure of the problem is known."""
+    """Of a whole job with 1000 samples of the six variables, from its submission to its stored solution.
+
+    Median, when a problem of the same structure has been solved before.
+    """
     seconds_per_1000: float
     """For each 1000 samples more."""
 
     def seconds_for(self, samples: int) -> float:
-        """Return the expected seconds for ``samples`` samples."""
-        return max(0.0, self.seconds + (samples / 1000 - 1.0) * self.seconds_per_1000)
+        """Return the expected seconds for ``samples`` samples; fewer than 1000 are taken for 1000.
+
+        The first samples cost more than the further ones: a straight line
+        through both measurements would have a few samples for nothing.
+        """
+        return self.seconds + max(0.0, samples / 1000 - 1.0) * self.seconds_per_1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +120,17 @@ class TierChoice:
     fits: bool
     """Within the budget. If not, nothing fits, and this is the cheapest there is."""
 
+    def require_fit(self, budget_seconds: float) -> Self:
+        """Return the choice itself; raise :class:`BudgetTooSmallError` if it does not fit."""
+        if self.fits:
+            return self
+        least = _rounded_up(self.seconds)
+        raise BudgetTooSmallError(
+            f"a budget of {budget_seconds:.6g} s; the cheapest tier, {self.tier}, is expected to take"
+            f" {least} s by the accuracy table; accepted: budgets from {least} s on, a tier, or a tolerance",
+            pointer="/accuracy/budget_seconds",
+        )
+
 
 def cheapest_tier(tolerance: float) -> Tier:
     """Return the cheapest tier that keeps ``tolerance``; below all of them the certified one.
@@ -154,9 +173,11 @@ def best_tier(
     return TierChoice(cheapest, seconds[cheapest], fits=False)
 
 
-def expected_seconds(table: AccuracyTable, tier: Tier, samples: int, kind: MotionKind) -> float | None:
-    """Return what ``tier`` takes for motions of ``kind`` by the slowest row alike; None if there is none."""
-    rows = [row for row in _alike(table, kind, None) if row.tier == tier]
+def expected_seconds(
+    table: AccuracyTable, tier: Tier, samples: int, kind: MotionKind, family: Family | None = None
+) -> float | None:
+    """Return what ``tier`` takes by the slowest row alike; None if there is none."""
+    rows = [row for row in _alike(table, kind, family) if row.tier == tier]
     return max(row.seconds_for(samples) for row in rows) if rows else None
 
 
@@ -166,6 +187,12 @@ def motion_kind(kind: str, ends: Sequence[str]) -> MotionKind:
         return "aperiodic"
     name = " to ".join(ends)
     return next((known for known in MOTION_KINDS if known == name), "aperiodic")
+
+
+def _rounded_up(seconds: float) -> str:
+    """Return two digits that are not less."""
+    unit = 10.0 ** (math.floor(math.log10(seconds)) - 1) if seconds > 0.0 else 1.0
+    return f"{math.ceil(seconds / unit) * unit:.2g}"
 
 
 def _alike(table: AccuracyTable, kind: MotionKind, family: Family | None) -> tuple[AccuracyRow, ...]:

@@ -19,6 +19,12 @@ class DynamicsError(Exception):
         self.pointer = pointer
 
 
+class BudgetTooSmallError(DynamicsError):
+    """No tier is expected to end within the budget."""
+
+    code = "budget_too_small"
+
+
 class InvalidNumberError(DynamicsError):
     """A number that is not finite, not a number, or larger than the limits."""
 

@@ -10,6 +10,7 @@ from service.dynamics.accuracy import (
     expected_seconds,
     motion_kind,
 )
+from service.dynamics.potentials.family import family_of
 from service.dynamics.problem import Problem, StateMotion, TimeList
 
 Document = Mapping[str, object]
@@ -22,21 +23,27 @@ def window_of(verdict: Document | None) -> Document | None:
 
 
 def choose_tier(problem: Problem, window: Document | None, table: AccuracyTable) -> TierChoice:
-    """Return the tier for the budget of ``problem``, which has one.
+    """Return the tier for the budget of ``problem``, which has one and which it is expected to keep.
 
     ``window`` is the one of its motion as a verdict lists it; None for a motion
     from any state. A tier that did not solve motions of the kind is not taken.
+
+    Raises
+    ------
+    BudgetTooSmallError
+        Not even the cheapest tier is expected to keep it.
     """
     budget = problem.accuracy.budget_seconds
     if budget is None:
         raise ValueError("the problem has no budget")
-    return best_tier(table, budget, _samples(problem), _kind_of(problem, window))
+    kind, family = _kind_of(problem, window), family_of(problem.body, problem.potential)
+    return best_tier(table, budget, _samples(problem), kind, family).require_fit(budget)
 
 
 def seconds_of(problem: Problem, window: Document | None, table: AccuracyTable) -> float | None:
     """Return what the tier of ``problem`` is expected to take, None if the table has no such tier."""
-    kind = _kind_of(problem, window)
-    return expected_seconds(table, problem.accuracy.tier, _samples(problem), kind)
+    kind, family = _kind_of(problem, window), family_of(problem.body, problem.potential)
+    return expected_seconds(table, problem.accuracy.tier, _samples(problem), kind, family)
 
 
 def with_tier(document: Document, choice: TierChoice) -> dict[str, object]:

@@ -4,6 +4,8 @@ import pytest
 
 from service.api.prefer import wait_seconds
 from service.jobs.states import JobState
+from service.storage.solutions.accuracy_store import AccuracyStore
+from tests.support.accuracy import row, table
 from tests.support.api import PLANAR, STATE, finish
 
 
@@ -140,7 +142,33 @@ def test_a_planar_problem_with_a_motion_is_accepted(client):
     assert submit(client, PLANAR).status_code == 202
 
 
-@pytest.mark.parametrize(("seconds", "tier"), [(3600, "certified"), ("1e-9", "draft")])
-def test_a_budget_becomes_the_tier_that_the_accuracy_table_expects_to_fit(client, seconds, tier):
+@pytest.fixture
+def measured(database):
+    """A table in which another family of the same kind of motion costs a hundred times as much."""
+    costs = {"draft": 0.006, "standard": 0.008, "high": 0.014, "certified": 0.06}
+    rows = [
+        row(tier, "rest to equator", family, seconds=factor * cost, seconds_per_1000=0.0)
+        for tier, cost in costs.items()
+        for family, factor in (("three-term", 1), ("integral", 100))
+    ]
+    AccuracyStore(database).add(table(*rows))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "tier"), [(3600, "certified"), (0.05, "high"), (0.01, "standard"), (0.006, "draft")]
+)
+def test_a_budget_becomes_the_best_tier_that_is_expected_to_keep_it(client, measured, seconds, tier):
     response = client.post("/v1/jobs", json={**PLANAR, "accuracy": {"budget_seconds": seconds}})
     assert (response.status_code, response.json()["problem"]["accuracy"]) == (202, {"tier": tier})
+
+
+def test_a_budget_that_nothing_is_expected_to_keep_is_refused_with_the_figure(client, measured):
+    problem = {**PLANAR, "accuracy": {"budget_seconds": 0.001}}
+    response = client.post("/v1/jobs", json=problem)
+    assert response.status_code == 422
+    (error,) = response.json()["errors"]
+    assert (error["pointer"], error["code"]) == ("/accuracy/budget_seconds", "budget_too_small")
+    assert "draft, is expected to take 0.006 s" in error["message"]
+    # In a list it refuses only itself.
+    items = client.post("/v1/jobs", json=[problem, PLANAR]).json()["items"]
+    assert [item["status"] for item in items] == [422, 202]

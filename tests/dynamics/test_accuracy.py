@@ -15,7 +15,8 @@ from service.dynamics.accuracy import (
     cheapest_tier,
     motion_kind,
 )
-from service.dynamics.errors import InvalidNumberError
+from service.dynamics.errors import BudgetTooSmallError, InvalidNumberError
+from service.dynamics.potentials.family import family_of
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
 from tests.support.accuracy import row, table
@@ -113,7 +114,47 @@ def test_seconds_grow_with_the_samples_beyond_the_measured_thousand():
     measured = row(seconds=0.1, seconds_per_1000=0.01)
     assert measured.seconds_for(1000) == 0.1
     assert measured.seconds_for(11_000) == pytest.approx(0.2)  # a few roundings
-    assert row(seconds=0.1, seconds_per_1000=0.5).seconds_for(1) == 0.0
+    # Fewer samples are not had for nothing: the line through both measurements would be below 0 here.
+    assert row(seconds=0.1, seconds_per_1000=0.5).seconds_for(1) == 0.1
+
+
+def test_a_budget_that_nothing_fits_is_refused_with_what_is_expected():
+    found = table(row("draft", seconds=0.00641), row("standard", seconds=0.02))
+    assert best_tier(found, 0.007, 1000, "rest to rest").require_fit(0.007).tier == "draft"
+    with pytest.raises(BudgetTooSmallError) as refused:
+        best_tier(found, 0.001, 1000, "rest to rest").require_fit(0.001)
+    assert refused.value.pointer == "/accuracy/budget_seconds"
+    # Rounded up, so that what is said to be accepted is.
+    assert "draft, is expected to take 0.0065 s" in refused.value.message
+    assert best_tier(found, 0.0065, 1000, "rest to rest").fits
+
+
+@given(st.floats(1e-6, 3600.0))
+@settings(max_examples=50)
+def test_the_budget_that_a_refusal_names_is_accepted(cost):
+    found = table(row(seconds=cost, seconds_per_1000=0.0))
+    with pytest.raises(BudgetTooSmallError) as refused:
+        best_tier(found, cost / 2, 1000, "rest to rest").require_fit(cost / 2)
+    named = float(refused.value.message.partition("budgets from ")[2].split()[0])
+    assert cost <= named <= 1.1 * cost
+    assert best_tier(found, named, 1000, "rest to rest").fits
+
+
+@pytest.mark.parametrize(
+    ("text", "moment", "family"),
+    [
+        ("-g1 + 1/(20*g3^2)", 2, "three-term"),
+        # The same potential, written otherwise.
+        ("-(g1*g3 - 1/(20*g3))/g3 + 7", 2, "three-term"),
+        ("-2*g1 + 1/(20*g3^2) + 1/(200*g3^4)", 2, "rational"),
+        ("-g1", 3, "general alpha"),
+        # Too dear to expand just for an expectation: it is taken for the dearer family.
+        ("((g1+g2+g3)^30 - (g1+g2+g3)^30) - g1", 2, "rational"),
+    ],
+)
+def test_the_family_is_read_off_the_exact_potential(text, moment, family):
+    found = body(moment, 1)
+    assert family_of(found, formula(text, found)) == family
 
 
 def test_a_table_without_rows_is_none():

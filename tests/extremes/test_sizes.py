@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
+from service.dynamics.potentials.three_terms import ThreeTerms
 from tests.extremes.elliptic import elliptic
 from tests.extremes.problems import METHODS, require_claims, solve, three_terms
 from tests.support.planar import body
 from workers.solvers.closed_form.collision import collision_time
-from workers.solvers.closed_form.three_terms import ThreeTerms
 
 PERIODS = {"periods": "5/2", "samples": 11}
 ONE, ZERO = Fraction(1), Fraction(0)

@@ -6,8 +6,10 @@ from dataclasses import replace
 import pytest
 from sqlalchemy import func, select
 
+from service.dynamics.numerics import NUMERICS
 from service.schemas.accuracy import AccuracyTableModel
 from service.storage.operation_tables import CalibrationRow
+from service.storage.solutions import accuracy_store
 from service.storage.solutions.accuracy_store import AccuracyStore, shipped_table
 from tests.support.accuracy import row, table
 
@@ -53,8 +55,23 @@ def test_the_document_is_that_of_the_table():
     assert AccuracyTableModel.of(table()).to_domain() != replace(table(), version="2")
 
 
-def test_the_shipped_table_keeps_its_claims():
+def test_a_table_of_other_numerics_is_not_used_and_that_is_told(tables, caplog):
+    accuracy_store._warn_outdated.cache_clear()
+    caplog.set_level("WARNING")
+    current = table(version="current")
+    tables.add(current)
+    assert tables.current() == current
+    assert caplog.messages == []
+    tables.add(table(version="outdated", numerics=NUMERICS - 1))
+    for _ in range(2):
+        assert tables.current() == shipped_table()
+    (told,) = caplog.messages
+    assert "polhode calibrate" in told
+
+
+def test_the_shipped_table_is_of_this_version_and_keeps_its_claims():
     shipped = shipped_table()
+    assert shipped.numerics == NUMERICS, "measure it anew: python -m workers.calibration.shipping"
     for measured in shipped.rows:
         assert measured.error <= measured.claimed_error + measured.reference_error
         assert measured.seconds > 0

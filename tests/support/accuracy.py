@@ -1,6 +1,7 @@
 """Tables of accuracy and speed in few words, for tests."""
 
 from service.dynamics.accuracy import AccuracyRow, AccuracyTable, Machine, Unavailable
+from service.dynamics.numerics import NUMERICS
 
 
 def row(
@@ -9,12 +10,12 @@ def row(
     return AccuracyRow(tier, kind, family, 2e-14, 1e-15, "certified", 1e-32, seconds, seconds_per_1000)
 
 
-def table(*rows: AccuracyRow, version: str = "1") -> AccuracyTable:
+def table(*rows: AccuracyRow, version: str = "1", numerics: int = NUMERICS) -> AccuracyTable:
     return AccuracyTable(
         source="measured",
         date="2026-01-02T03:04:05+00:00",
         version=version,
-        numerics=1,
+        numerics=numerics,
         machine=Machine(2, None, "Linux x86_64"),
         repetitions=3,
         rows=rows or (row(),),

@@ -1,6 +1,8 @@
 """The table of accuracy and speed is measured on what it says, and holds solutions to their claims."""
 
 import json
+import tempfile
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -10,24 +12,46 @@ from rich.console import Console
 from service.dynamics.accuracy import MOTION_KINDS, TIERS
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import NoClosedFormError
+from service.dynamics.potentials.three_terms import recognise
 from service.schemas.accuracy import AccuracyTableModel
 from service.schemas.problem import read_problem
 from service.storage.database import Database
 from service.storage.migration import migrate
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.storage.solutions.codec import decode_arrays
+from service.storage.solutions.solution_store import SolutionQuery, SolutionStore
 from tests.support.databases import url_of
 from workers.calibration import measurement
 from workers.calibration.command import describe
 from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
 from workers.calibration.problems import CASES, SAMPLES
 from workers.calibration.reference import STRIDE, ReferenceStates, reference_states, samples_of
+from workers.calibration.whole_jobs import whole_jobs
 from workers.commands import main
 from workers.computation import solve_document
-from workers.solvers.closed_form.three_terms import recognise
 
 PENDULUM = CASES[0]
 ONE = Effort((PENDULUM,), 1, 2000)
+
+
+def kernel_seconds(document: str) -> float:
+    """Measure the computation alone, which needs no other process."""
+    return solve_document(document).summary["cost"]["compute_seconds"]
+
+
+def test_a_whole_job_is_measured_and_not_only_its_computation(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    document = PENDULUM.document("draft", 3)
+    with whole_jobs() as seconds_of:
+        (folder,) = tmp_path.iterdir()
+        database = Database(url_of(folder / "jobs.db"))
+        # Nothing is reused: each is a job of its own, solved and stored.
+        assert min(seconds_of(document) for _ in range(2)) > 0.0
+        found = SolutionStore(database).find(SolutionQuery())
+        cost = [solution.summary["cost"]["compute_seconds"] for solution in found.solutions]
+        assert (found.total, all(each > 0.0 for each in cost)) == (2, True)
+        database.close()
+    assert not folder.exists()
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.kind}, {case.family}, {case.stop}")
@@ -91,7 +115,7 @@ def test_a_departure_is_seen_below_the_rounding_of_the_samples():
 
 def test_a_table_has_a_row_or_a_reason_for_every_tier():
     told = []
-    table = calibrate(ONE, step=told.append)
+    table = calibrate(ONE, kernel_seconds, step=told.append)
     assert len(told) == steps(ONE)
     found = [row.tier for row in table.rows] + [lack.tier for lack in table.unavailable]
     assert sorted(found) == sorted(TIERS)
@@ -116,11 +140,12 @@ def wrong_reference(monkeypatch):
 
 def test_a_solution_beyond_its_claim_is_an_error(wrong_reference):
     with pytest.raises(ClaimExceededError, match="is claimed"):
-        calibrate(ONE)
+        calibrate(ONE, kernel_seconds)
 
 
 @pytest.fixture
 def settled(tmp_path, monkeypatch):
+    monkeypatch.setattr("workers.calibration.command.whole_jobs", lambda: nullcontext(kernel_seconds))
     url = url_of(tmp_path / "test.db")
     monkeypatch.setenv("POLHODE_DATABASE_URL", url)
     migrate(url)

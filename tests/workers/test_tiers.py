@@ -109,14 +109,22 @@ def test_a_motion_without_enclosures_is_refused():
     assert outcome.error["code"] == "accuracy_not_met"
 
 
-@pytest.mark.parametrize(("seconds", "expected"), [("3600", "certified"), ("1e-9", "draft")])
-def test_a_budget_becomes_a_tier(seconds, expected):
-    golden = GOLDEN[0]
-    outcome = solve_checked(json.dumps(document(golden, {"budget_seconds": seconds})))
+def test_a_budget_becomes_a_tier():
+    # An hour is enough for proofs.
+    outcome = solve_checked(json.dumps(document(GOLDEN[0], {"budget_seconds": "3600"})))
     assert outcome.error is None
-    # An hour is enough for proofs; for a nanosecond there is nothing cheaper than a draft.
-    assert outcome.summary["tier"] == expected
-    assert outcome.summary["problem"]["accuracy"] == {"tier": expected}
+    assert outcome.summary["tier"] == "certified"
+    assert outcome.summary["problem"]["accuracy"] == {"tier": "certified"}
+
+
+def test_a_budget_that_nothing_fits_is_told():
+    outcome = solve_checked(json.dumps(document(GOLDEN[0], {"budget_seconds": "1e-9"})))
+    assert outcome.summary is None
+    assert (outcome.error["code"], outcome.error["pointer"]) == (
+        "budget_too_small",
+        "/accuracy/budget_seconds",
+    )
+    assert "is expected to take" in outcome.error["detail"]
 
 
 def test_the_way_of_a_tier_is_told_in_the_evidence():

@@ -17,6 +17,7 @@ from service.storage.solutions.accuracy_store import AccuracyStore
 from service.terminal import answer, say
 from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
 from workers.calibration.reference import NoReferenceError
+from workers.calibration.whole_jobs import whole_jobs
 
 
 def run(options: argparse.Namespace) -> int:
@@ -24,8 +25,8 @@ def run(options: argparse.Namespace) -> int:
     effort = QUICK if options.quick else FULL
     database = Database(read_settings().database_url)
     try:
-        with _progress(effort) as step:
-            table = calibrate(effort, step=step)
+        with _progress(effort) as step, whole_jobs() as seconds_of:
+            table = calibrate(effort, seconds_of, step=step)
         AccuracyStore(database).add(table)
     except (ClaimExceededError, NoReferenceError) as fault:
         say(f"nothing is stored: {fault}")

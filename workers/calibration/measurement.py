@@ -2,7 +2,6 @@
 
 import os
 import platform
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,6 +18,7 @@ from service.schemas.faults import InvalidProblemError
 from service.storage.solutions.codec import decode_arrays
 from workers.calibration.problems import CASES, SAMPLES, Case
 from workers.calibration.reference import ReferenceStates, reference_states, samples_of
+from workers.calibration.whole_jobs import SecondsOf
 from workers.computation import solve_document
 
 SLOW_SECONDS = 0.3
@@ -44,9 +44,15 @@ class ClaimExceededError(Exception):
 
 
 def calibrate(
-    effort: Effort, *, source: Source = "measured", step: Callable[[str], None] = lambda _: None
+    effort: Effort,
+    seconds_of: SecondsOf,
+    *,
+    source: Source = "measured",
+    step: Callable[[str], None] = lambda _: None,
 ) -> AccuracyTable:
     """Measure every tier on every problem; ``step`` is called before each of :func:`steps`.
+
+    ``seconds_of`` says what a problem takes: :func:`workers.calibration.whole_jobs.whole_jobs`.
 
     Raises
     ------
@@ -64,7 +70,7 @@ def calibrate(
         reference = reference_states(case)
         for tier in TIERS:
             step(f"{case.kind}, {case.family}: {tier}")
-            found = _measure(case, tier, reference, effort)
+            found = _measure(case, tier, reference, effort, seconds_of)
             if isinstance(found, AccuracyRow):
                 rows.append(found)
             else:
@@ -86,10 +92,11 @@ def steps(effort: Effort) -> int:
     return len(effort.cases) * (1 + len(TIERS))
 
 
-def _measure(case: Case, tier: Tier, reference: ReferenceStates, effort: Effort) -> AccuracyRow | Unavailable:
+def _measure(
+    case: Case, tier: Tier, reference: ReferenceStates, effort: Effort, seconds_of: SecondsOf
+) -> AccuracyRow | Unavailable:
     document = case.document(tier, SAMPLES)
     try:
-        # The first time of a structure compiles it, or fills caches.
         outcome = solve_document(document)
     except InvalidProblemError as refusal:
         fault = refusal.faults[0]
@@ -98,12 +105,15 @@ def _measure(case: Case, tier: Tier, reference: ReferenceStates, effort: Effort)
         error = outcome.error or {}
         return Unavailable(tier, case.kind, case.family, str(error.get("code")), str(error.get("detail")))
     claimed, reached = _errors(case, tier, outcome, reference)
-    seconds = _seconds(document)
+    # The first time of a structure compiles it, or fills caches.
+    seconds_of(document)
+    seconds = seconds_of(document)
     is_slow = seconds > SLOW_SECONDS
     many = 2 * SAMPLES if is_slow else effort.many_samples
     if not is_slow:
-        seconds = _median_seconds(document, effort.repetitions)
-    more = _median_seconds(case.document(tier, many), 1 if is_slow else effort.repetitions)
+        seconds = median(seconds_of(document) for _ in range(effort.repetitions))
+    further = case.document(tier, many)
+    more = median(seconds_of(further) for _ in range(1 if is_slow else effort.repetitions))
     return AccuracyRow(
         tier=tier,
         kind=case.kind,
@@ -129,16 +139,6 @@ def _errors(case: Case, tier: Tier, outcome: SolveOutcome, reference: ReferenceS
             f"{tier}, {case.kind}, {case.family}: the error is {reached:.2e} where {claimed:.2e} is claimed"
         )
     return claimed, reached
-
-
-def _median_seconds(document: str, repetitions: int) -> float:
-    return median(_seconds(document) for _ in range(repetitions))
-
-
-def _seconds(document: str) -> float:
-    began = time.perf_counter()
-    solve_document(document)
-    return time.perf_counter() - began
 
 
 def this_machine() -> Machine:

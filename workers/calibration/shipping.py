@@ -7,11 +7,13 @@ from pathlib import Path
 from service.schemas.accuracy import AccuracyTableModel
 from service.storage.solutions.accuracy_store import SHIPPED
 from workers.calibration.measurement import FULL, calibrate
+from workers.calibration.whole_jobs import whole_jobs
 
 
 def shipped_text() -> str:
     """Measure this machine and return the document as it is committed."""
-    table = calibrate(FULL, source="shipped")
+    with whole_jobs() as seconds_of:
+        table = calibrate(FULL, seconds_of, source="shipped")
     return json.dumps(AccuracyTableModel.of(table).model_dump(), indent=1) + "\n"
 
 

@@ -1,16 +1,20 @@
 """Tables of accuracy and speed: every calibration is kept, the latest one counts."""
 
+import logging
 from functools import cache
 from pathlib import Path
 
 from sqlalchemy import select
 
 from service.dynamics.accuracy import AccuracyTable
+from service.dynamics.numerics import NUMERICS
 from service.schemas.accuracy import AccuracyTableModel
 from service.storage.clock import DatabaseNow
 from service.storage.database import Database
 from service.storage.ids import new_id
 from service.storage.operation_tables import CalibrationRow
+
+logger = logging.getLogger(__name__)
 
 SHIPPED = Path(__file__).with_name("shipped_accuracy.json")
 
@@ -40,8 +44,26 @@ class AccuracyStore:
         return None if document is None else AccuracyTableModel.model_validate(document).to_domain()
 
     def current(self) -> AccuracyTable:
-        """Return the latest table, before the first calibration the one that is shipped."""
-        return self.latest() or shipped_table()
+        """Return the latest table if it was measured with these numerics, else the one that is shipped."""
+        latest = self.latest()
+        if latest is None:
+            return shipped_table()
+        if latest.numerics != NUMERICS:
+            _warn_outdated(latest.date, latest.numerics)
+            return shipped_table()
+        return latest
+
+
+@cache
+def _warn_outdated(date: str, numerics: int) -> None:
+    """Say once in the life of a process that a table is not used."""
+    logger.warning(
+        "the table of accuracy and speed of %s is of numerics %d, this version computes with %d: "
+        "the shipped one is used until polhode calibrate has measured anew",
+        date,
+        numerics,
+        NUMERICS,
+    )
 
 
 @cache

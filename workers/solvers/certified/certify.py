@@ -10,13 +10,13 @@ from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.three_terms import recognise
 from service.dynamics.problem import PlanarMotion, StateMotion
 from service.dynamics.reduction.loop import ball, make_loop
 from workers.solvers.certified.by_integral import motion_by_integral, periodic_window
 from workers.solvers.certified.elliptic_start import elliptic_motion
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.closed_form.intervals import UndecidedError
-from workers.solvers.closed_form.three_terms import recognise
 from workers.solvers.quadrature.description import SYMMETRIC_POLE_PASSAGE
 
 Method = Literal["elliptic", "integral"]

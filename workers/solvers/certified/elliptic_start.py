@@ -7,13 +7,13 @@ proven inequalities of the roots alone. What they do not decide is left open.
 from flint import arb
 
 from service.dynamics.body import RigidBody
+from service.dynamics.potentials.three_terms import ThreeTerms
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from service.dynamics.reduction.loop import ball
 from workers.solvers.certified.elliptic import EllipticMotion, make_elliptic_motion
 from workers.solvers.closed_form.elliptic import phase_at
 from workers.solvers.closed_form.intervals import Interval, intervals, make_curve
 from workers.solvers.closed_form.solve import primed_nu
-from workers.solvers.closed_form.three_terms import ThreeTerms
 from workers.solvers.closed_form.variables import Branch
 
 

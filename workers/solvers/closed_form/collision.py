@@ -15,9 +15,9 @@ from flint import acb, arb
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.three_terms import ThreeTerms
 from service.dynamics.reduction.loop import ball
 from workers.solvers.closed_form.intervals import Curve, Interval, intervals, make_curve
-from workers.solvers.closed_form.three_terms import ThreeTerms
 
 _Linear = tuple[acb, acb]
 

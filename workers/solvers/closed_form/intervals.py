@@ -19,8 +19,8 @@ from typing import Literal
 from flint import arb
 
 from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.three_terms import ThreeTerms
 from service.dynamics.reduction.loop import ball
-from workers.solvers.closed_form.three_terms import ThreeTerms
 
 LowEnd = Literal["pole", "rest", "collision"]
 HighEnd = Literal["equator", "rest"]

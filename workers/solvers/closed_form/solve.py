@@ -6,12 +6,12 @@ from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.three_terms import ThreeTerms, recognise
 from service.dynamics.reduction.loop import Loop, ball
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
 from workers.solvers.closed_form.elliptic import ClosedForm, make_closed_form, phase_at
 from workers.solvers.closed_form.intervals import Interval, UndecidedError, intervals, make_curve
-from workers.solvers.closed_form.three_terms import ThreeTerms, recognise
 from workers.solvers.closed_form.variables import Branch
 
 PRECISIONS = (192, 768, 3072)

@@ -28,9 +28,9 @@ from flint import acb, arb, ctx, fmpq, fmpq_poly, fmpz_poly
 
 from service.dynamics.body import RigidBody
 from service.dynamics.dense_output import EPSILON, Period
+from service.dynamics.potentials.laurent import G2, G3, LaurentAlgebra, g1_of_sign
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import PlanarMotion
-from workers.solvers.closed_form.laurent import G2, G3, LaurentAlgebra, g1_of_sign
 
 PRECISIONS = (192, 512, 2048)
 GAP_BITS = 64

@@ -4,10 +4,10 @@ import pytest
 from flint import arb, ctx
 from scipy.integrate import quad
 
+from service.dynamics.potentials.three_terms import ThreeTerms
 from tests.support.planar import body
 from workers.solvers.closed_form.collision import NoCollisionError, collision_time
 from workers.solvers.closed_form.intervals import UndecidedError, intervals, make_curve
-from workers.solvers.closed_form.three_terms import ThreeTerms
 
 
 def three(a1, b1=0, c1=0) -> ThreeTerms:

@@ -8,13 +8,13 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.potentials.rational import rational_potential
+from service.dynamics.potentials.three_terms import ThreeTerms
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, planar
 from tests.workers.solvers.closed_form.test_motion import solve
 from workers.solvers.closed_form.elliptic import make_closed_form, trip_time
 from workers.solvers.closed_form.intervals import UndecidedError, intervals, make_curve
-from workers.solvers.closed_form.three_terms import ThreeTerms
 from workers.solvers.closed_form.variables import Branch
 from workers.solvers.quadrature.solve import solve_planar
 

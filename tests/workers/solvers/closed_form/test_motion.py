@@ -8,6 +8,7 @@ import pytest
 from flint import arb, ctx
 
 from service.dynamics.potentials.gravity import gravity_potential
+from service.dynamics.potentials.three_terms import ThreeTerms
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
@@ -17,7 +18,6 @@ from tests.workers.solvers.closed_form.reference import Reference, spread
 from workers.solvers.closed_form.elliptic import make_closed_form, trip_time
 from workers.solvers.closed_form.intervals import intervals, make_curve
 from workers.solvers.closed_form.solve import solve_closed_form
-from workers.solvers.closed_form.three_terms import ThreeTerms
 from workers.solvers.closed_form.variables import Branch
 from workers.solvers.quadrature.solve import solve_planar
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from service.dynamics.potentials.gravity import gravity_potential
 from service.dynamics.potentials.homogeneous import homogeneous_potential
 from service.dynamics.potentials.rational import rational_potential
+from service.dynamics.potentials.three_terms import ThreeTerms, recognise
 from tests.support.planar import body, formula
-from workers.solvers.closed_form.three_terms import ThreeTerms, recognise
 
 numbers = st.fractions(-5, 5, max_denominator=50)
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from service.dynamics.body import RigidBody
+from service.dynamics.potentials.laurent import G2, G3, LaurentAlgebra, g1_of_sign
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from workers.solvers.closed_form.laurent import G2, G3, LaurentAlgebra, g1_of_sign
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,12 +22,15 @@ class ThreeTerms:
     constant: Fraction = Fraction(0)
 
 
-def recognise(body: RigidBody, potential: Potential, g1_sign: int = 1) -> ThreeTerms | None:
+def recognise(
+    body: RigidBody, potential: Potential, g1_sign: int = 1, *, most_products: int | None = None
+) -> ThreeTerms | None:
     """Return ``potential`` as three terms if it equals them on |g| = 1, else None.
 
     ``g1_sign`` is the sign of g1 there (of the client's g3 for C = 2A), which
     matters to a formula with abs in it. Exact: the formula is expanded in rational
-    numbers. One with π, irrational constants or other functions is not recognised.
+    numbers. One with π, irrational constants or other functions is not recognised,
+    nor one that takes more than ``most_products`` products of terms.
     """
     g1 = g1_of_sign(g1_sign)
     if body.A == 2 * body.C:
@@ -38,7 +41,7 @@ def recognise(body: RigidBody, potential: Potential, g1_sign: int = 1) -> ThreeT
         return None
     if not isinstance(potential, FormulaPotential):
         return None
-    expanded = potential.tape.evaluate(LaurentAlgebra(), inputs)
+    expanded = potential.tape.evaluate(LaurentAlgebra(most_products), inputs)
     if expanded is None:
         return None
 

@@ -29,7 +29,13 @@ def g1_of_sign(sign: int) -> Laurent:
 
 
 class LaurentAlgebra:
-    """Laurent polynomials; None if a result is not one, or has more than MAX_TERMS terms."""
+    """Laurent polynomials; None if a result is not one, or has more than MAX_TERMS terms.
+
+    With ``most_products``, None too for whatever comes after so many products of terms.
+    """
+
+    def __init__(self, most_products: int | None = None) -> None:
+        self._products_left = most_products
 
     def constant(self, value: Fraction) -> Laurent | None:
         """Return the constant."""
@@ -53,6 +59,10 @@ class LaurentAlgebra:
         """Return left · right."""
         if left is None or right is None:
             return None
+        if self._products_left is not None:
+            self._products_left -= len(left) * len(right)
+            if self._products_left < 0:
+                return None
         terms: list[tuple[Exponents, Fraction]] = []
         for (i, j, k, e), factor in left.items():
             for (i2, j2, k2, e2), other in right.items():
