@@ -232,12 +232,12 @@ class VerdictQueue:
                 call.answer.set_exception(fault)
 
     def _answer(self, call: _Call) -> str:
-        while True:
+        while (rest := call.deadline - time.monotonic()) > 0:
             try:
                 return self._sandbox.run(
                     call.examination,
                     call.text,
-                    seconds=max(0.001, call.deadline - time.monotonic()),
+                    seconds=rest,
                     crashes=call.crashes,
                     submitted=lambda attempt: self._note(call, attempt),
                 )
@@ -245,6 +245,7 @@ class VerdictQueue:
                 # By us; or the child was replaced because of somebody else.
                 if call.is_dropped or self._closed:
                     raise
+        raise SandboxTimeoutError("the time limit passed")
 
     def _note(self, call: _Call, attempt: Future[str]) -> None:
         with self._lock:
