@@ -3,7 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
+from flint import arb
+
 from service.dynamics.body import RigidBody
+from service.dynamics.enclosure import as_decimals
 from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.decomposition import Decomposition, decompose
 from service.dynamics.inverse.enclosures import Values
@@ -13,6 +16,7 @@ from service.dynamics.inverse.terms import Terms
 from service.dynamics.potentials.general_solution import QUADRANTS, SIGNS, Quadrant
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Problem, StateMotion, TimeList
+from service.dynamics.reduction.existence import Existence, Stretch
 from service.dynamics.reduction.window import Window
 from service.dynamics.verdict.verdict import Verdict
 
@@ -49,6 +53,7 @@ def verdict_document(body: RigidBody, verdict: Verdict, potential: Potential) ->
         "decomposition": None,
         "nearest": None,
         "motions": None,
+        "existence": None,
         "plan": None,
         "warnings": [asdict(notice) for notice in potential.notices],
     }
@@ -190,3 +195,24 @@ def _rows(at: Sequence[float], values: Values) -> list[tuple[float, float | None
     """Return argument, value and error; nulls where there is no value."""
     rows = zip(at, values.value.tolist(), values.error.tolist(), strict=True)
     return [(x, value, error) if abs(value) < float("inf") else (x, None, None) for x, value, error in rows]
+
+
+def existence_document(existence: Existence) -> Document:
+    """Return for which λ, or nu, there are motions."""
+    found = [_stretch(each) for each in existence.motions]
+    return {
+        "lambda": found if existence.name == "lambda" else None,
+        "nu": found if existence.name == "nu" else None,
+        "undecided": [_stretch(each) for each in existence.undecided],
+    }
+
+
+def _stretch(stretch: Stretch) -> Document:
+    return {"from": _ball(stretch.lower), "to": _ball(stretch.upper)}
+
+
+def _ball(ball: arb | None) -> Document | None:
+    if ball is None:
+        return None
+    mid, rad = as_decimals(ball)
+    return {"mid": mid, "rad": rad}

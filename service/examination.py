@@ -6,6 +6,7 @@ puts the limits.
 """
 
 import json
+import time
 from collections.abc import Callable
 
 from flint import ctx
@@ -17,19 +18,24 @@ from service.answers import (
     decomposition_document,
     decomposition_of,
     energy_document,
+    existence_document,
     nearest_document,
     plan_document,
     verdict_document,
     window_document,
 )
+from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.named import Named
+from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
+from service.dynamics.reduction.existence import find_existence
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import (
     PRECISION,
+    NoMotionError,
     NoSuchWindowError,
     SeveralWindowsError,
     choose_window,
@@ -38,11 +44,17 @@ from service.dynamics.reduction.windows import (
 )
 from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.verdict import Verdict, decide
+from service.schemas.existence_text import existence_sentence
 from service.schemas.faults import InvalidProblemError
 from service.schemas.problem import Question, read_problem, read_question
+from service.schemas.verdict import ExistenceOut
 
 Answer = Document
 
+PROCESSOR_SECONDS, SECONDS = 1.0, 3.0
+"""After either of which a search for the λ that have motions leaves undecided what it has not found."""
+MOST_SEARCHES = 4
+"""In the problems of one list: a search for the λ that have motions takes some tenths of a second."""
 _POTENTIAL = "/potential"
 
 
@@ -54,20 +66,23 @@ def examine_question(document_json: str) -> str:
     return _answer(document_json, _judge_question)
 
 
-def examine_problem(document_json: str) -> str:
+def examine_problem(document_json: str, *, explains: bool = True) -> str:
     """Answer whether a problem can be solved as asked: ``{"verdict": …}`` or ``{"error": …}``, as JSON.
 
-    The error is what its job would end with. A state has no verdict: null.
+    The error is what its job would end with. A state has no verdict: null. Where there is no motion,
+    an answer that ``explains`` says for which λ there are.
     """
-    return _answer(document_json, _judge_problem)
+    searches = _Searches(1 if explains else 0)
+    return _answer(document_json, lambda document: _judge_problem(document, {}, searches))
 
 
 def examine_problems(documents_json: str) -> str:
     """Answer for each problem of a list as :func:`examine_problem`; equal potentials are judged once."""
     verdicts: dict[str, Verdict] = {}
+    searches = _Searches(MOST_SEARCHES)
 
     def judge(document: object) -> Answer:
-        return _judge_problem(document, verdicts)
+        return _judge_problem(document, verdicts, searches)
 
     answers = [_answer_to(document, judge) for document in json.loads(documents_json)]
     return json.dumps(answers, allow_nan=False)
@@ -122,8 +137,14 @@ def _judge_question(document: object) -> Answer:
     if isinstance(question.motion, PlanarMotion):
         with ctx.workprec(PRECISION):
             found = find_windows(question.body, question.potential, question.motion)
-            chosen = _require_asked(question, question.motion, found)
-        answer["motions"] = [window_document(window) for window in found]
+            existence = None
+            if not found:
+                existence = _Searches(1).document(question.body, question.potential, question.motion)
+            try:
+                chosen = _require_asked(question, question.motion, found)
+            except NoMotionError as error:
+                return _no_motion(error, existence)
+        answer |= {"motions": [window_document(window) for window in found], "existence": existence}
         if question.problem is not None and chosen is not None:
             answer["plan"] = plan_document(question.problem.problem, window_document(chosen))
     if verdict.verdict == "admissible":
@@ -164,13 +185,45 @@ def _require_asked(question: Question, motion: PlanarMotion, windows: tuple[Wind
     return window
 
 
-def _judge_problem(document: object, known: dict[str, Verdict] | None = None) -> Answer:
+def _deadline() -> Callable[[], bool]:
+    """Return what says that the time of a search is over."""
+    processor, clock = time.process_time() + PROCESSOR_SECONDS, time.monotonic() + SECONDS
+    return lambda: time.process_time() > processor or time.monotonic() > clock
+
+
+class _Searches:
+    """For which λ there are motions: the same for all problems that differ in λ only."""
+
+    def __init__(self, left: int) -> None:
+        self._left = left
+        self._known: dict[tuple[object, ...], Document | None] = {}
+
+    def document(self, body: RigidBody, potential: Potential, motion: PlanarMotion) -> Document | None:
+        """Return the answer; None if there is none, or no search is left."""
+        key = (body.A, body.C, potential, motion.nu is None, motion.sign_of_g1, motion.g3_sign)
+        if key not in self._known:
+            if not self._left:
+                return None
+            self._left -= 1
+            found = find_existence(body, potential, motion, _deadline())
+            self._known[key] = None if found is None else existence_document(found)
+        return self._known[key]
+
+
+def _no_motion(error: NoMotionError, existence: Document | None) -> Answer:
+    if existence is None:
+        return _error(error.code, error.message, error.pointer)
+    where = existence_sentence(ExistenceOut.model_validate(existence))
+    return _error(error.code, f"{error.message}; {where}", error.pointer, existence=existence)
+
+
+def _judge_problem(document: object, known: dict[str, Verdict], searches: _Searches) -> Answer:
     """Judge a problem; ``known`` remembers the verdicts on potentials."""
     problem = read_problem(document)
     if isinstance(problem.motion, StateMotion):
         return {"verdict": None}
     assert isinstance(document, dict)
-    known, setting = {} if known is None else known, json.dumps([document["body"], document["potential"]])
+    setting = json.dumps([document["body"], document["potential"]])
     if setting not in known:
         known[setting] = decide(problem.body, problem.potential)
     verdict = known[setting]
@@ -180,7 +233,10 @@ def _judge_problem(document: object, known: dict[str, Verdict] | None = None) ->
         return refusal
     with ctx.workprec(PRECISION):
         windows = find_windows(problem.body, problem.potential, problem.motion)
-        window = _require_motion(problem, problem.motion, windows)
+        try:
+            window = _require_motion(problem, problem.motion, windows)
+        except NoMotionError as error:
+            return _no_motion(error, searches.document(problem.body, problem.potential, problem.motion))
     return {"verdict": {**answer, "motions": [window_document(window)]}}
 
 

@@ -59,9 +59,12 @@ def _refused(document: object, fault: DynamicsError) -> SolveOutcome:
     return SolveOutcome(summary=None, dense=b"", samples=b"", error=error)
 
 
-def solve_checked(document_json: str) -> SolveOutcome:
-    """Solve a problem whose potential and motion nobody has judged yet."""
-    report = json.loads(examine_problem(document_json))
+def solve_checked(document_json: str, *, explains: bool = True) -> SolveOutcome:
+    """Solve a problem whose potential and motion nobody has judged yet.
+
+    Where there is no motion, an error that ``explains`` says for which λ there are.
+    """
+    report = json.loads(examine_problem(document_json, explains=explains))
     if "error" in report:
         return SolveOutcome(summary=None, dense=b"", samples=b"", error=report["error"])
     document = json.loads(document_json)

@@ -19,7 +19,7 @@ def json_response(
     Not by pydantic's or orjson's own writer: they turn NaN into null without a
     word, and orjson does not know integers beyond 64 bits, which problems may hold.
     """
-    content = json.dumps(model.model_dump(), allow_nan=False, default=_instant)
+    content = json.dumps(model.model_dump(by_alias=True), allow_nan=False, default=_instant)
     return Response(content, status_code=status, media_type="application/json", headers=headers)
 
 

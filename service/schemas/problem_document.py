@@ -3,7 +3,13 @@
 from pydantic import Field
 
 from service.schemas.job import JobItemOut
-from service.schemas.verdict import CounterexampleOut, EvidenceOut, MotionWindowOut, ResponseModel
+from service.schemas.verdict import (
+    CounterexampleOut,
+    EvidenceOut,
+    ExistenceOut,
+    MotionWindowOut,
+    ResponseModel,
+)
 
 
 class FaultOut(ResponseModel):
@@ -24,6 +30,10 @@ class ProblemDetailsOut(ResponseModel):
     errors: list[FaultOut] = Field(description="Every fault of the request.")
     counterexample: CounterexampleOut = Field(description="With `inadmissible_potential`.")
     evidence: EvidenceOut = Field(description="With `undecided_potential`.")
+    existence: ExistenceOut = Field(
+        description="With `no_motion`: for which λ there are motions. In a list of jobs it is left out where"
+        " too many problems are refused."
+    )
     windows: list[MotionWindowOut] = Field(description="With `several_windows` and `no_such_window`.")
     items: list[JobItemOut] = Field(
         description="With `no_problem_accepted`: what refuses each problem of the list, in its order."

@@ -190,6 +190,25 @@ class PlanOut(ResponseModel):
     )
 
 
+class StretchOut(ResponseModel):
+    """All values between two ends, each of which is somewhere in its ball."""
+
+    from_: BallOut | None = Field(alias="from", description="Null: from 0, or from -∞ where nu < 0.")
+    to: BallOut | None = Field(description="Null: to ∞, or to 0 where nu < 0.")
+
+
+class ExistenceOut(ResponseModel):
+    """For which λ the potential has motions with the signs that were asked: a proof for every λ but some."""
+
+    lambda_: list[StretchOut] | None = Field(
+        alias="lambda", description="For all of these λ there are motions; null if nu was sent."
+    )
+    nu: list[StretchOut] | None = Field(description="The same in nu; null if lambda was sent.")
+    undecided: list[StretchOut] = Field(
+        description="Of these nothing is known. For all values that are in neither list there is no motion."
+    )
+
+
 class VerdictOut(ResponseModel):
     """Whether a potential admits the planar motions, and how that is known."""
 
@@ -214,5 +233,9 @@ class VerdictOut(ResponseModel):
     )
     plan: PlanOut | None = Field(
         description="Of a whole problem (a motion and times were sent): what its job would do."
+    )
+    existence: ExistenceOut | None = Field(
+        description="For which λ there are motions, where there are none with the one that was sent;"
+        " null otherwise, and for a potential that has no formula.",
     )
     warnings: list[NoticeOut] = Field(description="What to know about the potential; often empty.")

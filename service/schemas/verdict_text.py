@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from service.schemas.existence_text import existence_sentence
 from service.schemas.faults import Fault
 from service.schemas.verdict import FunctionOut, MotionWindowOut, VerdictOut
 
@@ -74,6 +75,8 @@ def _lines(verdict: VerdictOut) -> Iterator[str]:
     if verdict.motions is not None:
         if not verdict.motions:
             yield "motions     none with this lambda and these signs of g1 and g3"
+            if verdict.existence is not None:
+                yield f"            {existence_sentence(verdict.existence)}"
         for window in verdict.motions:
             yield f"window {window.window:<4} {_window(window)}"
 

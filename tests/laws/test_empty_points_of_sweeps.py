@@ -40,7 +40,7 @@ def problem(case: Case, lambda_: Fraction) -> dict[str, object]:
 
 def ends_with(case: Case, lambda_: Fraction) -> str:
     """Return what the job of one λ ends with before it is computed."""
-    answer = json.loads(examine_problem(json.dumps(problem(case, lambda_))))
+    answer = json.loads(examine_problem(json.dumps(problem(case, lambda_)), explains=False))
     return answer["error"]["code"] if "error" in answer else SOLVED
 
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.enclosure import Loops, equators, have_no_motion, shape_of
+from service.dynamics.reduction.enclosure import Loops, have_no_motion, shape_of
+from service.dynamics.reduction.equators import equators
 from workers.solvers.spectral.frame import make_frame
 from workers.sweeping.doubles import primed_logarithms
 from workers.sweeping.programs import Group

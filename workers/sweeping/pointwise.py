@@ -40,7 +40,7 @@ def solve_point(sweep: Sweep, index: int, *, is_judged: bool) -> Point:
     """
     document = json.dumps(sweep.document(index))
     try:
-        outcome = solve_document(document) if is_judged else solve_checked(document)
+        outcome = solve_document(document) if is_judged else solve_checked(document, explains=False)
     except InvalidProblemError:
         return _refused(sweep, INVALID)
     return _kept(sweep, outcome)

@@ -7,8 +7,8 @@ the ends. D = g1 V_3 − g3 V_1, whose sign is that of p² up to the signs of g1
 its leading power. What the bounds leave open is halved.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -36,6 +36,8 @@ NEAREST = 1e-60
 """A cell at the pole that ends here is not cut again: no single term of D leads there."""
 MOST_CELLS = 2048
 """Of one loop at a time."""
+NUMBERS = 4_000_000
+"""In memory at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,18 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True)
+class Scaled:
+    """Z and G as powers of a scale, λ or 1/λ, beside bounds of their coefficients: for stretches of λ."""
+
+    scale: Bounds
+    """Shape (loops,), as all the others; the lower one may be 0."""
+    Z: Bounds
+    G: Bounds
+    Z_power: Fraction
+    G_power: Fraction
+
+
+@dataclass(frozen=True, slots=True)
 class Loops:
     """Bounds of Z and G of each loop, and of the inputs that its formula has beside g1, g2, g3."""
 
@@ -59,6 +73,20 @@ class Loops:
     G: Bounds
     inputs: tuple[FloatArray, ...] = ()
     """Numbers, each the double nearest to the one meant, shape (loops,)."""
+    scaled: Scaled | None = None
+    """Z and G once more, if each of the loops stands for all those of a stretch of λ."""
+
+    def at(self, chosen: IntArray) -> "Loops":
+        """Return some of them."""
+
+        def part(bounds: Bounds) -> Bounds:
+            return bounds[0][chosen], bounds[1][chosen]
+
+        scaled = self.scaled
+        if scaled is not None:
+            scaled = replace(scaled, scale=part(scaled.scale), Z=part(scaled.Z), G=part(scaled.G))
+        inputs = tuple(numbers[chosen] for numbers in self.inputs)
+        return Loops(self.shape, part(self.Z), part(self.G), inputs, scaled)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +100,7 @@ class Cells:
     low: FloatArray
     high: FloatArray
 
-    def at(self, chosen: BoolArray) -> "Cells":
+    def at(self, chosen: BoolArray | slice) -> "Cells":
         """Return some of them."""
         return Cells(self.owner[chosen], self.hemisphere[chosen], self.low[chosen], self.high[chosen])
 
@@ -96,35 +124,36 @@ def shape_of(body: RigidBody, motion: PlanarMotion) -> Shape:
     return Shape(body.alpha, False, motion.sign_of_g1, motion.g3_sign)
 
 
-def equators(alpha: Fraction, low: FloatArray, high: FloatArray) -> tuple[Bounds, Bounds]:
-    """Return bounds of Z and G for every λ (primed) with ``low`` ≤ log λ ≤ ``high``; NaN if not found.
-
-    F(u) = e^{2u} + e^{2α(u − log λ)} − 1 grows with u = log Z: its signs on both sides of a zero
-    that Newton's steps found enclose it.
-    """
-    (z_low, g_high), (z_high, g_low) = _equator(alpha, low), _equator(alpha, high)
-    return (z_low[0], z_high[1]), (g_low[0], g_high[1])
-
-
-def radicand_signs(tape: Tape, loops: Loops, cells: Cells) -> IntArray:
-    """Return for each cell the sign that p² certainly has all over it, 0 if that is not known.
+def radicand_bounds(tape: Tape, loops: Loops, cells: Cells) -> Bounds:
+    """Return bounds of p² on each cell, up to positive factors that vary there; NaN if there are none.
 
     The inputs of the tape are g1, g2, g3 and ``loops.inputs``.
     """
-    sine, height = _sines(cells), _heights(loops, cells)
-    algebra = IntervalAlgebra([sine])
-    shape, of = loops.shape, cells.owner
-    first = _signed(algebra, loops.G, of, shape.alpha, shape.first_sign)
-    third = _signed(algebra, loops.Z, of, Fraction(1), shape.third_sign)
-    g1, g3 = (third, first) if shape.is_mirrored else (first, third)
-    inputs = [algebra.about(numbers[of]) for numbers in loops.inputs]
-    bounds = derivative_bounds(algebra, tape, (g1, algebra.interval(*height), g3), inputs)
-    if bounds is None:
-        return np.zeros(len(of), dtype=np.int64)
-    lo, hi = bounds
-    sign = shape.first_sign * shape.third_sign * (-1 if shape.is_mirrored else 1)
+    # Every instruction leaves bounds of a value and of a slope behind.
+    most = min(max(NUMBERS // (4 * len(tape.instructions) + 4), 64), 8192)
+    count = len(cells.owner)
+    lo, hi = np.full(count, np.nan), np.full(count, np.nan)
+    for start in range(0, count, most):
+        here = slice(start, start + most)
+        bounds = _radicand_bounds(tape, loops, cells.at(here))
+        if bounds is not None:
+            lo[here], hi[here] = bounds
+    is_turned = (loops.shape.first_sign * loops.shape.third_sign < 0) != loops.shape.is_mirrored
+    return (-hi, -lo) if is_turned else (lo, hi)
+
+
+def _radicand_bounds(tape: Tape, loops: Loops, cells: Cells) -> Bounds | None:
+    algebra, first, third = _axes(loops, cells)
+    g1, g3 = (third, first) if loops.shape.is_mirrored else (first, third)
+    inputs = [algebra.about(numbers[cells.owner]) for numbers in loops.inputs]
+    return derivative_bounds(algebra, tape, (g1, algebra.interval(*_heights(loops, cells)), g3), inputs)
+
+
+def radicand_signs(tape: Tape, loops: Loops, cells: Cells) -> IntArray:
+    """Return for each cell the sign that p² certainly has all over it, 0 if that is not known."""
+    lo, hi = radicand_bounds(tape, loops, cells)
     known: IntArray = ((lo > 0.0) & (hi >= lo)).astype(np.int64) - ((hi < 0.0) & (lo <= hi))
-    return sign * known
+    return known
 
 
 def derivative_bounds(
@@ -142,22 +171,35 @@ def derivative_bounds(
     return np.broadcast_to(found.lo, shape), np.broadcast_to(found.hi, shape)
 
 
-def have_no_motion(tape: Tape, loops: Loops) -> BoolArray:
-    """Say of each loop whether p² < 0 on the whole half is proved.
+def have_no_motion(
+    tape: Tape,
+    loops: Loops,
+    most_cells: int = MOST_CELLS,
+    narrowest: FloatArray | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> BoolArray:
+    """Say of each loop whether p² < 0 on the whole half is proved, with so many cells at a time.
 
-    False is no claim: there may be a motion, or the bounds do not tell.
+    Cells of a loop are not halved below the relative width ``narrowest``. False is no claim: there
+    may be a motion, the bounds do not tell, or it was stopped.
     """
     count = len(loops.Z[0])
-    open_loops = np.isfinite(loops.Z[0]) & np.isfinite(loops.G[0]) & (loops.Z[0] > 0.0) & (loops.G[0] > 0.0)
+    narrowest = np.full(count, NARROWEST) if narrowest is None else narrowest
+    open_loops = ~np.isnan(loops.Z[0]) & ~np.isnan(loops.G[0])
     cells = _quarters(np.flatnonzero(open_loops))
     while len(cells.owner):
+        if should_stop():
+            open_loops[cells.owner] = False
+            break
         signs = radicand_signs(tape, loops, cells)
         undecided = signs == 0
         given_up = undecided & np.where(
-            cells.low > 0.0, cells.high - cells.low < NARROWEST * cells.high, cells.high < NEAREST
+            cells.low > 0.0,
+            cells.high - cells.low < narrowest[cells.owner] * cells.high,
+            cells.high < NEAREST,
         )
         open_loops[cells.owner[(signs > 0) | given_up]] = False
-        crowded = np.bincount(cells.owner[undecided], minlength=count) > MOST_CELLS
+        crowded = np.bincount(cells.owner[undecided], minlength=count) > most_cells
         open_loops[crowded] = False
         cells = cells.at(undecided & open_loops[cells.owner]).halves()
     return open_loops
@@ -175,9 +217,24 @@ def _sines(cells: Cells) -> Bounds:
     return low, np.where(cells.high >= QUARTER, 1.0, np.minimum(np.sin(cells.high) * (1.0 + ULPS), 1.0))
 
 
-def _signed(algebra: IntervalAlgebra, size: Bounds, of: IntArray, power: Fraction, sign: int) -> Interval:
-    element = algebra.interval(size[0][of], size[1][of], (power,))
-    return element if sign > 0 else algebra.negate(element)
+def _axes(loops: Loops, cells: Cells) -> tuple[IntervalAlgebra, Interval, Interval]:
+    """Return the algebra, and the primed g1 and g3 on every cell."""
+    shape, scaled, of = loops.shape, loops.scaled, cells.owner
+    first_powers, third_powers = [shape.alpha], [Fraction(1)]
+    scales, Z, G = [_sines(cells)], loops.Z, loops.G
+    if scaled is not None:
+        scales.append((scaled.scale[0][of], scaled.scale[1][of]))
+        first_powers.append(scaled.G_power)
+        third_powers.append(scaled.Z_power)
+        Z, G = scaled.Z, scaled.G
+    algebra = IntervalAlgebra(scales)
+    first = algebra.interval(G[0][of], G[1][of], tuple(first_powers))
+    third = algebra.interval(Z[0][of], Z[1][of], tuple(third_powers))
+    return (
+        algebra,
+        first if shape.first_sign > 0 else algebra.negate(first),
+        third if shape.third_sign > 0 else algebra.negate(third),
+    )
 
 
 def _heights(loops: Loops, cells: Cells) -> Bounds:
@@ -198,45 +255,4 @@ def _height(alpha: float, Z: FloatArray, G: FloatArray, v: FloatArray) -> FloatA
     square = cosine * cosine
     log_sine = np.where(square < 0.5, 0.5 * np.log1p(-square), np.log(sine))
     found: FloatArray = np.sqrt(Z * Z * square - G * G * np.expm1(2.0 * alpha * log_sine))
-    return found
-
-
-def _equator(alpha: Fraction, logarithm: FloatArray) -> tuple[Bounds, Bounds]:
-    """Return bounds of Z and of G for one λ each."""
-    a = float(alpha)
-    with np.errstate(all="ignore"):
-        u = np.minimum(0.0, logarithm)
-        for _ in range(100):
-            first, second = np.exp(2.0 * u), np.exp(2.0 * a * (u - logarithm))
-            step = (first + second - 1.0) / (2.0 * first + 2.0 * a * second)
-            u = u - step
-            if np.all(~(np.abs(step) > 1e-15 * np.maximum(1.0, np.abs(u)))):
-                break
-        first, second = np.exp(2.0 * u), np.exp(2.0 * a * (u - logarithm))
-        # Errors of the exponents: those of their parts, relative 2^-51, and one of e^x itself.
-        one = 2.0**-49 * (1.0 + np.abs(u))
-        two = 2.0**-49 * (1.0 + 2.0 * a * (np.abs(u) + np.abs(logarithm)))
-        slope = 2.0 * first + 2.0 * a * second
-        radius = 8.0 * (first * one + second * two + 2.0**-50) / slope + 2.0**-50 * np.abs(u)
-        below, above = _defect(a, u - radius, logarithm, 1.0), _defect(a, u + radius, logarithm, -1.0)
-        is_proved = (below < 0.0) & (above > 0.0)
-        spread = radius + one
-        Z = np.exp(u) * np.exp(-spread), np.minimum(np.exp(u) * np.exp(spread), 1.0)
-        spread = a * radius + two
-        size = np.exp(a * (u - logarithm))
-        G = size * np.exp(-spread), np.minimum(size * np.exp(spread), 1.0)
-    unknown = np.where(is_proved, 0.0, np.nan)
-    return (Z[0] + unknown, Z[1] + unknown), (G[0] + unknown, G[1] + unknown)
-
-
-def _defect(alpha: float, u: FloatArray, logarithm: FloatArray, side: float) -> FloatArray:
-    """Return an upper (side 1) or lower (-1) bound of e^{2u} + e^{2α(u − log λ)} − 1."""
-    one = 2.0**-49 * (1.0 + np.abs(u))
-    two = 2.0**-49 * (1.0 + 2.0 * alpha * (np.abs(u) + np.abs(logarithm)))
-    found: FloatArray = (
-        np.exp(2.0 * u) * (1.0 + side * one)
-        + np.exp(2.0 * alpha * (u - logarithm)) * (1.0 + side * two)
-        - 1.0
-        + side * 2.0**-50
-    )
     return found

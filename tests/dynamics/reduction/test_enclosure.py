@@ -14,11 +14,11 @@ from service.dynamics.reduction.enclosure import (
     QUARTER,
     Cells,
     Loops,
-    equators,
     have_no_motion,
     radicand_signs,
     shape_of,
 )
+from service.dynamics.reduction.equators import equators
 from service.dynamics.reduction.loop import make_loop, start_g3_sign
 from service.dynamics.reduction.windows import find_windows
 from tests.support.admissible import cases
