@@ -29,7 +29,7 @@ PREY = {"api": 2, "worker": 2, "helper": 1, "judge": 1, "child": 8}
 """How often each kind of process is killed, relative to the others."""
 PAUSE_SECONDS = 0.4
 """Mean time between two kills."""
-RECOVERY_SECONDS = 60.0
+RECOVERY_SECONDS = 180.0
 """Until an installation has started, and beside the storm's own length until all is done."""
 AWAY_SECONDS = 1.0
 """Between the crash of Postgres and its next start."""
@@ -134,7 +134,7 @@ def storm(
 def _left(installation: Installation) -> int:
     """Return how many processes outlive the others; those that are about to end have a moment."""
     with contextlib.suppress(AssertionError):
-        wait_until(lambda: not installation.processes(), 5.0)
+        wait_until(lambda: not installation.processes(), 60.0)
     return len(installation.processes())
 
 

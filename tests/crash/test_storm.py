@@ -1,15 +1,19 @@
 """Everything is killed at random, Postgres too: every acknowledged job has exactly one result afterwards."""
 
+import pytest
+
 from tests.crash.client import SWEEP_POINTS
 from tests.crash.storm import Figures, by_procrastinate, on_postgres, on_sqlite
 
-JOBS, SECONDS = 60, 3.0
+STORMS = pytest.mark.parametrize(
+    ("jobs", "seconds"), [(60, 3.0), pytest.param(200, 6.0, marks=pytest.mark.long)]
+)
 
 
-def is_weathered(figures: Figures) -> None:
+def is_weathered(figures: Figures, jobs: int) -> None:
     said = figures.line()
     assert figures.kills.keys() >= {"api", "worker", "child"}, said
-    assert len(figures.acknowledged) == JOBS
+    assert len(figures.acknowledged) == jobs
     assert (figures.unfinished, figures.lost, figures.doubled) == (0, 0, 0), said
     assert figures.points >= SWEEP_POINTS
     assert figures.points % SWEEP_POINTS == 0
@@ -18,13 +22,16 @@ def is_weathered(figures: Figures) -> None:
     assert {again["sameness"] for again in figures.doctor["solved_again"]} == {"identical"}
 
 
-def test_nothing_is_lost_or_doubled_on_sqlite():
-    is_weathered(on_sqlite(seed=1, jobs=JOBS, seconds=SECONDS))
+@STORMS
+def test_nothing_is_lost_or_doubled_on_sqlite(jobs, seconds):
+    is_weathered(on_sqlite(seed=1, jobs=jobs, seconds=seconds), jobs)
 
 
-def test_nothing_is_lost_or_doubled_on_postgres_that_crashes_as_well():
-    is_weathered(on_postgres(seed=2, jobs=JOBS, seconds=SECONDS))
+@STORMS
+def test_nothing_is_lost_or_doubled_on_postgres_that_crashes_as_well(jobs, seconds):
+    is_weathered(on_postgres(seed=2, jobs=jobs, seconds=seconds), jobs)
 
 
-def test_nothing_is_lost_or_doubled_by_two_hosts_with_procrastinate():
-    is_weathered(by_procrastinate(seed=3, jobs=JOBS, seconds=SECONDS))
+@STORMS
+def test_nothing_is_lost_or_doubled_by_two_hosts_with_procrastinate(jobs, seconds):
+    is_weathered(by_procrastinate(seed=3, jobs=jobs, seconds=seconds), jobs)

@@ -3,6 +3,7 @@
 import logging
 import os
 import signal
+from collections.abc import Sequence
 from types import FrameType
 
 from service.jobs.hosts import WorkerProcess, new_worker_name, this_host
@@ -23,10 +24,18 @@ from workers.runner import Computations, Limits, Runner
 logger = logging.getLogger(__name__)
 
 
-def run_worker(computations: Computations, settings: Settings, *, slots: int, wake_fd: int | None) -> None:
+def run_worker(
+    computations: Computations,
+    settings: Settings,
+    *,
+    slots: int,
+    wake_fd: int | None,
+    preload: Sequence[str] = (),
+) -> None:
     """Run one worker in this process until SIGTERM, SIGINT, or the end of the service that started it.
 
-    ``wake_fd`` is the descriptor of a line from :class:`service.jobs.wakeup.Doorbell`.
+    ``wake_fd`` is the descriptor of a line from :class:`service.jobs.wakeup.Doorbell`; ``preload`` are
+    modules that the computations need, beside their own.
 
     Raises
     ------
@@ -49,7 +58,7 @@ def run_worker(computations: Computations, settings: Settings, *, slots: int, wa
         try:
             with about(worker=worker.name):
                 logger.info("worker %s with %d slots", worker.name, slots)
-                _work(worker, presence, computations, settings, database, wake_fd)
+                _work(worker, presence, computations, settings, database, wake_fd, preload)
         finally:
             presence.end()
     finally:
@@ -63,6 +72,7 @@ def _work(
     settings: Settings,
     database: Database,
     wake_fd: int | None,
+    preload: Sequence[str],
 ) -> None:
     limits = Limits(
         lease_seconds=settings.lease_seconds,
@@ -71,7 +81,7 @@ def _work(
         max_attempts=settings.max_attempts,
         retry_seconds=settings.retry_seconds,
     )
-    modules = [computation.__module__ for computation in computations.values()]
+    modules = [*(computation.__module__ for computation in computations.values()), *preload]
     sandbox = Sandbox(worker.slots, memory_mb=settings.job_memory_mb, preload=modules)
     waker = Waker()
     store = SqlJobStore(database, dispatcher_of(settings))
