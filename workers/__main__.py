@@ -2,7 +2,8 @@
 
 import sys
 
-from workers.commands import main
-
 if __name__ == "__main__":
+    # Here, since the fork server of the children imports this module too: it needs no commands.
+    from workers.commands import main
+
     sys.exit(main())

@@ -9,13 +9,13 @@ import sys
 
 CODE = """
 import sys
-import workers.__main__, workers.runner, workers.computation
+import workers.commands, workers.runner, workers.computation
 print(*{name.partition(".")[0] for name in sys.modules} & {"fastapi", "starlette", "uvicorn"})
 """
 
 COMPUTING = """
 import sys
-import workers.__main__, workers.engines.worker
+import workers.commands, workers.engines.worker
 names = {name.partition(".")[0] for name in sys.modules} & {"heyoka", "scipy", "sympy", "numba", "pyarrow"}
 print(*names, *({"workers.computation", "workers.solvers"} & set(sys.modules)))
 """
