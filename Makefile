@@ -4,7 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo serve test test-container lint bench format clean
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+PYTEST_OPTIONS ?=
+OTHER_PROCESSOR := $(BIN)/python -m tests.support.other_processor
+NUMBERS := tests/golden tests/laws tests/conformance tests/workers/solvers \
+	$(addprefix tests/workers/test_,doctor.py findings.py sweeping.py sweeping_family.py tiers.py)
+
+.PHONY: demo serve test test-long test-portable test-container lint bench format clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -19,7 +25,16 @@ serve: $(READY)
 	$(BIN)/polhode serve
 
 test: $(READY)
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+	$(PYTEST) $(PYTEST_OPTIONS)
+
+# What takes long and finds seldom: storms, a calibration in earnest, random laws with many examples.
+test-long: $(READY)
+	POLHODE_TEST_EXAMPLES=many $(PYTEST) $(PYTEST_OPTIONS) -m 'long or random_law'
+
+# The suites of numbers as on a processor with fewer features: docs/operations.md, "Unlike processors".
+test-portable: $(READY)
+	$(OTHER_PROCESSOR) $(BIN)/polhode compile
+	$(OTHER_PROCESSOR) $(PYTEST) $(PYTEST_OPTIONS) $(NUMBERS)
 
 # Builds the image and runs every service of docker/compose.yaml from it; needs root, buildah and debootstrap.
 test-container: $(READY)

@@ -8,6 +8,7 @@ from service.stopping import end_at_once
 def main() -> int:
     """Run the command line."""
     end_at_once(is_service=sys.argv[1:2] == ["run"])
+    # Not at the top: the fork server of the children imports this module too, and needs no commands.
     from workers.commands import main as run  # noqa: PLC0415
 
     return run()

@@ -1,25 +1,18 @@
 """The command line of the workers: ``python -m workers run``."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 
 from service.jobs.hosts import OtherHostError
-from service.jobs.states import JobKind
 from service.logs import start_logging
 from service.settings import SettingsError, read_settings
 from service.storage.migration import MigrationError, migrate_or_explain
 from service.storage.revisions import NewerSchemaError
 from service.terminal import FileFaultError, say
-from workers.calibration.command import run as calibrate
-from workers.computation import solve_document
-from workers.doctor import examine
 from workers.engines.worker import run_worker
-from workers.preparation import compile_solvers
-from workers.runner import Computations
-from workers.solving import solve
-from workers.sweeping.chunk import compute_chunk
-from workers.sweeping.command import sweep
+from workers.tasks import COMPUTATIONS, PRELOAD
 
 _FAILED, _WRONG_USAGE = 1, 2
 
@@ -62,7 +55,7 @@ def _add_solve(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.add_argument("file", type=Path)
     parser.add_argument("--json", action="store_true", help="print the solution as JSON")
     parser.add_argument("--csv", type=Path, metavar="OUT", help="write the samples as CSV")
-    parser.set_defaults(command=solve)
+    parser.set_defaults(command=_loaded_later("workers.solving", "solve"))
 
 
 def _add_sweep(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -71,19 +64,19 @@ def _add_sweep(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the points: .parquet, .arrow or .csv")
     parser.add_argument("--workers", type=_positive, default=None, help="processes; one for each processor")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
-    parser.set_defaults(command=sweep)
+    parser.set_defaults(command=_loaded_later("workers.sweeping.command", "sweep"))
 
 
 def _add_compile(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     parser = commands.add_parser("compile", help="compile the fast solvers now")
-    parser.set_defaults(command=compile_solvers)
+    parser.set_defaults(command=_loaded_later("workers.preparation", "compile_solvers"))
 
 
 def _add_calibrate(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     parser = commands.add_parser("calibrate", help="measure what every tier reaches and costs here")
     parser.add_argument("--json", action="store_true", help="print the table as JSON")
     parser.add_argument("--quick", action="store_true", help="fewer problems, each measured once")
-    parser.set_defaults(command=calibrate)
+    parser.set_defaults(command=_loaded_later("workers.calibration.command", "run"))
 
 
 def _add_doctor(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -93,7 +86,17 @@ def _add_doctor(commands: "argparse._SubParsersAction[argparse.ArgumentParser]")
     parser.add_argument("--all", action="store_true", help="read all stored arrays")
     parser.add_argument("--seed", type=int, default=None)
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.set_defaults(command=examine)
+    parser.set_defaults(command=_loaded_later("workers.doctor", "examine"))
+
+
+def _loaded_later(module: str, name: str) -> Callable[[argparse.Namespace], int]:
+    """Return a command whose module is loaded when it runs: a worker needs no solvers, which take long."""
+
+    def command(options: argparse.Namespace) -> int:
+        code: int = getattr(import_module(module), name)(options)
+        return code
+
+    return command
 
 
 def run(options: argparse.Namespace) -> int:
@@ -105,8 +108,7 @@ def run(options: argparse.Namespace) -> int:
         if options.wake_fd is None:
             # Started alone. A service that starts workers has migrated before.
             migrate_or_explain(settings.database_url, engine_name=settings.engine)
-        computations: Computations = {JobKind.SOLVE: solve_document, JobKind.CHUNK: compute_chunk}
-        run_worker(computations, settings, slots=slots, wake_fd=options.wake_fd)
+        run_worker(COMPUTATIONS, settings, slots=slots, wake_fd=options.wake_fd, preload=PRELOAD)
     except (MigrationError, NewerSchemaError, OtherHostError) as fault:
         say(str(fault))
         return _FAILED

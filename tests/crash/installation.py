@@ -93,7 +93,7 @@ class Installation:
         for process in self._running:
             process.send_signal(signal.SIGTERM)
         for process in self._running:
-            process.wait(timeout=30)
+            process.wait(timeout=120)
         self._log.close()
 
     def clean_up(self) -> None:

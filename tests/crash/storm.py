@@ -27,7 +27,7 @@ from tests.workers.processes import wait_until
 
 PREY = {"api": 2, "worker": 2, "helper": 1, "judge": 1, "child": 8}
 """How often each kind of process is killed, relative to the others."""
-RECOVERY_SECONDS = 60.0
+RECOVERY_SECONDS = 180.0
 """Until an installation has started, and beside the storm's own length until all is done."""
 LONGEST = 5.0
 """A storm that has not reached what is planned after so many times its seconds ends all the same."""
@@ -153,7 +153,7 @@ def storm(
 def _left(installation: Installation) -> int:
     """Return how many processes outlive the others; those that are about to end have a moment."""
     with contextlib.suppress(AssertionError):
-        wait_until(lambda: not installation.processes(), 5.0)
+        wait_until(lambda: not installation.processes(), 60.0)
     return len(installation.processes())
 
 

@@ -41,11 +41,13 @@ def network_apart() -> tuple[str, ...]:
 
 def wait_until(condition: Callable[[], T], patience: float = PATIENCE) -> T:
     """Return the first truth of ``condition``."""
-    deadline = time.monotonic() + patience
+    deadline, pause = time.monotonic() + patience, 0.01
     while not (value := condition()):
         if time.monotonic() > deadline:
             raise AssertionError("waited in vain")
-        time.sleep(0.01)
+        time.sleep(pause)
+        # To look costs processor time, which what is waited for may need.
+        pause = min(1.2 * pause, 0.06)
     return value
 
 

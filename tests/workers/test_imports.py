@@ -13,6 +13,37 @@ import workers.__main__, workers.commands, workers.runner, workers.computation
 print(*{name.partition(".")[0] for name in sys.modules} & {"fastapi", "starlette", "uvicorn"})
 """
 
+COMPUTING = """
+import sys
+import workers.commands, workers.engines.worker
+names = {name.partition(".")[0] for name in sys.modules} & {"heyoka", "scipy", "sympy", "numba", "pyarrow"}
+print(*names, *({"workers.computation", "workers.solvers"} & set(sys.modules)))
+"""
+
+
+def test_a_worker_is_there_before_the_solvers_are_loaded():
+    result = subprocess.run([sys.executable, "-c", COMPUTING], capture_output=True, text=True, check=True)
+    assert result.stdout.split() == []
+
+
+CALLING = """
+import contextlib, importlib, sys
+from workers import tasks
+for name in tasks.PRELOAD:
+    importlib.import_module(name)
+before = set(sys.modules)
+for computation in tasks.COMPUTATIONS.values():
+    with contextlib.suppress(Exception):
+        computation("{}")
+print(*(set(sys.modules) - before))
+"""
+
+
+def test_the_fork_server_loads_what_its_children_call():
+    """Else each child would load the solvers by itself, at its first job."""
+    result = subprocess.run([sys.executable, "-c", CALLING], capture_output=True, text=True, check=True)
+    assert result.stdout.split() == []
+
 
 def test_a_worker_loads_no_http():
     result = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=True)

@@ -3,14 +3,11 @@
 Its clock is wrong by CLOCK_SHIFT seconds of its environment.
 """
 
-import logging
 import os
 import sys
 import time
 
-from service.settings import Settings
 from tests.workers.chores import CHORES
-from workers.engines.worker import run_worker
 
 
 def shift_clock(seconds: float) -> None:
@@ -20,8 +17,18 @@ def shift_clock(seconds: float) -> None:
     time.time_ns = lambda: true_time_ns() + int(seconds * 1e9)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    # Here, since the fork server imports this module too: what only a worker needs takes a second to load.
+    import logging  # noqa: PLC0415
+
+    from service.settings import Settings  # noqa: PLC0415
+    from workers.engines.worker import run_worker  # noqa: PLC0415
+
     shift_clock(float(os.environ["CLOCK_SHIFT"]))
     logging.basicConfig(level=logging.INFO)
     slots, *wake_fd = map(int, sys.argv[1:])
     run_worker(CHORES, Settings(), slots=slots, wake_fd=wake_fd[0] if wake_fd else None)
+
+
+if __name__ == "__main__":
+    main()

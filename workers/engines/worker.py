@@ -2,6 +2,7 @@
 
 import logging
 import os
+from collections.abc import Sequence
 
 from service.jobs.hosts import WorkerProcess, new_worker_name, this_host
 from service.jobs.wakeup import WorkerLine
@@ -25,10 +26,18 @@ PRESENT_SECONDS = 10.0
 """A worker writes at least this often that it is there: a third of the silence after which it is gone."""
 
 
-def run_worker(computations: Computations, settings: Settings, *, slots: int, wake_fd: int | None) -> None:
+def run_worker(
+    computations: Computations,
+    settings: Settings,
+    *,
+    slots: int,
+    wake_fd: int | None,
+    preload: Sequence[str] = (),
+) -> None:
     """Run one worker in this process until SIGTERM, SIGINT, or the end of the service that started it.
 
-    ``wake_fd`` is the descriptor of a line from :class:`service.jobs.wakeup.Doorbell`.
+    ``wake_fd`` is the descriptor of a line from :class:`service.jobs.wakeup.Doorbell`; ``preload`` are
+    modules that the computations need, beside their own.
 
     Raises
     ------
@@ -53,7 +62,7 @@ def run_worker(computations: Computations, settings: Settings, *, slots: int, wa
             try:
                 with about(worker=worker.name):
                     logger.info("worker %s with %d slots", worker.name, slots)
-                    _work(worker, presence, computations, settings, database, wake_fd, stop)
+                    _work(worker, presence, computations, settings, database, wake_fd, stop, preload)
             finally:
                 presence.end()
     finally:
@@ -68,6 +77,7 @@ def _work(
     database: Database,
     wake_fd: int | None,
     stop: StopAsked,
+    preload: Sequence[str],
 ) -> None:
     limits = Limits(
         lease_seconds=settings.lease_seconds,
@@ -76,7 +86,7 @@ def _work(
         max_attempts=settings.max_attempts,
         retry_seconds=settings.retry_seconds,
     )
-    modules = [computation.__module__ for computation in computations.values()]
+    modules = [*(computation.__module__ for computation in computations.values()), *preload]
     sandbox = Sandbox(worker.slots, memory_mb=settings.job_memory_mb, preload=modules)
     waker = Waker()
     store = SqlJobStore(database, dispatcher_of(settings))

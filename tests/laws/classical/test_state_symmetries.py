@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,9 +12,12 @@ from service.dynamics.body import RigidBody
 from service.dynamics.euler_poisson import areas_integral, energy_integral, geometric_integral
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.gravity import gravity_potential
+from tests.support.effort import examples
 from workers.solvers.integration.solve import integrate_state
 
-LAW = settings(max_examples=8, deadline=None)
+pytestmark = pytest.mark.random_law
+
+LAW = settings(max_examples=examples(4, 8), deadline=None)
 TIMES = np.linspace(-2.0, 6.0, 41)
 Triple = tuple[Fraction, Fraction, Fraction]
 
