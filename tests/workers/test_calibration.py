@@ -43,7 +43,7 @@ def test_a_whole_job_is_measured_and_not_only_its_computation(tmp_path, monkeypa
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     document = PENDULUM.document("draft", 3)
     with whole_jobs() as seconds_of:
-        (folder,) = tmp_path.iterdir()
+        (folder,) = tmp_path.glob("polhode-calibration-*")
         database = Database(url_of(folder / "jobs.db"))
         # Nothing is reused: each is a job of its own, solved and stored.
         assert min(seconds_of(document) for _ in range(2)) > 0.0
