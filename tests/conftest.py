@@ -1,3 +1,5 @@
+from hypothesis import settings
+
 from tests.support.databases import (
     database,
     jobs,
@@ -9,6 +11,10 @@ from tests.support.databases import (
     sqlite_url,
     url,
 )
+
+# How long an example takes says something about the machine, and nothing about a law.
+settings.register_profile("polhode", deadline=None)
+settings.load_profile("polhode")
 
 __all__ = [
     "database",
