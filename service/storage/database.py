@@ -99,7 +99,7 @@ def make_engine(url: str, *, file: DatabaseFile | None = None) -> Engine:
 
     ``file`` is that of SQLite if it must exist; else it is created, for its owner alone.
     """
-    engine = create_engine(url, json_serializer=_strict_json, connect_args=_patience(url))
+    engine = create_engine(url, json_serializer=_strict_json, connect_args=_arguments(url))
     if engine.dialect.name == "sqlite":
         _watch(engine, file or file_of(engine.url), create=file is None)
         event.listen(engine, "connect", _configure_sqlite)
@@ -128,15 +128,16 @@ def _watch(engine: Engine, file: DatabaseFile | None, *, create: bool) -> None:
     event.listen(engine, "checkout", check)
 
 
-def _patience(url: str) -> dict[str, float]:
-    """Return the time limits of a new connection, but for those that the URL has itself."""
+def _arguments(url: str) -> dict[str, object]:
+    """Return the time limits and the encoding of a new connection, but for those that the URL has itself."""
     asked = make_url(url)
-    limits: dict[str, dict[str, float]] = {
+    arguments: dict[str, dict[str, object]] = {
         "sqlite": {"timeout": BUSY_SECONDS},
-        "postgresql": {"connect_timeout": CONNECT_SECONDS},
+        # Without an encoding of its own, a connection to a database of none gives bytes for texts.
+        "postgresql": {"connect_timeout": CONNECT_SECONDS, "client_encoding": "utf8"},
     }
-    ours = limits.get(asked.get_backend_name(), {})
-    return {name: seconds for name, seconds in ours.items() if name not in asked.query}
+    ours = arguments.get(asked.get_backend_name(), {})
+    return {name: value for name, value in ours.items() if name not in asked.query}
 
 
 def _strict_json(document: object) -> str:

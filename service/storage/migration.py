@@ -5,15 +5,26 @@ import sqlite3
 import psycopg
 from alembic import command
 from alembic.config import Config
+from sqlalchemy import Engine, text
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.storage.database import make_engine
+from service.storage.database import is_postgres, make_engine
 from service.storage.jobs import procrastinate_schema
 from service.storage.revisions import NewerSchemaError, migrations_folder, refuse_newer
 
 
 class MigrationError(Exception):
     """The database cannot be brought to this version; the message is one line for a person."""
+
+
+class EncodingError(Exception):
+    """A database that cannot hold every text."""
+
+    def __init__(self, encoding: str) -> None:
+        super().__init__(
+            f"the database has the encoding {encoding}, needed is UTF8: "
+            "CREATE DATABASE polhode ENCODING 'UTF8' TEMPLATE template0"
+        )
 
 
 def migrate(url: str, *, engine_name: str = "local") -> None:
@@ -25,6 +36,8 @@ def migrate(url: str, *, engine_name: str = "local") -> None:
     ------
     NewerSchemaError
         A later version has made the database; it is as it was.
+    EncodingError
+        A database of Postgres has another encoding than UTF8.
     """
     config = Config()
     # Alembic's options interpolate %, which a folder's name may contain.
@@ -32,12 +45,21 @@ def migrate(url: str, *, engine_name: str = "local") -> None:
     engine = make_engine(url)
     config.attributes["engine"] = engine
     try:
+        _require_utf8(engine)
         refuse_newer(engine)
         command.upgrade(config, "head")
         if engine_name == "procrastinate":
             procrastinate_schema.install(engine)
     finally:
         engine.dispose()
+
+
+def _require_utf8(engine: Engine) -> None:
+    with engine.connect() as connection:
+        if is_postgres(connection):
+            encoding = connection.scalar(text("SHOW server_encoding"))
+            if encoding != "UTF8":
+                raise EncodingError(str(encoding))
 
 
 def migrate_or_explain(url: str, *, engine_name: str = "local") -> None:
@@ -50,7 +72,7 @@ def migrate_or_explain(url: str, *, engine_name: str = "local") -> None:
     """
     try:
         migrate(url, engine_name=engine_name)
-    except NewerSchemaError as fault:
+    except (NewerSchemaError, EncodingError) as fault:
         raise MigrationError(str(fault)) from fault
     except (
         SQLAlchemyError,

@@ -60,10 +60,14 @@ class PostgresServer:
         """Return the URL for SQLAlchemy."""
         return f"postgresql+psycopg://polhode@/{database}?host={self.folder}"
 
-    def create_database(self, template: str | None = None) -> str:
+    def create_database(self, template: str | None = None, *, encoding: str = "UTF8") -> str:
         """Create a database, empty or as a copy, and return its name."""
         name = f"polhode_{next(_ids)}"
-        statement = sql.SQL("CREATE DATABASE {}").format(sql.Identifier(name))
+        statement = sql.SQL("CREATE DATABASE {} ENCODING {}").format(
+            sql.Identifier(name), sql.Literal(encoding)
+        )
+        if encoding != "UTF8":
+            template = "template0"
         if template is not None:
             statement += sql.SQL(" TEMPLATE {}").format(sql.Identifier(template))
         self._execute(statement)
