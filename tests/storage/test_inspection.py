@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from service.jobs.keys import Role
 from service.jobs.states import JobState
 from service.storage.database import Database
+from service.storage.database_file import file_of
 from service.storage.inspection.inspect import inspect, invariants, mend
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.key_store import KeyStore
@@ -103,6 +104,7 @@ class Rehearsal(Database):
 
     def __init__(self, connection):
         self.engine = connection.engine
+        self.file = file_of(connection.engine.url)
         self._connection = connection
 
     @contextmanager
