@@ -52,7 +52,7 @@ class Metrics:
         self._database = _DatabaseCollector(statistics, version)
         self._registry.register(self._database)
         if local_worker is not None:
-            self._registry.register(_WorkerCollector(local_worker))
+            self._registry.register(WorkerCollector(local_worker))
         ProcessCollector(registry=self._registry)
 
     def observe(self, method: str, route: str, status: int, seconds: float) -> None:
@@ -64,7 +64,7 @@ class Metrics:
         return generate_latest(self._registry)
 
 
-class _WorkerCollector(Collector):
+class WorkerCollector(Collector):
     """Tells how the worker process beside this service does."""
 
     def __init__(self, standing: Callable[[], WorkerStanding]) -> None:

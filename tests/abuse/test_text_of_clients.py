@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from service.app import create_app
-from service.cli.main import app
+from service.cli.commands import app
 from service.escaping import one_line, printable
 from service.jobs.keys import Role
 from service.logs import about, announce, start_logging

@@ -10,7 +10,9 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from sqlalchemy import text
 
+from service.api.exposition import WorkerCollector
 from service.app import create_app
+from service.jobs.restarts import Restarts, WorkerStanding
 from service.jobs.states import JobState
 from service.settings import Settings
 from service.storage.clock import DatabaseNow
@@ -239,6 +241,8 @@ def test_the_documentation_names_every_metric_and_no_other(client, stored, scrap
     told = {
         name for name in scrape().families if name.startswith("polhode_") and not name.endswith("_created")
     }
+    # The application of the tests has no worker process of its own.
+    told |= {metric.name for metric in WorkerCollector(lambda: WorkerStanding(Restarts())).collect()}
     # The parser calls families of counters by their names without the ending.
     assert {name.removesuffix("_total") for name in documented} == told
 

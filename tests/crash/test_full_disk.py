@@ -22,7 +22,8 @@ def small_disk(tmp_path):
     if mount.returncode != 0:
         pytest.skip("only root can mount a disk")
     yield folder
-    subprocess.run(["umount", folder], check=True)
+    # The last child of the worker may be about to end still.
+    wait_until(lambda: subprocess.run(["umount", folder], capture_output=True).returncode == 0)
 
 
 def states(service):

@@ -254,7 +254,8 @@ def test_the_command_says_what_is_wrong_and_mends_it(doctor, sqlite_url):
 def test_a_database_that_cannot_be_read_is_a_failure_with_a_reason(doctor, monkeypatch, capsys):
     monkeypatch.setenv("POLHODE_DATABASE_URL", "sqlite:////missing/folder/x.db")
     assert main(["doctor"]) == 1
-    assert capsys.readouterr().err.startswith("the database cannot be examined: unable to open")
+    said = "the database cannot be examined: the file of the database cannot be opened"
+    assert capsys.readouterr().err.startswith(said)
 
 
 def test_the_command_line_hands_over_to_the_worker(sqlite_url):
