@@ -136,15 +136,31 @@ def energy_document(
     }
 
 
-def nearest_document(body: RigidBody, potential: Potential, named: Named | None) -> Document | None:
-    """Return the admissible polynomial nearest to a polynomial, exact; None if V is not one."""
-    nearest = nearest_admissible(body, potential)
+def nearest_document(
+    body: RigidBody, potential: Potential, named: Named | None, highest: int | None = None
+) -> Document | None:
+    """Return the admissible polynomial nearest to a polynomial, exact; None if V is not one.
+
+    It is searched up to the degree ``highest``; without it, up to the degree of V plus 6.
+    """
+    nearest = nearest_admissible(body, potential, highest=highest)
     if nearest is None:
         return None
+    degree = nearest.space.degree
     return {
         "expression": nearest.expression,
         "expression_named": None if named is None else named.nearest(body, nearest, potential),
         "relative_squared_distance": str(nearest.relative_squared_distance),
+        "degree": degree,
+        "space": {
+            "description": f"all polynomials in g1, g2, g3 that on the sphere g1^2 + g2^2 + g3^2 = 1 have a "
+            f"degree of at most {degree} and satisfy the compatibility equation identically",
+            "dimension": nearest.space.dimension,
+        },
+        "by_degree": [
+            {"degree": n, "relative_squared_distance": str(distance)}
+            for n, distance in enumerate(nearest.distances)
+        ],
     }
 
 

@@ -132,7 +132,8 @@ def _judge_question(document: object) -> Answer:
     if refusal is not None:
         return refusal
     if verdict.verdict == "inadmissible":
-        nearest = nearest_document(question.body, question.potential, _named(question))
+        named, degree = _named(question), question.nearest_degree
+        nearest = nearest_document(question.body, question.potential, named, degree)
         return {"verdict": {**answer, "nearest": nearest}}
     if isinstance(question.motion, PlanarMotion):
         with ctx.workprec(PRECISION):

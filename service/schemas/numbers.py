@@ -17,6 +17,8 @@ _RANGE = "1e-300 to 1e300"
 MAX_SAMPLES = 100_000
 """Times of one trajectory."""
 HIGHEST_PRIORITY = 100
+HIGHEST_DEGREE = 24
+"""Largest degree up to which the nearest admissible polynomial is searched: some seconds of work at worst."""
 LATEST = Fraction(10) ** 15
 """Largest |t| and number of periods: beyond it the spacing of doubles leaves no phase to speak of."""
 _LARGEST, _LATEST = int(LARGEST), int(LATEST)
@@ -120,6 +122,15 @@ def read_samples(value: object) -> int:
     return number
 
 
+def read_search_degree(value: object) -> int:
+    """Return the degree up to which the nearest admissible polynomial is searched."""
+    accepted = f"0 to {HIGHEST_DEGREE} are accepted"
+    number = read_integer(value, accepted=accepted)
+    if not 0 <= number <= HIGHEST_DEGREE:
+        raise refuse("out_of_range", f"not a degree that is searched up to; {accepted}")
+    return number
+
+
 def check_priority(priority: int) -> int:
     """Return a priority, larger first."""
     if abs(priority) > HIGHEST_PRIORITY:
@@ -179,6 +190,11 @@ Samples = Annotated[
     int,
     PlainValidator(read_samples),
     WithJsonSchema(integer_schema("101", minimum=1, maximum=MAX_SAMPLES)),
+]
+SearchDegree = Annotated[
+    int,
+    PlainValidator(read_search_degree),
+    WithJsonSchema(integer_schema("12", minimum=0, maximum=HIGHEST_DEGREE)),
 ]
 Sign = Annotated[
     Literal[-1, 1], PlainValidator(read_sign), WithJsonSchema({"type": "integer", "enum": [-1, 1]})

@@ -17,6 +17,7 @@ from service.schemas.rules import combination_faults, read_setting
 from service.schemas.sections import (
     OUTPUTS,
     BodyIn,
+    NearestIn,
     PointsIn,
     ProblemIn,
     TimeListIn,
@@ -53,6 +54,8 @@ class Question:
     """Where F is wanted by its values."""
     g2: tuple[float, ...] = ()
     """Where G is."""
+    nearest_degree: int | None = None
+    """Up to which the nearest admissible polynomial is searched; None for the default."""
 
 
 def read_problem(document: object) -> Problem:
@@ -110,6 +113,9 @@ def read_question(document: object) -> Question:
     question = Question(body, potential, motion, reading.problem())
     if isinstance(stated, PotentialModel):
         question = replace(question, stated=stated)
+    nearest = reading.parts.get("nearest")
+    if isinstance(nearest, NearestIn):
+        question = replace(question, nearest_degree=nearest.degree)
     if not isinstance(points, PointsIn):
         return question
     w, g2 = (tuple(map(float, values)) for values in (points.w, points.g2))

@@ -18,6 +18,7 @@ from service.schemas.numbers import (
     Periods,
     Positive,
     Samples,
+    SearchDegree,
     read_time,
     refuse,
 )
@@ -173,6 +174,12 @@ class PointsIn(WireModel):
     )
 
 
+class NearestIn(WireModel):
+    """How the nearest admissible polynomial of a polynomial that is not admissible is searched."""
+
+    degree: SearchDegree = Field(description="Largest degree that it may have on the sphere.")
+
+
 class ValidationIn(WireModel):
     """A body and a potential, and perhaps a motion or a whole problem: what ``POST /v1/validations`` takes.
 
@@ -192,4 +199,9 @@ class ValidationIn(WireModel):
     )
     points: PointsIn | None = Field(
         default=None, description="With it, the values of F and G there are told."
+    )
+    nearest: NearestIn | None = Field(
+        default=None,
+        description="How far the nearest admissible polynomial is searched for one that is not admissible;"
+        " up to its degree plus 6 if left out.",
     )

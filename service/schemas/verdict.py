@@ -154,6 +154,20 @@ class DecompositionOut(ResponseModel):
     values: dict[QuadrantOut, QuadrantValuesOut] | None = Field(description="At the points that were sent.")
 
 
+class NearestSpaceOut(ResponseModel):
+    """What the nearest polynomial was searched among: a linear space, found by exact linear algebra."""
+
+    description: str = Field(description="Which polynomials, for people.")
+    dimension: int = Field(description="How many of them a basis has, as functions on the sphere.")
+
+
+class NearestDistanceOut(ResponseModel):
+    """How near the nearest admissible polynomial up to a degree is."""
+
+    degree: int = Field(description="Largest degree that the polynomial may have.")
+    relative_squared_distance: str = Field(description="Mean of (V - nearest)² over that of V², exact.")
+
+
 class NearestOut(ResponseModel):
     """The admissible polynomial nearest to one that is not, in the mean square over the sphere."""
 
@@ -162,6 +176,14 @@ class NearestOut(ResponseModel):
         description="With the names of the parameters, true for all their values; null if it cannot be had."
     )
     relative_squared_distance: str = Field(description="Mean of (V - nearest)² over that of V², exact.")
+    degree: int = Field(description="No admissible polynomial up to this degree is nearer.")
+    space: NearestSpaceOut = Field(
+        description="What was searched: all admissible polynomials up to `degree`."
+    )
+    by_degree: list[NearestDistanceOut] = Field(
+        description="The same distance if only polynomials up to a lower degree are searched: for 0, 1, ...,"
+        " `degree`; it never grows."
+    )
 
 
 class NoticeOut(ResponseModel):

@@ -63,7 +63,10 @@ def _lines(verdict: VerdictOut) -> Iterator[str]:
         yield f"residual    {residual.mid} ± {residual.rad}"
     if verdict.nearest is not None:
         distance = float(Fraction(verdict.nearest.relative_squared_distance))
-        yield f"nearest     {verdict.nearest.expression} (relative squared distance {distance:.6g})"
+        yield (
+            f"nearest     {verdict.nearest.expression} (relative squared distance {distance:.6g}, "
+            f"least up to degree {verdict.nearest.degree})"
+        )
     for warning in verdict.warnings:
         yield f"warning     {warning.message} ({warning.code})"
     if verdict.evidence is not None:

@@ -81,12 +81,54 @@ def test_points_outside_the_functions_domains_are_refused(client, points, pointe
     ],
 )
 def test_the_nearest_admissible_polynomial_is_exact(client, A, text, expected, distance):
-    found = validate(client, expression(text), {"A": A, "C": 1})
+    # Up to the degree of the potential.
+    body, degree = {"A": A, "C": 1}, A
+    found = validate(client, expression(text), body, nearest={"degree": degree})
     assert found["verdict"] == "inadmissible"
     assert found["nearest"]["relative_squared_distance"] == distance
     assert expected is None or found["nearest"]["expression"] == expected
-    again = validate(client, expression(found["nearest"]["expression"]), {"A": A, "C": 1})
+    again = validate(client, expression(found["nearest"]["expression"]), body)
     assert (again["verdict"], again["nearest"]) == ("admissible", None)
+
+
+def test_the_nearest_polynomial_says_among_which_it_was_searched(client):
+    found = validate(client, expression("g1"), {"A": 4, "C": 1})["nearest"]
+    assert found["expression"] == "140/113*g1^3 + 105/113*g1*g3^2"
+    assert (found["relative_squared_distance"], found["degree"]) == ("8/113", 7)
+    assert found["space"]["dimension"] == 8
+    assert "degree of at most 7" in found["space"]["description"]
+    distances = ["1", "1", "1", *["8/113"] * 5]
+    assert found["by_degree"] == [
+        {"degree": n, "relative_squared_distance": distance} for n, distance in enumerate(distances)
+    ]
+
+
+def test_the_degree_of_the_search_may_be_asked_for(client):
+    potential = {"type": "expression", "expression": "a*g2 + g1", "parameters": {"a": 2}}
+    for degree in (0, 2, 9):
+        found = validate(client, potential, {"A": 4, "C": 1}, nearest={"degree": degree})["nearest"]
+        assert (found["degree"], len(found["by_degree"])) == (degree, degree + 1)
+        assert found["by_degree"][-1]["relative_squared_distance"] == found["relative_squared_distance"]
+        assert found["expression_named"] is not None
+
+
+@pytest.mark.parametrize(
+    ("nearest", "pointer", "code"),
+    [
+        ({"degree": 25}, "/nearest/degree", "out_of_range"),
+        ({"degree": -1}, "/nearest/degree", "out_of_range"),
+        ({"degree": 2.5}, "/nearest/degree", "invalid_number"),
+        ({}, "/nearest/degree", "missing_field"),
+        ({"degree": 3, "order": 1}, "/nearest/order", "unknown_field"),
+        (12, "/nearest", "invalid_type"),
+    ],
+)
+def test_a_degree_that_is_not_searched_up_to_is_refused(client, nearest, pointer, code):
+    document = {"body": {"A": 2, "C": 1}, "potential": expression("g2"), "nearest": nearest}
+    problem = client.post("/v1/validations", json=document).json()
+    assert [(fault["pointer"], fault["code"]) for fault in problem["errors"]] == [(pointer, code)]
+    if code == "out_of_range":
+        assert "0 to 24 are accepted" in problem["errors"][0]["message"]
 
 
 def test_what_is_no_polynomial_has_no_nearest_one(client):

@@ -25,8 +25,8 @@ from service.dynamics.inverse.decomposition import (
     points_with_values,
 )
 from service.dynamics.inverse.monomial_sums import expand_in_quadrant
-from service.dynamics.inverse.polynomials import as_polynomial, degree
-from service.dynamics.inverse.projection import Nearest, nearest_admissible
+from service.dynamics.inverse.polynomials import as_polynomial
+from service.dynamics.inverse.projection import Nearest, nearest_expression
 from service.dynamics.inverse.section import formula_text, is_G_confirmed
 from service.dynamics.potentials.general_solution import QUADRANTS, SIGNS, Quadrant
 from service.dynamics.potentials.potential import Potential
@@ -74,15 +74,13 @@ class NamedSum:
 
     def nearest(self, body: RigidBody, nearest: Nearest, potential: Potential) -> str | None:
         """Return the nearest admissible polynomial of ``potential``, which is ``nearest``."""
-        polynomial = as_polynomial(potential)
-        if polynomial is None:
-            return None
+        del body, potential
         terms: list[str] = []
         for factor, part in self.parts:
-            found = nearest_admissible(body, part, highest=degree(polynomial))
-            if found is None:
+            text = nearest_expression(nearest.space, part)
+            if text is None:
                 return None
-            terms.append(_times(factor, found.expression))
+            terms.append(_times(factor, text))
         return self._confirmed(
             sum_text(term for term in terms if term),
             VARIABLES,

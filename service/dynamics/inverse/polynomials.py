@@ -1,4 +1,4 @@
-"""Polynomial potentials: exact coefficients, and all that are admissible up to a degree.
+"""Polynomial potentials with exact coefficients.
 
 Potentials that agree on the sphere |g|² = 1 are the same.
 """
@@ -7,10 +7,8 @@ from collections.abc import Mapping
 from fractions import Fraction
 
 from service.dynamics.inverse.monomial_sums import expand
-from service.dynamics.potentials.homogeneous import B_term
 from service.dynamics.potentials.monomials import Exponents
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
-from service.dynamics.potentials.powers import PowerSum, exchanged
 
 MAX_DEGREE = 12
 
@@ -41,16 +39,33 @@ def as_polynomial(potential: Potential) -> dict[Exponents, Fraction] | None:
 
 def on_sphere(polynomial: PolynomialSum) -> dict[Exponents, Fraction]:
     """Return the polynomial with g3² replaced by 1 - g1² - g2² throughout: the normal form on the sphere."""
-    pending, reduced = dict(polynomial), dict[Exponents, Fraction]()
-    while pending:
-        (i, j, k), coefficient = pending.popitem()
-        if k < 2:
-            _add(reduced, (i, j, k), coefficient)
-        else:
-            _add(pending, (i, j, k - 2), coefficient)
-            _add(pending, (i + 2, j, k - 2), -coefficient)
-            _add(pending, (i, j + 2, k - 2), -coefficient)
+    reduced = dict(polynomial)
+    # From the largest power down, so that each is met once, with all that falls to it.
+    for power in range(max((k for _, _, k in reduced), default=0), 1, -1):
+        for i, j in [(i, j) for i, j, k in reduced if k == power]:
+            coefficient = reduced.pop((i, j, power))
+            _add(reduced, (i, j, power - 2), coefficient)
+            _add(reduced, (i + 2, j, power - 2), -coefficient)
+            _add(reduced, (i, j + 2, power - 2), -coefficient)
     return {exponents: coefficient for exponents, coefficient in reduced.items() if coefficient}
+
+
+def homogeneous_on_sphere(polynomial: PolynomialSum) -> dict[Exponents, Fraction]:
+    """Return the polynomial with all terms of the same parities brought to one degree, the least possible.
+
+    Terms are multiplied by g1² + g2² + g3², which is 1 on the sphere.
+    """
+    total = on_sphere(polynomial)
+    highest: dict[tuple[int, ...], int] = {}
+    for exponents in total:
+        parities = tuple(exponent % 2 for exponent in exponents)
+        highest[parities] = max(highest.get(parities, 0), sum(exponents))
+    for low in range(degree(total)):
+        for i, j, k in [e for e in total if sum(e) == low < highest[e[0] % 2, e[1] % 2, e[2] % 2]]:
+            coefficient = total.pop((i, j, k))
+            for raised in ((i + 2, j, k), (i, j + 2, k), (i, j, k + 2)):
+                _add(total, raised, coefficient)
+    return {exponents: coefficient for exponents, coefficient in total.items() if coefficient}
 
 
 def degree(polynomial: PolynomialSum) -> int:
@@ -67,31 +82,17 @@ def product(left: PolynomialSum, right: PolynomialSum) -> dict[Exponents, Fracti
     return {exponents: coefficient for exponents, coefficient in total.items() if coefficient}
 
 
+def difference(left: PolynomialSum, right: PolynomialSum) -> dict[Exponents, Fraction]:
+    """Return left - right."""
+    total = dict(left)
+    for exponents, coefficient in right.items():
+        _add(total, exponents, -coefficient)
+    return {exponents: coefficient for exponents, coefficient in total.items() if coefficient}
+
+
 def quadratic(alpha: Fraction) -> dict[Exponents, Fraction]:
     """Return Q/C = α g1² + g3²."""
     return {(2, 0, 0): alpha, (0, 0, 2): Fraction(1)}
-
-
-def admissible_basis(alpha: Fraction, degree: int) -> tuple[dict[Exponents, Fraction], ...]:
-    """Return a basis of the admissible polynomials up to ``degree`` on the sphere, for A/C = α ≠ 1.
-
-    It is 1, the products of α g1² + g3² with 1, g2, …, g2^(degree-2) and, where α or
-    1/α is an even integer not greater than degree + 1, one homogeneous polynomial
-    more: |B_n| with n = α/2 - 1, or its mirror. Other terms of the energy are not
-    smooth at the poles.
-    """
-    basis: list[dict[Exponents, Fraction]] = [{(0, 0, 0): Fraction(1)}]
-    larger = max(alpha, 1 / alpha)
-    if larger % 2 == 0 and larger <= degree + 1:
-        term = B_term(larger, larger.numerator // 2 - 1)
-        basis.append(_from_power_sum(term if alpha > 1 else exchanged(term)))
-    basis += [product(quadratic(alpha), {(0, k, 0): Fraction(1)}) for k in range(degree - 1)]
-    return tuple(basis)
-
-
-def _from_power_sum(terms: PowerSum) -> dict[Exponents, Fraction]:
-    # All coefficients of the one polynomial have the same sign.
-    return {(first.numerator, 0, third.numerator): abs(factor) for (first, third), factor in terms.items()}
 
 
 def _add(total: dict[Exponents, Fraction], exponents: Exponents, value: Fraction) -> None:

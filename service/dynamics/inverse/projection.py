@@ -1,55 +1,67 @@
 """The nearest admissible potential of a polynomial: its projection in the mean square over the sphere.
 
-The mean of g1^i g2^j g3^k is (i-1)!! (j-1)!! (k-1)!! / (i+j+k+1)!! if i, j, k are
-even and 0 otherwise, so that all numbers are rational.
+All means of polynomials over the sphere are rational, and so is everything here.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
-from math import prod
-
-from flint import fmpq, fmpq_mat
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import Binary
+from service.dynamics.formula.tree import Binary, Tree
+from service.dynamics.inverse.admissible_space import AdmissibleSpace, admissible_space
+from service.dynamics.inverse.monomial_sums import MAX_COEFFICIENT_BITS
 from service.dynamics.inverse.polynomials import (
     PolynomialSum,
-    admissible_basis,
     as_polynomial,
     degree,
+    difference,
+    homogeneous_on_sphere,
+    on_sphere,
     product,
     quadratic,
 )
 from service.dynamics.inverse.section import formula_text
-from service.dynamics.potentials.monomials import Exponents, monomial_sum
+from service.dynamics.inverse.sphere_means import mean_product
+from service.dynamics.potentials.monomials import monomial_sum
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.verdict.factors import as_fraction
+
+MORE_DEGREES = 6
+"""By so much the degree that is searched up to exceeds that of V, if none is asked for."""
+
+MAX_RATIO_BITS = 1024
+"""Of numerator and denominator of A/C, about 300 digits: beyond it the answers are too long to be written."""
 
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """The admissible polynomial nearest to a polynomial V, among those of at most its degree on the sphere.
+    """The admissible polynomial nearest to a polynomial V, among all those in ``space``.
 
-    ``basis`` and ``coefficients`` are parallel, the basis as formulas.
-    ``relative_squared_distance`` is <(V - P)²>/<V²>, means over the sphere of
-    the potentials as they are: a constant counts in <V²>, though the constant of
-    P always fits that of V. It is 0 if and only if V is admissible.
+    ``distances[n]`` is <(V - P)²>/<V²> for the nearest P of degree ≤ n, means over
+    the sphere of the potentials as they are: a constant counts in <V²>, though the
+    constant of P always fits that of V. The last one is that of ``expression``; it
+    is 0 if and only if V is in the space.
     """
 
-    basis: tuple[str, ...]
-    coefficients: tuple[Fraction, ...]
     expression: str
-    relative_squared_distance: Fraction
+    distances: tuple[Fraction, ...]
+    space: AdmissibleSpace
+
+    @property
+    def relative_squared_distance(self) -> Fraction:
+        """<(V - P)²>/<V²>."""
+        return self.distances[-1]
 
 
 def nearest_admissible(
     body: RigidBody, potential: Potential, *, highest: int | None = None
 ) -> Nearest | None:
-    """Return the nearest admissible potential, None if ``potential`` is not a polynomial of moderate degree.
+    """Return the nearest admissible polynomial, None if ``potential`` is not a polynomial of moderate degree.
 
-    It has at most the degree ``highest``, that of ``potential`` if left out.
+    None too where A/C has more than ``MAX_RATIO_BITS``, or the answer would be beyond the limits of formulas.
+    It is searched among all of at most the degree ``highest``; if that is left
+    out, the degree of ``potential`` on the sphere plus ``MORE_DEGREES``.
 
     Raises
     ------
@@ -58,65 +70,49 @@ def nearest_admissible(
     """
     body.require_planar()
     polynomial = as_polynomial(potential)
-    if polynomial is None:
+    if polynomial is None or not _are_short([body.alpha], bits=MAX_RATIO_BITS):
         return None
-    highest = degree(polynomial) if highest is None else highest
-    basis = admissible_basis(body.alpha, highest)
-    moments = [mean_product(element, polynomial) for element in basis]
-    coefficients = _solve_gram(basis, moments)
-    expression = _expression(body.alpha, highest, basis, coefficients)
-    if expression is None:
-        return None
+    highest = degree(polynomial) + MORE_DEGREES if highest is None else highest
+    space = admissible_space(body.alpha, highest)
+    expression = _text(space.alpha, space.nearest_to(polynomial))
     square = mean_product(polynomial, polynomial)
-    # What is left is orthogonal to the projection P: <(V - P)²> = <V²> - <V P>.
-    captured = sum((c * moment for c, moment in zip(coefficients, moments, strict=True)), Fraction(0))
-    distance = (square - captured) / square if square else Fraction(0)
-    texts = tuple(format_tree(monomial_sum(element)) for element in basis)
-    return Nearest(texts, tuple(coefficients), expression, distance)
+    # What is left is orthogonal to the projection P: <(V - P)²> = <V²> - <P²>.
+    distances = [(square - each) / square if square else Fraction(0) for each in space.squares(polynomial)]
+    if expression is None or not _are_short(distances):
+        return None
+    return Nearest(expression, tuple(distances), space)
 
 
-def _solve_gram(basis: Sequence[PolynomialSum], moments: Sequence[Fraction]) -> list[Fraction]:
-    """Return c with Σ_j <basis_i basis_j> c_j = moments_i."""
-    gram = fmpq_mat([[_rational(mean_product(one, other)) for other in basis] for one in basis])
-    solution = gram.solve(fmpq_mat([[_rational(moment)] for moment in moments]))
-    return [as_fraction(row[0]) for row in solution.tolist()]
+def nearest_expression(space: AdmissibleSpace, potential: Potential) -> str | None:
+    """Return the polynomial of ``space`` nearest to ``potential``; None as :func:`nearest_admissible`."""
+    polynomial = as_polynomial(potential)
+    return None if polynomial is None else _text(space.alpha, space.nearest_to(polynomial))
 
 
-def _expression(
-    alpha: Fraction, highest: int, basis: Sequence[PolynomialSum], coefficients: Sequence[Fraction]
-) -> str | None:
-    """Return Σ coefficient · element as a formula with Q G(g2) in one piece, None beyond the limits."""
-    others = len(basis) - max(highest - 1, 0)
-    total: dict[Exponents, Fraction] = {}
-    for element, coefficient in zip(basis[:others], coefficients[:others], strict=True):
-        total |= {exponents: coefficient * factor for exponents, factor in element.items()}
-    G = {(0, k, 0): coefficient for k, coefficient in enumerate(coefficients[others:])}
-    tree = monomial_sum(total)
-    if any(G.values()):
-        part = Binary("*", monomial_sum(quadratic(alpha)), monomial_sum(G))
-        tree = Binary("+", tree, part) if any(total.values()) else part
-    return formula_text(format_tree(tree))
+def _text(alpha: Fraction, polynomial: PolynomialSum) -> str | None:
+    """Return a polynomial on the sphere as a formula, None if that is beyond the limits of formulas."""
+    return formula_text(format_tree(_formula(alpha, polynomial))) if _are_short(polynomial.values()) else None
 
 
-def _rational(value: Fraction) -> fmpq:
-    return fmpq(value.numerator, value.denominator)
+def _are_short(values: Iterable[Fraction], *, bits: int = MAX_COEFFICIENT_BITS) -> bool:
+    """Return whether the numbers are of a size that is written out."""
+    return all(max(value.numerator.bit_length(), value.denominator.bit_length()) <= bits for value in values)
 
 
-def mean_product(left: PolynomialSum, right: PolynomialSum) -> Fraction:
-    """Return the mean of left · right over the unit sphere."""
-    total = Fraction(0)
-    for exponents, coefficient in product(left, right).items():
-        total += coefficient * mean_of_monomial(exponents)
-    return total
+def _formula(alpha: Fraction, polynomial: PolynomialSum) -> Tree:
+    """Return a polynomial on the sphere as a formula, with what is Q G(g2) in one piece."""
+    even = {e: value for e, value in polynomial.items() if not (e[0] % 2 or e[2] % 2)}
+    # On the sphere Q/C = (α - 1) g1² + 1 - g2², so that G is seen at g1².
+    G = {(0, j, 0): value / (alpha - 1) for (i, j, _), value in on_sphere(even).items() if i == 2}
+    product_with_G = product(quadratic(alpha), G)
+    rest = homogeneous_on_sphere(difference(polynomial, product_with_G))
+    tree = monomial_sum(_ordered(rest))
+    if not G:
+        return tree
+    part = Binary("*", monomial_sum(quadratic(alpha)), monomial_sum(_ordered(G)))
+    return Binary("+", tree, part) if rest else part
 
 
-def mean_of_monomial(exponents: Exponents) -> Fraction:
-    """Return the mean of g1^i g2^j g3^k over the unit sphere."""
-    if any(exponent % 2 for exponent in exponents):
-        return Fraction(0)
-    return Fraction(prod(_odd_factorial(i - 1) for i in exponents), _odd_factorial(sum(exponents) + 1))
-
-
-def _odd_factorial(n: int) -> int:
-    """Return n!! for an odd n ≥ -1."""
-    return prod(range(1, n + 1, 2))
+def _ordered(polynomial: PolynomialSum) -> PolynomialSum:
+    """Return the same terms by rising degree, those of one degree by falling powers of g1, g2, g3."""
+    return {e: polynomial[e] for e in sorted(polynomial, key=lambda e: (sum(e), [-power for power in e]))}

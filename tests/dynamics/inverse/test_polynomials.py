@@ -7,10 +7,12 @@ from flint import fmpq, fmpq_mat
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.inverse.polynomials import admissible_basis, as_polynomial, degree, on_sphere
+from service.dynamics.inverse.admissible_space import admissible_space
+from service.dynamics.inverse.polynomials import as_polynomial, degree, homogeneous_on_sphere, on_sphere
 from service.dynamics.potentials.general import general_potential
 from service.dynamics.verdict.points import sphere_points
 from tests.dynamics.inverse.exact_polynomials import Polynomial, evaluate, residual
+from tests.dynamics.inverse.families import known_admissible
 from tests.dynamics.verdict.formulas import body, potential
 
 POINTS = list(sphere_points())[:24]
@@ -40,7 +42,7 @@ def rank(polynomials: list[Polynomial]) -> int:
 
 
 @pytest.mark.parametrize(("alpha", "dimensions"), DIMENSIONS)
-def test_the_basis_spans_the_kernel_of_the_compatibility_equation(alpha, dimensions):
+def test_the_space_is_the_kernel_of_the_compatibility_equation(alpha, dimensions):
     alpha = Fraction(alpha)
     for highest, dimension in enumerate(dimensions):
         monomials: list[Polynomial] = [
@@ -52,17 +54,19 @@ def test_the_basis_spans_the_kernel_of_the_compatibility_equation(alpha, dimensi
         ]
         images = [residual(alpha, monomial) for monomial in monomials]
         assert len(monomials) - rank(images) == dimension
-        basis = admissible_basis(alpha, highest)
-        assert len(basis) == rank(list(basis)) == dimension
+        space, families = admissible_space(alpha, highest), known_admissible(alpha, highest)
+        basis = list(space.basis())
+        assert len(basis) == space.dimension == rank(basis) == dimension
+        assert rank(families) == rank(basis + families) == dimension
         assert all(not on_sphere(residual(alpha, element)) for element in basis)
         assert all(degree(element) <= highest for element in basis)
 
 
 def test_the_extra_polynomials_are_those_of_the_even_ratios():
-    assert admissible_basis(Fraction(2), 1)[1] == {(1, 0, 0): 1}
-    assert admissible_basis(Fraction(4), 3)[1] == {(3, 0, 0): 4, (1, 0, 2): 3}
-    assert admissible_basis(Fraction(6), 5)[1] == {(5, 0, 0): 24, (3, 0, 2): 40, (1, 0, 4): 15}
-    assert admissible_basis(Fraction(1, 4), 3)[1] == {(0, 0, 3): 4, (2, 0, 1): 3}
+    assert known_admissible(Fraction(2), 1)[1] == {(1, 0, 0): 1}
+    assert known_admissible(Fraction(4), 3)[1] == {(3, 0, 0): 4, (1, 0, 2): 3}
+    assert known_admissible(Fraction(6), 5)[1] == {(5, 0, 0): 24, (3, 0, 2): 40, (1, 0, 4): 15}
+    assert known_admissible(Fraction(1, 4), 3)[1] == {(0, 0, 3): 4, (2, 0, 1): 3}
 
 
 small = st.fractions(-3, 3, max_denominator=9)
@@ -79,6 +83,17 @@ def test_a_polynomial_is_expanded_to_what_it_is_on_the_sphere(coefficients):
     for point in POINTS[:4]:
         expected = evaluate(coefficients, point) * (2 - point[0]) ** 2 - point[2] ** 3 * Fraction(2, 5)
         assert evaluate(polynomial, point) == expected
+
+
+@given(st.dictionaries(exponents, small, max_size=6))
+def test_a_polynomial_is_homogeneous_for_each_parity(coefficients):
+    polynomial = homogeneous_on_sphere(coefficients)
+    assert on_sphere(polynomial) == on_sphere(coefficients)
+    degrees: dict[tuple[int, ...], set[int]] = {}
+    for powers in polynomial:
+        degrees.setdefault(tuple(power % 2 for power in powers), set()).add(sum(powers))
+    assert all(len(found) == 1 for found in degrees.values())
+    assert degree(polynomial) == degree(on_sphere(coefficients))
 
 
 def test_the_degree_is_the_least_on_the_sphere():
