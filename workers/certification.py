@@ -1,16 +1,16 @@
 """Motions whose samples are the midpoints of proven enclosures: the certified tier, and what needs it."""
 
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
-from flint import arb
+from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.enclosure import RADIUS, parts_for, split
+from service.dynamics.enclosure import JOIN_BITS, RADIUS, parts_for, split
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS, PROVEN_SAMPLES, Motion
-from service.dynamics.problem import Accuracy, Problem, StateMotion
+from service.dynamics.problem import Accuracy, Problem, StateMotion, TimePeriods
+from service.dynamics.sampling import exact_instants
 from workers.solvers.certified.certify import Certified, certify
 from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.errors import AccuracyNotMetError
@@ -33,7 +33,7 @@ def beside_enclosures(problem: Problem) -> Accuracy:
 def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certified, dict[str, FloatArray]]:
     """Return ``motion`` with proven samples, the enclosures, and the columns that hold them.
 
-    The times are the doubles of the motion, taken as exact.
+    The columns hold the times too: the values belong to the exact times, of which the motion has doubles.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certifi
     rows = [[split(ball, parts) for ball in state] for state in found.states]
     first = np.array([[doubles[0] for doubles, _ in row] for row in rows])
     proven = replace(_with_samples(motion, found, first), conventions=found.conventions)
-    return proven, found, _columns(rows, parts)
+    return proven, found, {**_columns(rows, parts), **_times(found, motion, parts)}
 
 
 def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
@@ -74,8 +74,16 @@ def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
 
 
 def _certify(problem: Problem, motion: Motion) -> Certified:
-    times = [Fraction(t) for t in motion.times.tolist()]
-    return certify(problem.body, problem.potential, problem.motion, times, problem.accuracy.bits)
+    period = motion.dense.period
+    return certify(
+        problem.body,
+        problem.potential,
+        problem.motion,
+        # Without any function of time there are no samples.
+        exact_instants(problem.time) if len(motion.times) else [],
+        problem.accuracy.bits,
+        about_a_period=period.hi if period is not None and isinstance(problem.time, TimePeriods) else None,
+    )
 
 
 def _with_samples(motion: Motion, found: Certified, samples: FloatArray) -> Motion:
@@ -98,6 +106,17 @@ def _columns(rows: list[list[tuple[list[float], float]]], parts: int) -> dict[st
             columns[f"{name}.{part}"] = np.array([row[index][0][part] for row in rows])
         columns[f"{name}.{RADIUS}"] = np.array([row[index][1] for row in rows])
     return columns
+
+
+def _times(found: Certified, motion: Motion, parts: int) -> dict[str, FloatArray]:
+    """Return what the doubles leave of the exact times, as columns that go with ``t``; none if nothing."""
+    with ctx.workprec(JOIN_BITS):
+        left = [at - arb(t) for at, t in zip(found.times, motion.times.tolist(), strict=True)]
+    if all(ball == 0 for ball in left):
+        return {}
+    rows = [split(ball, parts - 1) for ball in left]
+    columns = {f"t.{part}": np.array([doubles[part - 1] for doubles, _ in rows]) for part in range(1, parts)}
+    return {**columns, f"t.{RADIUS}": np.array([radius for _, radius in rows])}
 
 
 def _error(ball: arb, double: float) -> float:

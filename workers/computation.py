@@ -110,7 +110,15 @@ def _integrate(
     problem: Problem, omega: Sequence[Fraction | float], gamma: Sequence[Fraction | float]
 ) -> Motion:
     times = sample_times(problem.time, None)
-    return integrate_state(problem.body, problem.potential, omega, gamma, times, tolerance=problem.tolerance)
+    return integrate_state(
+        problem.body,
+        problem.potential,
+        omega,
+        gamma,
+        times.doubles,
+        tolerance=problem.tolerance,
+        rests=times.rests,
+    )
 
 
 def _cross_check(problem: Problem, motion: Motion) -> CrossCheck:
@@ -126,9 +134,9 @@ def _cross_check(problem: Problem, motion: Motion) -> CrossCheck:
 
 
 def _columns(problem: Problem, motion: Motion, dense: DenseOutput) -> dict[str, FloatArray]:
-    """Return t and the columns that were asked for."""
+    """Return t, rounded to doubles, and the columns that were asked for, at the exact times."""
     if not problem.wants_series:
         return {}
     wanted = [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in problem.outputs]
     series = {name: motion.samples[:, COLUMNS.index(name)] for name in wanted}
-    return {"t": motion.times, **series, **orientation_columns(dense, motion.times)}
+    return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.rests)}

@@ -1,8 +1,11 @@
 """GET /v1/solutions/{id}/enclosures: the proven samples of the certified tier."""
 
+from collections.abc import Mapping
 from http import HTTPStatus
 
+import numpy as np
 from fastapi import APIRouter, Response
+from numpy.typing import NDArray
 
 from service.api.errors import ApiError
 from service.api.places import SolutionId
@@ -14,6 +17,8 @@ from service.dynamics.motion import COLUMNS
 from service.schemas.solution import EnclosureOut, EnclosuresOut
 from service.storage.solutions.codec import decode_arrays
 
+FloatArray = NDArray[np.float64]
+
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
 
@@ -24,18 +29,22 @@ router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
     dependencies=[without_query],
 )
 def get_enclosures(solution_id: SolutionId, inside: Inside) -> Response:
-    """Return the six variables at the stored times as decimals with proven radii."""
+    """Return the six variables at the exact times that were asked, as decimals with proven radii."""
     stored = decode_arrays(inside.solutions.samples(solution_id))
     names = [name for name in COLUMNS if f"{name}.{RADIUS}" in stored]
     if not names:
         raise ApiError(
             HTTPStatus.NOT_FOUND, "no_enclosures", "only solutions of the tier certified have enclosures"
         )
-    columns = {}
-    for name in names:
-        further = sorted(set(stored) & {f"{name}.{part}" for part in range(1, MAX_PARTS)})
-        rows = zip(*(stored[part].tolist() for part in (name, *further)), strict=True)
-        radii = stored[f"{name}.{RADIUS}"].tolist()
-        pairs = (as_decimals(join(row, radius)) for row, radius in zip(rows, radii, strict=True))
-        columns[name] = [EnclosureOut(value=value, radius=radius) for value, radius in pairs]
-    return json_response(EnclosuresOut(t=stored["t"].tolist(), columns=columns))
+    columns = {name: _enclosures(stored, name) for name in names}
+    times = _enclosures(stored, "t")
+    return json_response(EnclosuresOut(t=stored["t"].tolist(), times=times, columns=columns))
+
+
+def _enclosures(stored: Mapping[str, FloatArray], name: str) -> list[EnclosureOut]:
+    further = sorted(set(stored) & {f"{name}.{part}" for part in range(1, MAX_PARTS)})
+    rows = zip(*(stored[part].tolist() for part in (name, *further)), strict=True)
+    # Times that were stored without radii are doubles, exact as they are.
+    radii = stored.get(f"{name}.{RADIUS}", np.zeros(len(stored[name]))).tolist()
+    pairs = (as_decimals(join(row, radius)) for row, radius in zip(rows, radii, strict=True))
+    return [EnclosureOut(value=value, radius=radius) for value, radius in pairs]

@@ -2,20 +2,21 @@
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from http import HTTPStatus
 from typing import Annotated, Literal
 
 import numpy as np
 from fastapi import APIRouter, Depends, Response
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field
+from pydantic import Field, PlainValidator, WithJsonSchema
 
 from service.api.errors import ApiError
 from service.api.formats import Trajectory, choose_format, media_types
 from service.api.limits import query_samples_faults
 from service.api.negotiation import Accept
 from service.api.places import SolutionId
-from service.api.queries import Asked, QueryModel, asked_of, query_parameters, read_number, refuse_if_any
+from service.api.queries import Asked, QueryModel, asked_of, query_parameters, refuse_if_any
 from service.api.resources import Inside, Resources
 from service.api.responses import refusals
 from service.dynamics.dense_output import DenseOutput
@@ -29,11 +30,12 @@ from service.dynamics.orientation import (
     trajectory_columns,
     trajectory_errors,
 )
-from service.dynamics.sampling import sample_times
+from service.dynamics.problem import TimeSpan
+from service.dynamics.sampling import SampleTimes, sample_times
 from service.jobs.errors import SolutionNotFoundError
 from service.schemas.asked_series import asked_series
 from service.schemas.faults import Fault
-from service.schemas.numbers import MAX_SAMPLES
+from service.schemas.numbers import LATEST, MAX_SAMPLES, read_time
 from service.schemas.solution import TrajectoryOut
 from service.settings import Settings
 from service.storage.solutions.codec import decode_arrays, decode_dense
@@ -43,12 +45,13 @@ router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 SOURCE_HEADER = "Polhode-Samples"
 TIMES = ("start", "stop", "samples")
 """The parameters that ask for other times than the stored ones."""
-LATEST = 1e15
-"""Largest |t|: beyond it a double cannot tell a phase."""
 
 FloatArray = NDArray[np.float64]
-# The bounds come first: behind another validator they would not be in the description.
-Instant = Annotated[float, Field(ge=-LATEST, le=LATEST), BeforeValidator(read_number)]
+Instant = Annotated[
+    Fraction,
+    PlainValidator(read_time),
+    WithJsonSchema({"type": "number", "minimum": -float(LATEST), "maximum": float(LATEST)}),
+]
 
 
 class TrajectoryQuery(QueryModel):
@@ -141,9 +144,9 @@ def _remade(inside: Resources, solution_id: str) -> _Samples:
     return replace(remade, columns=columns)
 
 
-def _evaluated(dense: DenseOutput, times: FloatArray) -> _Samples:
-    columns = {"t": times, **trajectory_columns(dense, times)}
-    errors = trajectory_errors(dense, times)
+def _evaluated(dense: DenseOutput, times: SampleTimes) -> _Samples:
+    columns = {"t": times.doubles, **trajectory_columns(dense, times.doubles, times.rests)}
+    errors = trajectory_errors(dense, times.doubles)
     error = max((errors[name] for name in COLUMNS if name in errors), default=0.0)
     return _Samples(columns, error, errors, "evaluated")
 
@@ -161,10 +164,10 @@ def _faults_of_times(asked: Asked[TrajectoryQuery], settings: Settings) -> Itera
         if name not in asked.sent:
             message = "start, stop and samples go together; only start may be left out"
             yield Fault(f"?{name}", "missing_parameter", message)
-    start = query.start or 0.0
+    start = query.start or Fraction(0)
     is_start_known = query.start is not None or "start" not in asked.sent
     if is_start_known and query.stop is not None and query.stop < start:
-        yield Fault("?stop", "out_of_range", f"stop must be ≥ start = {start}")
+        yield Fault("?stop", "out_of_range", f"stop must be ≥ start = {float(start)}")
     yield from query_samples_faults(query.samples or 0, settings)
 
 
@@ -188,10 +191,10 @@ def _unknown_columns(wanted: Sequence[str], there: Sequence[str]) -> list[Fault]
     ]
 
 
-def _times(query: TrajectoryQuery) -> FloatArray:
+def _times(query: TrajectoryQuery) -> SampleTimes:
     assert query.stop is not None
     assert query.samples is not None
-    return np.linspace(query.start or 0.0, query.stop, query.samples)
+    return sample_times(TimeSpan(query.start or Fraction(0), query.stop, query.samples), None)
 
 
 def _names(columns: str) -> list[str]:

@@ -63,9 +63,9 @@ class Motion:
     method: SolvedBy
     dense: DenseOutput
     times: FloatArray
-    """The times asked for, shape (n,)."""
+    """The times asked for, each rounded to the nearest double, shape (n,)."""
     samples: FloatArray
-    """The six variables p, q, r, g1, g2, g3 at ``times``, shape (n, 6)."""
+    """The six variables p, q, r, g1, g2, g3 at the exact times, ``times`` + ``rests``, shape (n, 6)."""
     error: float
     """Largest absolute error of any of the six variables over ``times``."""
     energy: Estimate
@@ -80,3 +80,5 @@ class Motion:
     """Choices made where the equations leave one, such as the way through a pole."""
     evidence: Mapping[str, float | int | str]
     """What the solver measured about itself: nodes, steps, changes at the last refinement."""
+    rests: FloatArray | None = None
+    """What ``times`` leave of the exact times, shape (n,); None if nothing."""

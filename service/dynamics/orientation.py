@@ -45,8 +45,12 @@ _TWO_TURNS = Period(4.0 * math.pi, 4.0 * 1.2246467991473532e-16, 0.0)
 """4π in two doubles: the period of a quaternion in its angle."""
 
 
-def orientation_columns(dense: DenseOutput, times: FloatArray) -> dict[str, FloatArray]:
+def orientation_columns(
+    dense: DenseOutput, times: FloatArray, rests: FloatArray | None = None
+) -> dict[str, FloatArray]:
     """Return q0, q1, q2, q3 and those of psi1, psi3 that ``dense`` has, at ``times``; empty without them.
+
+    With ``rests`` the times are the sums of both.
 
     Raises
     ------
@@ -56,11 +60,15 @@ def orientation_columns(dense: DenseOutput, times: FloatArray) -> dict[str, Floa
     if not has_orientation(dense):
         return {}
     times = np.asarray(times, dtype=np.float64)
-    return _orientation(dense, times, dense(times))
+    return _orientation(dense, times, rests, dense(times, rests))
 
 
-def trajectory_columns(dense: DenseOutput, times: FloatArray) -> dict[str, FloatArray]:
+def trajectory_columns(
+    dense: DenseOutput, times: FloatArray, rests: FloatArray | None = None
+) -> dict[str, FloatArray]:
     """Return every column a client may see: the six variables, then :func:`orientation_columns`.
+
+    With ``rests`` the times are the sums of both.
 
     Raises
     ------
@@ -68,9 +76,9 @@ def trajectory_columns(dense: DenseOutput, times: FloatArray) -> dict[str, Float
         As calling ``dense``.
     """
     times = np.asarray(times, dtype=np.float64)
-    values = dense(times)
+    values = dense(times, rests)
     columns = {name: values[:, k] for k, name in enumerate(dense.columns) if _is_plain(name)}
-    return {**columns, **(_orientation(dense, times, values) if has_orientation(dense) else {})}
+    return {**columns, **(_orientation(dense, times, rests, values) if has_orientation(dense) else {})}
 
 
 def column_names(dense: DenseOutput) -> tuple[str, ...]:
@@ -164,11 +172,13 @@ def _is_plain(name: str) -> bool:
     return name not in LOCAL_QUATERNION and name not in PRECESSION
 
 
-def _orientation(dense: DenseOutput, times: FloatArray, values: FloatArray) -> dict[str, FloatArray]:
+def _orientation(
+    dense: DenseOutput, times: FloatArray, rests: FloatArray | None, values: FloatArray
+) -> dict[str, FloatArray]:
     first = dense.columns.index(LOCAL_QUATERNION[0])
     quaternion = values[:, first : first + 4]
     if dense.period is not None:
-        _, turns = split_time(times, dense.period)
+        _, turns = split_time(times, dense.period, rests)
         quaternion = _turned(quaternion, turns, dense)
     angles = {name: values[:, dense.columns.index(name)] for name in PRECESSION if name in dense.columns}
     return {**{name: quaternion[:, k] for k, name in enumerate(QUATERNION)}, **angles}

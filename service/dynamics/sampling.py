@@ -1,15 +1,25 @@
-"""The times at which a solution is sampled."""
+"""The times at which a solution is sampled: each exact, until it is reduced by the period.
 
+A value belongs to the exact time that was asked: 1/3, not the double beside it; half of the true
+period, not of its double. Solvers in doubles take a time as the sum of two doubles; the enclosures
+take :func:`exact_instants`.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.dense_output import Period
+from service.dynamics.dense_output import Period, two_product
 from service.dynamics.errors import DynamicsError
-from service.dynamics.problem import TimeList, Times, TimeSpan
+from service.dynamics.problem import TimeList, TimePeriods, Times
 
 FloatArray = NDArray[np.float64]
+
+_WHOLE_DOUBLES = 2**53
+"""Every integer up to it is a double."""
 
 
 class PeriodNeededError(DynamicsError):
@@ -18,28 +28,78 @@ class PeriodNeededError(DynamicsError):
     code = "period_needed"
 
 
-def sample_times(times: Times, period: Period | None) -> FloatArray:
-    """Return the asked times, shape (n,), each the double nearest to the exact time.
+@dataclass(frozen=True, slots=True)
+class SampleTimes:
+    """Times as sums ``doubles`` + ``rests``, shape (n,) each."""
+
+    doubles: FloatArray
+    """Each the double nearest to the exact time: what is shown."""
+    rests: FloatArray
+    """What these leave of the exact times, rounded to doubles; 0 where a time is a double."""
+
+
+def sample_times(times: Times, period: Period | None) -> SampleTimes:
+    """Return the asked times; of those in periods, the multiples of the sum hi + lo.
 
     Raises
     ------
     PeriodNeededError
         Periods are asked for and ``period`` is None.
     """
-    if isinstance(times, TimeList):
-        return np.array([float(t) for t in times.times])
-    if isinstance(times, TimeSpan):
-        start, stop = times.start, times.stop
-    elif period is not None:
-        start, stop = Fraction(0), times.periods * (Fraction(period.hi) + Fraction(period.lo))
-    else:
+    if not isinstance(times, TimePeriods):
+        return _in_doubles(times)
+    if period is None:
         raise PeriodNeededError(
             "times in periods need a periodic motion; give start and stop", pointer="/time"
         )
-    if times.samples == 1:
-        return np.array([float(start)])
-    step = (stop - start) / (times.samples - 1)
-    # Over one denominator: a quotient of integers is rounded once, and costs a tenth of a Fraction.
+    turns = _in_doubles(times)
+    product, rest = two_product(turns.doubles, period.hi)
+    rest = rest + (turns.doubles * period.lo + turns.rests * period.hi)
+    # The product is the larger part: the difference is exact (Dekker's sum).
+    doubles = product + rest
+    return SampleTimes(doubles, rest - (doubles - product))
+
+
+def exact_instants(times: Times) -> list[Fraction]:
+    """Return the asked times themselves; of those in periods, the exact numbers of periods."""
+    if isinstance(times, TimeList):
+        return list(times.times)
+    first, step, whole = _progression(times)
+    return [Fraction(first + step * k, whole) for k in range(times.samples)]
+
+
+def _progression(times: Times) -> tuple[int, int, int]:
+    """Return integers (first, step, whole): the k-th of equidistant times is (first + step k)/whole."""
+    assert not isinstance(times, TimeList)
+    start, stop = (
+        (Fraction(0), times.periods) if isinstance(times, TimePeriods) else (times.start, times.stop)
+    )
+    step = (stop - start) / max(times.samples - 1, 1)
     whole = start.denominator * step.denominator
-    first, increment = int(start * whole), int(step * whole)
-    return np.array([(first + increment * k) / whole for k in range(times.samples)])
+    return int(start * whole), int(step * whole), whole
+
+
+def _in_doubles(times: Times) -> SampleTimes:
+    if isinstance(times, TimeList):
+        return _split((t.numerator, t.denominator) for t in times.times)
+    first, step, whole = _progression(times)
+    last = first + step * (times.samples - 1)
+    if max(abs(first), abs(last), whole) > _WHOLE_DOUBLES:
+        return _split((first + step * k, whole) for k in range(times.samples))
+    numerators = (first + step * np.arange(times.samples)).astype(np.float64)
+    doubles = numerators / whole
+    # The remainder of a division of doubles is a double.
+    product, rest = two_product(doubles, float(whole))
+    return SampleTimes(doubles, ((numerators - product) - rest) / whole)
+
+
+def _split(ratios: Iterable[tuple[int, int]]) -> SampleTimes:
+    """Return quotients of integers, of any size, as sums of two doubles."""
+    doubles, rests = list[float](), list[float]()
+    for numerator, denominator in ratios:
+        # Python divides integers with one rounding.
+        double = numerator / denominator
+        above, below = double.as_integer_ratio()
+        doubles.append(double)
+        rests.append((numerator * below - above * denominator) / (denominator * below))
+    return SampleTimes(np.array(doubles), np.array(rests))

@@ -177,7 +177,8 @@ class TrajectoryOut(ResponseModel):
 
     columns: dict[str, list[float]] = Field(
         description="Equally long columns by name: t, p, q, r, g1, g2, g3; with the orientation also"
-        " q0, q1, q2, q3 (body to space), psi1, psi3."
+        " q0, q1, q2, q3 (body to space), psi1, psi3. t is rounded to the nearest double; the others belong"
+        " to the exact time that was asked."
     )
     error: float = Field(description="Bound of the absolute error of every number.")
 
@@ -185,7 +186,11 @@ class TrajectoryOut(ResponseModel):
 class EnclosuresOut(ResponseModel):
     """Proven samples."""
 
-    t: list[float] = Field(description="The times, exact as they are.")
+    t: list[float] = Field(description="The times, each rounded to the nearest double.")
+    times: list[EnclosureOut] = Field(
+        description="Balls that contain the exact times, to which the columns belong: those of the problem;"
+        " of times in periods, the multiples of the true period."
+    )
     columns: dict[str, list[EnclosureOut]] = Field(description="p, q, r, g1, g2, g3.")
 
 

@@ -2,6 +2,7 @@ import csv
 import io
 import json
 import math
+from fractions import Fraction
 
 import numpy as np
 import pyarrow as pa
@@ -62,7 +63,7 @@ def test_stored_samples_come_bit_by_bit_in_every_format(client, stored, accept):
 @pytest.mark.parametrize("accept", FORMATS)
 def test_any_other_times_are_within_the_error_that_comes_with_them(client, stored, accept):
     columns, error = read(get(client, stored, "?start=-3&stop=1000.5&samples=777", accept))
-    times = np.linspace(-3, 1000.5, 777)
+    times = np.array([float(-3 + Fraction(2007, 2) * k / 776) for k in range(777)])
     assert np.array_equal(columns["t"], times)
     distance = np.abs(np.stack([columns[name] for name in COLUMNS], axis=1) - values_at(times)).max()
     # Beside the claimed error: the reference's own phase 3·2π·t/T, rounded at t = 1000.
@@ -73,6 +74,17 @@ def test_any_other_times_are_within_the_error_that_comes_with_them(client, store
 def test_the_start_is_zero_if_left_out_and_one_sample_is_one_time(client, stored):
     assert read(get(client, stored, "?stop=1&samples=3"))[0]["t"].tolist() == [0.0, 0.5, 1.0]
     assert read(get(client, stored, "?start=1&stop=1&samples=1"))[0]["t"].tolist() == [1.0]
+
+
+def test_times_of_a_query_are_exact(client, stored):
+    late = read(get(client, stored, "?start=12345678.9&stop=12345678.9&samples=1"))[0]
+    third = read(get(client, stored, "?start=100000000/3&stop=100000000/3&samples=1"))[0]
+    period = 2 * Fraction(1)
+    for columns, exact in ((late, Fraction("12345678.9")), (third, Fraction(10**8, 3))):
+        assert columns["t"].tolist() == [float(exact)]
+        reduced = float(exact - exact // period * period)
+        within = read(get(client, stored, f"?start={reduced!r}&stop={reduced!r}&samples=1"))[0]
+        assert max(abs(columns[name][0] - within[name][0]) for name in COLUMNS) <= 1e-13
 
 
 @pytest.mark.parametrize("query", ["?columns=t,g1,g3", "?stop=1&samples=5&columns=t,%20g1,g3"])

@@ -1,6 +1,6 @@
 """The motions that are measured, their reference, and the rivals that integrate them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -14,7 +14,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from tests.support.planar import body, formula
-from workers.solvers.certified.certify import certify
+from workers.solvers.certified.certify import Certified, certify
 from workers.solvers.spectral.motion import SpectralMotion
 from workers.solvers.spectral.solve import Tier, solve_spectral
 
@@ -47,12 +47,19 @@ class Measured:
         """Return the largest distance of a variable from the certified one at the very same doubles."""
         chosen = [Fraction(t) for t in times[::stride].tolist()]
         found = certify(self.body, self.potential, self.motion, chosen, REFERENCE_BITS)
-        with ctx.workprec(2 * REFERENCE_BITS):
-            return max(
-                float(abs(value - arb(double)).upper())
-                for state, row in zip(found.states, samples[::stride].tolist(), strict=True)
-                for value, double in zip(state, row, strict=True)
-            )
+        return _largest(found, samples[::stride])
+
+    def error_after(self, turns: Sequence[Fraction], samples: FloatArray) -> float:
+        """Return the largest distance of a variable from the certified one after so many periods."""
+        found = certify(
+            self.body,
+            self.potential,
+            self.motion,
+            turns,
+            REFERENCE_BITS,
+            about_a_period=self.solved("standard").period.hi,
+        )
+        return _largest(found, samples)
 
     def state(self) -> FloatArray:
         """Return the six variables at t = 0, rounded."""
@@ -130,3 +137,12 @@ def taylor_of_elliptic(state: FloatArray, tol: float) -> hy.taylor_adaptive:
         (g3, q * g1 - p * g2),
     ]
     return hy.taylor_adaptive(system, state.tolist(), tol=tol)
+
+
+def _largest(found: Certified, samples: FloatArray) -> float:
+    with ctx.workprec(2 * REFERENCE_BITS):
+        return max(
+            float(abs(value - arb(double)).upper())
+            for state, row in zip(found.states, samples.tolist(), strict=True)
+            for value, double in zip(state, row, strict=True)
+        )

@@ -2,12 +2,15 @@
 
 import json
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 
+from service.dynamics.problem import TimePeriods
+from service.dynamics.sampling import exact_instants
 from service.storage.solutions.codec import decode_arrays
 from tests.benchmarks.costs import PROBLEMS
 from tests.benchmarks.measuring import Effort, Result, Table, clock, in_words, median
@@ -96,7 +99,8 @@ def _by_job(motion: Measured, name: str, accuracy: dict[str, str], repeats: int)
     document = json.dumps({**PROBLEMS["A = 2C"], "time": time_, "accuracy": accuracy})
     seconds = median(lambda: solve_document(document), repeats)
     columns = decode_arrays(solve_document(document).samples)
-    return Result(name, seconds, motion.error(columns["t"], samples_of(columns)[0]))
+    turns = exact_instants(TimePeriods(Fraction(PERIODS), SAMPLES))
+    return Result(name, seconds, motion.error_after(turns, samples_of(columns)[0]))
 
 
 def _by_heyoka(motion: Measured, state: FloatArray, grid: FloatArray, tol: float, repeats: int) -> Result:

@@ -66,7 +66,7 @@ def make_case(family: Family, draws: np.random.Generator) -> Case:
     turns = [0.0, *draws.uniform(0, 1, early), *10.0 ** draws.uniform(1, LATEST, late)]
     sign = 1.0 if draws.random() < 0.8 else -1.0
     times = [sign * float(turn) * period + 0.0 for turn in turns]
-    exact = [Fraction(t) for t in times]
+    exact = [Fraction(repr(t)) for t in times]
     return Case(drawn, times, certify(problem.body, problem.potential, problem.motion, exact, BITS))
 
 
@@ -85,7 +85,9 @@ def claims_of(case: Case, tier: Tier) -> list[Claim]:
     with ctx.workprec(3 * BITS):
         return [
             _of_states("samples", motion.error, motion.samples, case.reference),
-            _of_states("stored", dense.error_at(motion.times), dense(motion.times), case.reference),
+            _of_states(
+                "stored", dense.error_at(motion.times), dense(motion.times, motion.rests), case.reference
+            ),
             _of_ball("period", period.error, case.reference.period - arb(period.hi) - arb(period.lo)),
             _of_ball("energy", motion.energy.error, case.reference.energy - arb(motion.energy.value)),
         ]

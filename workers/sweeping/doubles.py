@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.dense_output import Period
 from service.dynamics.problem import PlanarMotion, TimePeriods, Times
-from service.dynamics.sampling import sample_times
+from service.dynamics.sampling import SampleTimes, sample_times
 from workers.solvers.spectral import curve, time_map
 from workers.solvers.spectral.frame import Frame, make_frame, primed_logarithm
 from workers.solvers.spectral.motion import Bounds
@@ -77,8 +77,9 @@ def sweep_sets(
     if isinstance(sampling.time, TimePeriods) and len(sampling.columns):
         return _each_with_its_times(frame, program, rows, lambdas_squared, sampling, tier)
     shared = not isinstance(sampling.time, TimePeriods) and sampling.has_times
-    times = sample_times(sampling.time, None) if shared else np.zeros(0)
-    wanted = times if len(sampling.columns) else np.zeros(0)
+    nothing = SampleTimes(np.zeros(0), np.zeros(0))
+    asked = sample_times(sampling.time, None) if shared else nothing
+    times, wanted = asked.doubles, asked if len(sampling.columns) else nothing
     run = _run(frame, program, rows, _given(frame, lambdas_squared), wanted, sampling.columns, tier)
     latest = np.abs(times).max() if shared else _latest(sampling, run.about[:, 1])
     errors = _errors(run.about, latest)
@@ -99,7 +100,7 @@ def _run(
     program: Program,
     rows: FloatArray,
     given: FloatArray,
-    times: FloatArray,
+    times: SampleTimes,
     columns: IntArray,
     tier: Tier,
 ) -> _Run:
@@ -107,7 +108,7 @@ def _run(
     run = _Run(
         np.repeat(frame.loop[None, :], sets, axis=0),
         np.full((sets, 6), np.nan),
-        np.empty((sets, len(times), len(columns))),
+        np.empty((sets, len(times.doubles), len(columns))),
         np.empty((time_map.MAX_PANELS, time_map.COLUMNS)),
     )
     solve_sets(
@@ -123,7 +124,8 @@ def _run(
         PLACES,
         MATRIX,
         POINTS,
-        times,
+        times.doubles,
+        times.rests,
         columns,
         run.panels,
         run.samples,
@@ -163,15 +165,16 @@ def _each_with_its_times(
     shape = (len(rows), sampling.time.samples)
     times, samples = np.full(shape, np.nan), np.full((*shape, len(sampling.columns)), np.nan)
     loops, about = np.empty((len(rows), len(frame.loop))), np.full((len(rows), 6), np.nan)
-    nothing = np.zeros(0)
+    nothing = SampleTimes(np.zeros(0), np.zeros(0))
     for n in range(len(rows)):
         one = slice(n, n + 1)
         run = _run(frame, program, rows[one], given[one], nothing, sampling.columns, tier)
         loops[n], about[n] = run.loops[0], run.about[0]
         if about[n, 0]:
             period = Period(float(about[n, 1]), 0.0, float(about[n, 2]))
-            times[n] = sample_times(sampling.time, period)
-            sample(run.loops[0], run.panels, int(about[n, 0]), times[n], sampling.columns, samples[n])
+            asked = sample_times(sampling.time, period)
+            times[n], number = asked.doubles, int(about[n, 0])
+            sample(run.loops[0], run.panels, number, times[n], asked.rests, sampling.columns, samples[n])
     errors = _errors(about, np.abs(times).max(axis=1))
     return _swept(frame, loops, about, errors, times, samples)
 
@@ -194,7 +197,7 @@ def _latest(sampling: Sampling, periods: FloatArray) -> FloatArray:
         return periods
     return np.array(
         [
-            np.abs(sample_times(sampling.time, Period(period, 0.0, 0.0))).max()
+            np.abs(sample_times(sampling.time, Period(period, 0.0, 0.0)).doubles).max()
             if math.isfinite(period)
             else math.nan
             for period in periods.tolist()

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
+from math import floor
 from typing import Literal, Protocol
 
 from flint import arb, ctx
@@ -40,6 +41,8 @@ class Certified:
     energy: arb
     states: tuple[tuple[arb, ...], ...]
     """(p, q, r, g1, g2, g3) at the asked times."""
+    times: tuple[arb, ...]
+    """These times."""
     bits: int
     method: Method
     conventions: tuple[str, ...] = ()
@@ -67,6 +70,7 @@ def certify(
     bits: int,
     *,
     method: Method | None = None,
+    about_a_period: float | None = None,
 ) -> Certified:
     """Return enclosures of the period, the energy and the six variables at ``times``, t = 0 being the start.
 
@@ -78,6 +82,9 @@ def certify(
         Radii are at most 2^(8 − bits), of numbers above 1 and of the period relative to them.
     method
         Default: elliptic functions where the potential has the three terms, else the integral.
+    about_a_period
+        If given, ``times`` are numbers of periods, and this is the period, roughly: whole periods
+        are left out exactly, whatever the period is.
 
     Raises
     ------
@@ -89,7 +96,10 @@ def certify(
     """
     if not isinstance(motion, PlanarMotion):
         raise CertifiedUnavailableError("it is not a planar one", pointer="/motion/type")
+    in_periods = about_a_period is not None
     latest = max((abs(t) for t in times), default=Fraction(0))
+    if about_a_period is not None:
+        latest = Fraction(about_a_period)
     precision = -(-(bits + GUARD_BITS + int(latest).bit_length()) // LIMB) * LIMB
     # With more precision less is left over of the integral, too.
     unused = precision - (bits + PERIOD_BITS + int(latest).bit_length())
@@ -100,9 +110,11 @@ def certify(
                     made = make()
                     if made is None:
                         continue
-                    states = made.states([ball(t) for t in times])
+                    states = made.states(_reduced(made, times) if in_periods else [ball(t) for t in times])
                     named = _conventions(body, potential, motion) if made.passes_pole else ()
-                    result = Certified(made.period, made.energy, states, bits, name, named)
+                    unit = made.period if in_periods else arb(1)
+                    asked = tuple(ball(t) * unit for t in times)
+                    result = Certified(made.period, made.energy, states, asked, bits, name, named)
                     if _is_narrow(result):
                         return result
                     break
@@ -113,6 +125,12 @@ def certify(
                 pass
         precision += precision // 2
     raise CertifiedUnavailableError(f"{HIGHEST_PRECISION} bits are not enough")
+
+
+def _reduced(made: _Motion, turns: Sequence[Fraction]) -> list[arb]:
+    """Return the times within the first period at which the states are those after so many ``turns``."""
+    period = made.period if turns else arb(0)
+    return [ball(turn - floor(turn)) * period for turn in turns]
 
 
 def _makers(

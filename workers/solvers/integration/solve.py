@@ -43,9 +43,11 @@ def integrate_state(
     *,
     tolerance: float,
     integrator: IntegratorName = "auto",
+    rests: FloatArray | None = None,
 ) -> Motion:
     """Integrate from omega = (p, q, r), gamma = (g1, g2, g3) at t = 0 to all ``times``, of either sign.
 
+    With ``rests`` the times are the sums of both.
     ``tolerance`` is the largest absolute error allowed in any of the six
     variables at ``times``; the error of the result is measured by a second run.
 
@@ -74,7 +76,8 @@ def integrate_state(
             raise twin.ending
         error = float(twin.error_estimate(body, potential, check).max())
         if error <= tolerance:
-            return _motion(twin, body, potential, times, check, chosen.name, error)
+            found = _motion(twin, body, potential, times, check, chosen.name, error)
+            return replace(found, samples=twin.fine(times, rests), rests=rests)
         reached = min(reached, error)
     raise AccuracyNotMetError(reached, tolerance)
 

@@ -43,7 +43,8 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
     MotionEndedError
         The motion has ended before all of the asked times.
     """
-    times = sample_times(problem.time, None)
+    all_asked = sample_times(problem.time, None)
+    times = all_asked.doubles
     if kind == "equilibrium":
         return _rest(window, start, times)
     if "double" in (start.arc.lower_end, start.arc.upper_end) and ctx.prec < DOUBLE_ZERO_BITS:
@@ -55,7 +56,8 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
     time_map = make_time_map(flight.rate, flight.corners, is_even=flight.is_even)
     origin = float(time_map.time_at(np.array([flight.start]))[0])
     ends = _ends(flight, (past, future), time_map, origin)
-    times = _before_the_end(times, ends)
+    lives = _before_the_end(times, ends)
+    times, rests = times[lives], all_asked.rests[lives]
     span = (min(0.0, float(times.min())), max(0.0, float(times.max())))
     on_map = phase_sampler(flight, time_map)
     total = time_map.period.hi
@@ -81,7 +83,7 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
         method="quadrature",
         dense=dense,
         times=times,
-        samples=dense(times),
+        samples=dense(times, rests),
         error=dense.error_at(times),
         energy=energy_of(start.arc.loop, flight.somewhere()),
         window=window,
@@ -95,6 +97,7 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
             **evidence_of(resolved),
             **({FIRST_PASSAGE: float(abs(first))} if conventions and len(passages) else {}),
         },
+        rests=rests,
     )
 
 
@@ -133,15 +136,15 @@ def _ends(
     return past, future
 
 
-def _before_the_end(times: FloatArray, ends: tuple[Asymptote, Asymptote]) -> FloatArray:
-    """Return the times at which there is a motion."""
+def _before_the_end(times: FloatArray, ends: tuple[Asymptote, Asymptote]) -> NDArray[np.bool_]:
+    """Say at which of the times there is a motion."""
     past, future = (end.time for end in ends)
-    kept = times
+    kept = np.ones(len(times), dtype=np.bool_)
     if past is not None:
-        kept = kept[kept > past.value + past.error]
+        kept &= times > past.value + past.error
     if future is not None:
-        kept = kept[kept < future.value - future.error]
-    if not len(kept):
+        kept &= times < future.value - future.error
+    if not kept.any():
         lives = [f"{name} t = {end.value:.15g}" for name, end in (("from", past), ("until", future)) if end]
         raise MotionEndedError(
             f"the motion lasts {' '.join(lives)} only, and all the asked times are outside", pointer="/time"

@@ -19,7 +19,7 @@ from service.dynamics.motion import COLUMNS, Motion
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
-from service.dynamics.sampling import sample_times
+from service.dynamics.sampling import SampleTimes, sample_times
 from workers.solvers.closed_form.solve import solve_closed_form
 from workers.solvers.quadrature.dense import Sampler, nothing_resolved, phase_sampler, resolve_motion
 from workers.solvers.quadrature.description import FIRST_PASSAGE, conventions_of, energy_of, evidence_of
@@ -65,7 +65,9 @@ def solve_periodic(problem: Problem, window: Window, start: StartingPoint) -> Mo
         motion = motion or _in_closed_form(problem, window, start)
     motion = motion or _by_quadrature(orbit)
     period = motion.period
-    times = sample_times(problem.time, period) if problem.wants_series else np.zeros(0)
+    nothing = SampleTimes(np.zeros(0), np.zeros(0))
+    asked = sample_times(problem.time, period) if problem.wants_series else nothing
+    times, rests = asked.doubles, asked.rests
     # Finer than the samples themselves are known, pieces would follow their errors.
     atol = max(min(1e-14, 1e-3 * problem.tolerance), 0.25 * motion.error)
     resolved = (
@@ -79,7 +81,7 @@ def solve_periodic(problem: Problem, window: Window, start: StartingPoint) -> Mo
     samples, reached = np.zeros((0, len(COLUMNS))), 0.0
     if len(times):
         late = motion.late
-        samples = dense(times) if late is None else late.sample(times)
+        samples = dense(times, rests) if late is None else late.sample(times, rests)
         reached = dense.error_at(times) if late is None else late.error_at(times)
     conventions = conventions_of(start)
     return Motion(
@@ -100,6 +102,7 @@ def solve_periodic(problem: Problem, window: Window, start: StartingPoint) -> Mo
             **evidence_of(resolved),
             **({FIRST_PASSAGE: float(motion.passages[0])} if conventions else {}),
         },
+        rests=rests,
     )
 
 
@@ -126,7 +129,7 @@ def _in_doubles(problem: Problem, window: Window) -> _Sampled | None:
         return None
     period = found.period
     error = found.error_at(np.array([period.hi]))
-    times = sample_times(problem.time, period) if problem.wants_series else np.array([period.hi])
+    times = sample_times(problem.time, period).doubles if problem.wants_series else np.array([period.hi])
     if not found.error_at(times) <= problem.tolerance:
         return None
     evidence: dict[str, float | int | str] = {"compiled": len(found.panels), "rounding": error}

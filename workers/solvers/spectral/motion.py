@@ -96,21 +96,24 @@ class SpectralMotion:
         error = 2.0 * kinetic * self.bounds.rate + 8.0 * EPSILON * (kinetic + abs(value) + slope)
         return Estimate(kinetic + value, error)
 
-    def sample(self, times: FloatArray) -> FloatArray:
-        """Return p, q, r, g1, g2, g3 at ``times`` (n,), shape (n, 6)."""
-        return self._sample(times, ALL)
+    def sample(self, times: FloatArray, rests: FloatArray | None = None) -> FloatArray:
+        """Return p, q, r, g1, g2, g3 at ``times`` (n,), shape (n, 6); with ``rests``, at the sums of both."""
+        return self._sample(times, np.zeros(len(times)) if rests is None else rests, ALL)
 
     def columns(self, times: FloatArray, names: Sequence[str]) -> FloatArray:
         """Return the variables of these names at ``times`` (n,), shape (n, len(names))."""
-        return self._sample(times, np.array([COLUMNS.index(name) for name in names], dtype=np.int64))
+        return self._sample(
+            times, np.zeros(len(times)), np.array([COLUMNS.index(name) for name in names], dtype=np.int64)
+        )
 
     def error_at(self, times: FloatArray) -> float:
         """Return the bound of the absolute error of any variable at any of ``times``."""
         latest = float(np.abs(times).max(initial=0.0))
         return float(self.bounds.error_at(latest, self.period.hi, self.period.error))
 
-    def _sample(self, times: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
+    def _sample(self, times: FloatArray, rests: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
         times = np.ascontiguousarray(times, dtype=np.float64)
+        rests = np.ascontiguousarray(rests, dtype=np.float64)
         out = np.empty((len(times), len(columns)))
-        sample(self.loop, self.panels, len(self.panels), times, columns, out)
+        sample(self.loop, self.panels, len(self.panels), times, rests, columns, out)
         return out

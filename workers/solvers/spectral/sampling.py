@@ -62,10 +62,16 @@ _TIME, _PHASE, _FLOOR, _CEILING, _VALUE, _IS_DONE = (
 
 @kernel
 def _reduce(
-    loop: FloatArray, times: FloatArray, local: FloatArray, left_out: FloatArray, sense: FloatArray
+    loop: FloatArray,
+    times: FloatArray,
+    rests: FloatArray,
+    local: FloatArray,
+    left_out: FloatArray,
+    sense: FloatArray,
 ) -> None:
     """Fill in the time on the panels, by a multiple of the period less, what it leaves out, and the sense.
 
+    The times are the sums of ``times`` and ``rests``.
     A time has the size of the period: its roundings would be the largest of all.
     """
     hi, lo, origin = loop[curve.PERIOD_HI], loop[curve.PERIOD_LO], loop[curve.ORIGIN]
@@ -81,7 +87,7 @@ def _reduce(
         a_low = n - a_high
         # Dekker's: what the product leaves out. The difference of the time and the product is exact.
         rest = ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
-        t, r1 = two_sum(first * (times[k] - product), -first * (rest + n * lo))
+        t, r1 = two_sum(first * (times[k] - product), -first * (rest + n * lo - rests[k]))
         t, r2 = two_sum(t, origin)
         turn = 1.0 if t < 0.0 else (-1.0 if t >= hi else 0.0)
         t, r3 = two_sum(t, turn * hi)
@@ -160,9 +166,18 @@ def _row_of(loop: FloatArray, column: int) -> tuple[int, float]:
 
 @kernel
 def sample(
-    loop: FloatArray, panels: FloatArray, number: int, times: FloatArray, columns: IntArray, out: FloatArray
+    loop: FloatArray,
+    panels: FloatArray,
+    number: int,
+    times: FloatArray,
+    rests: FloatArray,
+    columns: IntArray,
+    out: FloatArray,
 ) -> None:
-    """Fill ``out`` (times, columns) with the columns asked, numbered 0 to 5 for p, q, r, g1, g2, g3."""
+    """Fill ``out`` (times, columns) with the columns asked, numbered 0 to 5 for p, q, r, g1, g2, g3.
+
+    The times are the sums of ``times`` and ``rests``.
+    """
     size = min(BLOCK, len(times))
     flat, local = np.empty(curve.ROWS * STRIDE), np.empty(size)
     left_out, sense = np.empty(size), np.empty(size)
@@ -174,7 +189,8 @@ def sample(
         wants_omega = wants_omega or column == 0 or column == 2
     for start in range(0, len(times), BLOCK):
         count = min(BLOCK, len(times) - start)
-        _reduce(loop, times[start : start + count], local, left_out, sense)
+        stop = start + count
+        _reduce(loop, times[start:stop], rests[start:stop], local, left_out, sense)
         sort_by_interval(starts, local[:count], home, begins, order)
         for n in range(number):
             begin, end = begins[n], begins[n + 1]

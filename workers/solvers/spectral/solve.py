@@ -202,6 +202,7 @@ def _solve(
         MATRIX,
         POINTS,
         times,
+        np.zeros(len(times)),
         columns,
         panels,
         out,

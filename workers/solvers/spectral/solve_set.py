@@ -147,12 +147,13 @@ def solve_sets(
     matrix: FloatArray,
     points: FloatArray,
     times: FloatArray,
+    rests: FloatArray,
     columns: IntArray,
     keep: FloatArray,
     out: FloatArray,
     about: FloatArray,
 ) -> None:
-    """Solve every row of ``constants`` and ``loops``, and sample it.
+    """Solve every row of ``constants`` and ``loops``, and sample it at ``times`` + ``rests``.
 
     ``given`` holds (log λ, -) of each set, or (u at the start, sense) where the loop
     is known by its roots. ``about`` gets what :func:`map_time` says of each; 0 panels
@@ -191,4 +192,4 @@ def solve_sets(
         if number == 0:
             out[n] = math.nan
             continue
-        sample(loop, keep, number, times, columns, out[n])
+        sample(loop, keep, number, times, rests, columns, out[n])
