@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.bounds import is_within
 from service.dynamics.euler_poisson import energy_integral
 from service.dynamics.motion import Estimate, Motion
 from service.dynamics.potentials.potential import Potential
@@ -73,7 +74,7 @@ def integrate_state(
         if twin.ending is not None:
             raise twin.ending
         error = float(twin.error_estimate(body, potential, check).max())
-        if error <= tolerance:
+        if is_within(error, tolerance):
             return _motion(twin, body, potential, times, check, chosen.name, error)
         reached = min(reached, error)
     raise AccuracyNotMetError(reached, tolerance)
