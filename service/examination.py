@@ -30,6 +30,7 @@ from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.named import Named
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
+from service.dynamics.reduction.ends import require_known_ends
 from service.dynamics.reduction.existence import find_existence
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.window import Window
@@ -40,7 +41,6 @@ from service.dynamics.reduction.windows import (
     SeveralWindowsError,
     choose_window,
     find_windows,
-    require_inside_domain,
 )
 from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.verdict import Verdict, decide
@@ -259,7 +259,7 @@ def _require_motion(problem: Problem, motion: PlanarMotion, windows: tuple[Windo
     """Return the window of the motion, or raise what its job would end with."""
     window = choose_window(windows, motion)
     if problem.method != "integration":
-        require_inside_domain(window)
+        require_known_ends(window)
     starting_point(window, motion)
     if window.kind != "periodic" and isinstance(problem.time, TimePeriods):
         raise PeriodNeededError(

@@ -6,6 +6,7 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
+from service.dynamics.bounds import is_within, largest
 from service.dynamics.enclosure import JOIN_BITS, RADIUS, parts_for, split
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS, PROVEN_SAMPLES, Motion
@@ -60,7 +61,7 @@ def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
     AccuracyNotMetError
         There is no enclosure of this kind of motion, or its rounding to doubles is worse as well.
     """
-    if motion.error <= problem.tolerance:
+    if is_within(motion.error, problem.tolerance):
         return motion
     try:
         found = _certify(problem, motion)
@@ -68,7 +69,7 @@ def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
         raise AccuracyNotMetError(motion.error, problem.tolerance) from None
     rounded = np.array([[float(ball.mid()) for ball in state] for state in found.states])
     proven = _with_samples(motion, found, rounded)
-    if not proven.error <= problem.tolerance:
+    if not is_within(proven.error, problem.tolerance):
         raise AccuracyNotMetError(min(motion.error, proven.error), problem.tolerance)
     return replace(proven, evidence={**motion.evidence, PROVEN_SAMPLES: found.method})
 
@@ -88,13 +89,12 @@ def _certify(problem: Problem, motion: Motion) -> Certified:
 
 def _with_samples(motion: Motion, found: Certified, samples: FloatArray) -> Motion:
     """Return ``motion`` with ``samples``, and how far these are from the truth."""
-    error = max(
+    error = largest(
         (
             _error(ball, double)
             for state, row in zip(found.states, samples.tolist(), strict=True)
             for ball, double in zip(state, row, strict=True)
         ),
-        default=0.0,
     )
     return replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error)
 

@@ -5,10 +5,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.bounds import is_within
 from service.dynamics.dense_output import DenseOutput
 from service.dynamics.errors import BudgetTooSmallError, DynamicsError
 from service.dynamics.motion import COLUMNS, CrossCheck, Motion
@@ -24,6 +26,7 @@ from service.storage.solutions.codec import encode_arrays, encode_dense
 from workers.certification import beside_enclosures, certified_samples, with_tolerance_kept
 from workers.findings import find_out
 from workers.solvers.cross_check import compare
+from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.solve import integrate_state
 from workers.solvers.quadrature.description import FIRST_PASSAGE
 from workers.solvers.quadrature.solve import attempt_planar, planar_start, solve_planar
@@ -41,6 +44,7 @@ def solve_document(document_json: str) -> SolveOutcome:
         motion, certified, enclosures = solve(problem), None, dict[str, FloatArray]()
         if problem.accuracy.tier == "certified":
             motion, certified, enclosures = certified_samples(problem, motion)
+        motion = _require_finite(motion, problem.tolerance)
         findings = find_out(problem, motion)
         summary = summarise(document, problem, motion, findings, certified)
     except DynamicsError as fault:
@@ -104,6 +108,16 @@ def solve(problem: Problem) -> Motion:
     if problem.method == "both":
         motion = replace(motion, cross_check=_cross_check(problem, motion))
     return with_tolerance_kept(problem, motion)
+
+
+def _require_finite(motion: Motion, tolerance: float) -> Motion:
+    """Refuse a motion whose numbers are not all finite: no bound is one of them."""
+    numbers = (motion.samples, motion.dense.coefficients, motion.dense.breaks)
+    if not all(np.isfinite(part).all() for part in numbers):
+        raise AccuracyNotMetError(float("nan"), tolerance)
+    if not (isfinite(motion.dense.error) and is_within(motion.error, float("inf"))):
+        raise AccuracyNotMetError(float("nan"), tolerance)
+    return motion
 
 
 def _integrate(

@@ -15,6 +15,7 @@ from random import Random
 import numpy as np
 from sqlalchemy import func, select
 
+from service.dynamics.bounds import is_within, largest
 from service.dynamics.dense_output import DenseOutput, OutsideHorizonError
 from service.dynamics.orientation import trajectory_columns, trajectory_errors
 from service.jobs.outcome import SolveOutcome
@@ -106,7 +107,7 @@ def _repeat(stored: _Stored, sandbox: Sandbox, seconds: float) -> Repetition:
         has_same_numbers = _has_same_numbers(stored, outcome)
     except CodecError as fault:
         return Repetition(stored.solution, Sameness.DIFFERENT, str(fault))
-    if distance > 1.0:
+    if not is_within(distance, 1.0):
         detail = f"apart by {distance:.2g} of what both errors allow"
         return Repetition(stored.solution, Sameness.DIFFERENT, detail)
     changed = _changed_provenance(stored, outcome.summary)
@@ -157,7 +158,7 @@ def _changed_provenance(stored: _Stored, summary: Mapping[str, object]) -> list[
 def _distance(stored: _Stored, summary: Mapping[str, object], dense: DenseOutput) -> float:
     """Return the largest distance of two corresponding numbers, in units of the sum of their errors."""
     numbers = [_apart(stored.summary.get(name), summary.get(name)) for name in _NUMBERS]
-    return max(*numbers, _functions_apart(decode_dense(stored.dense), dense))
+    return largest([*numbers, _functions_apart(decode_dense(stored.dense), dense)])
 
 
 def _apart(one: object, other: object) -> float:
@@ -189,11 +190,14 @@ def _functions_apart(one: DenseOutput, other: DenseOutput) -> float:
     except OutsideHorizonError:
         return float("inf")
     errors, other_errors = trajectory_errors(one, times), trajectory_errors(other, times)
-    return max(
+    return largest(
         _ratio(float(np.max(np.abs(values[name] - others[name]))), errors[name] + other_errors[name])
         for name in values
     )
 
 
 def _ratio(distance: float, allowed: float) -> float:
-    return 0.0 if distance == 0.0 else distance / allowed if allowed > 0.0 else float("inf")
+    if distance == 0.0:
+        return 0.0
+    # Errors without end would allow any distance.
+    return distance / allowed if 0.0 < allowed < float("inf") else float("inf")

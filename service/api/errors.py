@@ -45,6 +45,7 @@ TITLES: Mapping[str, str] = {
     "period_needed": "The motion has no period",
     "request_timeout": "The request came too slowly",
     "role_insufficient": "The role is not enough",
+    "flat_zero": "p² vanishes as no power of the distance",
     "host_not_local": "Not a name of this machine",
     "several_windows": "There are several motions",
     "start_needed": "A start must be given",

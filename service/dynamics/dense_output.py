@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.bounds import largest
 from service.dynamics.errors import DynamicsError
 
 FloatArray = NDArray[np.float64]
@@ -117,7 +118,7 @@ class DenseOutput:
 
     def error_at(self, times: FloatArray) -> float:
         """Return the bound of the absolute error of any column at any of ``times``; see :meth:`errors_at`."""
-        return max(self.errors_at(times).values())
+        return largest(self.errors_at(times).values())
 
     def errors_at(self, times: FloatArray) -> dict[str, float]:
         """Return the bound of the absolute error of each column at any of ``times``, by name.

@@ -23,6 +23,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from service.dynamics.bounds import largest
 from service.dynamics.dense_output import (
     EPSILON,
     Advance,
@@ -217,13 +218,13 @@ def _about_vertical(angle: FloatArray) -> FloatArray:
 def _quaternion_error(dense: DenseOutput, times: FloatArray) -> float:
     """Return the bound within a period, and what the errors of phase and of the advance do to it."""
     own: Mapping[str, float] = dense.errors
-    bound = max(own.get(name, dense.error) for name in LOCAL_QUATERNION) + 2.0 * EPSILON
+    bound = largest(own.get(name, dense.error) for name in LOCAL_QUATERNION) + 2.0 * EPSILON
     if dense.period is None or not len(times):
         return bound
     local, turns = split_time(times, dense.period)
     phase = dense.phase_error(times)
     here, *moved = (_quaternion(dense, local + by) for by in (0.0, -phase, phase))
-    bound += max(float(np.abs(there - here).max()) for there in moved)
+    bound += largest(float(np.abs(there - here).max()) for there in moved)
     return bound + 0.5 * float(np.abs(turns).max()) * dense.advances.get(PRECESSION[0], Advance()).error
 
 

@@ -6,10 +6,13 @@ by the multiplier in each period. The witness knows how far it can be trusted:
 by the difference of its own two runs.
 """
 
+from math import isfinite
+
 import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.bounds import is_within
 from service.dynamics.motion import CrossCheck, Motion
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.integration.interface import neighbour_of
@@ -72,7 +75,8 @@ def compare(
     disagreement = float(np.abs(twin.fine(times) - quadrature.dense(times)).max())
     horizon = float(np.abs(times[-1]))
     asked = float(np.abs(quadrature.times).max())
-    explained = disagreement <= quadrature.error + float(witness[-1]) + tolerance
+    allowed = quadrature.error + float(witness[-1]) + tolerance
+    explained = isfinite(allowed) and is_within(disagreement, allowed)
     return CrossCheck(
         method=f"integration ({chosen.name})",
         disagreement=disagreement,

@@ -1,6 +1,6 @@
 """Errors that every method can end with."""
 
-from math import floor, log10
+from math import floor, isfinite, log10
 
 from service.dynamics.accuracy import LARGEST_TOLERANCE, SMALLEST_TOLERANCE
 from service.dynamics.errors import DynamicsError
@@ -12,9 +12,10 @@ class AccuracyNotMetError(DynamicsError):
     code = "accuracy_not_met"
 
     def __init__(self, reached: float, tolerance: float) -> None:
+        found = f"is estimated as {reached:.1e}" if isfinite(reached) else "cannot be told"
         super().__init__(
-            f"the largest error over the asked times is estimated as {reached:.1e}, above the tolerance "
-            f"{tolerance:.1e}; {_advice(reached)}",
+            f"the largest error over the asked times {found}, and the tolerance is {tolerance:.1e}; "
+            f"{_advice(reached)}",
             pointer="/accuracy",
         )
         self.reached = reached

@@ -34,21 +34,22 @@ def measure_drifts(body: RigidBody, potential: Potential, motion: Motion) -> Dri
     """
     omega, gamma = motion.samples[:, :3], motion.samples[:, 3:]
     areas = areas_integral(body, omega, gamma)
+    V = _potential_energies(potential, gamma)
+    # A potential such as g3^8/g1^3 has a limit at a pole but no value there.
+    is_undefined = ~np.isfinite(V) & np.isfinite(motion.samples).all(axis=1)
+    energies = kinetic_energy(body, omega) + V
     return Drifts(
-        energy=_largest(_energies(body, potential, omega, gamma) - motion.energy.value),
+        energy=_largest(energies[~is_undefined] - motion.energy.value),
         geometric=_largest(geometric_integral(gamma) - 1.0),
         areas=_largest(areas - (0.0 if motion.window is not None else areas[0])),
     )
 
 
-def _energies(body: RigidBody, potential: Potential, omega: FloatArray, gamma: FloatArray) -> FloatArray:
-    """Return the energy integral with V from balls: large terms that cancel are no drift of the motion."""
+def _potential_energies(potential: Potential, gamma: FloatArray) -> FloatArray:
+    """Return V from balls: large terms that cancel are no drift of the motion."""
     with ctx.workprec(BITS):
-        V = [float(potential.value_ball(*(arb(g) for g in row))) for row in gamma.tolist()]
-    energies: FloatArray = kinetic_energy(body, omega) + np.array(V)
-    return energies
+        return np.array([float(potential.value_ball(*(arb(g) for g in row))) for row in gamma.tolist()])
 
 
 def _largest(departures: FloatArray) -> float:
-    # A potential such as g3^8/g1^3 has a limit at a pole but no value there.
-    return float(np.abs(departures[np.isfinite(departures)]).max(initial=0.0))
+    return float(np.abs(departures).max(initial=0.0))

@@ -85,7 +85,8 @@ class BlockSolver:
         if swept is None:
             return
         numbers, parameters = self._numbers(swept), points.doubles[list(self._quick.places)].T[places]
-        decided = swept.errors <= problem.tolerance
+        decided = np.isfinite(swept.errors) & (swept.errors <= problem.tolerance)
+        decided &= np.isfinite(swept.samples).all(axis=(1, 2))
         decided &= ~swept.passes_pole | self._are_plain(parameters)
         decided &= self._quick.family.keeps_its_sign(parameters, swept.approaches)
         if self._keeps_energy and side.energies is not None:
@@ -93,7 +94,7 @@ class BlockSolver:
             energies = np.array(side.energies.rounded(exact, chosen)).reshape(-1, 2)
             numbers |= {"energy": energies[:, 0], "energy.error": energies[:, 1]}
             for name in self._sweep.keep:
-                decided &= ~np.isnan(numbers[name]) if name in ("energy", "energy.error") else True
+                decided &= np.isfinite(numbers[name]) if name in ("energy", "energy.error") else True
         found.add(places, decided, numbers, swept)
         rest = np.flatnonzero(~decided)
         curves = [chosen[place] for place in rest.tolist()]

@@ -7,9 +7,9 @@ from flint import arb
 
 from service.dynamics.reduction.loop import Loop
 
-ArcEnd = Literal["rest", "double", "collision", "pole", "edge"]
-"""A simple zero of P; a zero of higher order; P → ∞ at a pole; a pole that is not passed;
-the edge of where the potential is defined."""
+ArcEnd = Literal["rest", "double", "flat", "collision", "pole", "edge"]
+"""A simple zero of P; a zero of order two or more; one of no order that is known; P → ∞ at a pole;
+a pole that is not passed; the edge of where the potential is defined."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,8 @@ UNRESOLVED = 1e-9
 MAX_SPLITS = 12
 STEEPEST = 400.0
 """Largest power of the distance to a pole that a panel is levelled by."""
+FLAT = 2000.0
+"""A larger one is not that of a power law, and panels would never be short enough for a series."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,9 @@ def resolved_panels(loop: Loop, g3_sign: int, radicand: Radicand) -> list[tuple[
         series = chebyshev_coefficients(_levelled_values(loop, g3_sign, radicand, waiting))
         sizes = np.abs(series)
         # Written so that NaN is unresolved.
-        resolved = sizes[-3:].max(axis=0) <= UNRESOLVED * sizes.max(axis=0)
+        largest = sizes.max(axis=0)
+        # Doubles that underflow all along a panel say nothing of P.
+        resolved = (sizes[-3:].max(axis=0) <= UNRESOLVED * largest) & (largest > 0.0)
         following: list[Panel] = []
         for panel, coefficients, good in zip(waiting, series.T, resolved, strict=True):
             if good:
@@ -123,8 +127,10 @@ def _levelled_values(loop: Loop, g3_sign: int, radicand: Radicand, panels: list[
         ratio = values[0] / values[-1]
         power = np.log(np.where(ratio > 0.0, ratio, 1.0)) / np.log(nodes[0] / nodes[-1])
         # A zero at an end of the panel, as one on the equator, is no power of the distance to a pole.
+        is_flat = (facing != 0.0) & (np.abs(power) > FLAT)
         power = np.where(facing == 0.0, 0.0, np.clip(power, -STEEPEST, STEEPEST))
         levelled = values * (nodes / nodes[0]) ** -power
+    levelled[:, is_flat] = np.nan
     return np.where(np.isfinite(levelled), levelled, np.nan)
 
 

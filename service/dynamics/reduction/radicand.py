@@ -8,7 +8,7 @@ critical value that is tiny against the panel is refined first, so that two
 zeros closer than doubles can tell are still two, and a double zero is one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.reduction.loop import Loop
+from service.dynamics.reduction.orders import lowest_place
 from service.dynamics.reduction.panels import Panel, resolved_panels
 from service.dynamics.reduction.zeros import (
     Place,
@@ -121,8 +122,7 @@ def _cuts(panel: Panel, series: FloatArray, radicand: Radicand) -> list[Place]:
     """
     backwards = panel.region == "south"
     if not np.all(np.isfinite(series)):
-        nodes = panel.nodes() if backwards else panel.nodes()[::-1]
-        return [Place(panel.region, arb(float(x))) for x in nodes]
+        return _sampled_cuts(panel, radicand)
     size = float(np.abs(series).sum())
     if 2.0 * abs(series[0]) > 1.000001 * size:
         return [Place(panel.region, arb(panel.left), sign=1 if series[0] > 0.0 else -1)]
@@ -135,8 +135,10 @@ def _cuts(panel: Panel, series: FloatArray, radicand: Radicand) -> list[Place]:
     for root in inside:
         x, nothing = arb(float(middle + half * root)), arb(0)
         if abs(np.polynomial.chebyshev.chebval(root, series)) < SUSPECT * size:
-            x = _extremum(lambda at: radicand(Place(panel.region, at)), x, arb(1e-4 * half))
-            nothing = size * arb(2) ** -int(DOUBLE_SHARE * ctx.prec)
+            found = _extremum(lambda at: radicand(Place(panel.region, at)), x, arb(1e-4 * half))
+            # A parabola through a flat stretch leads anywhere.
+            if abs(found - middle) < 1.01 * half:
+                x, nothing = found, size * arb(2) ** -int(DOUBLE_SHARE * ctx.prec)
             # The edge next to a double zero is a double, at which P is tiny but not zero.
             touches = abs(radicand(Place(panel.region, x))).upper() <= nothing
             if touches and abs(root) > 0.999:
@@ -144,6 +146,32 @@ def _cuts(panel: Panel, series: FloatArray, radicand: Radicand) -> list[Place]:
         cuts.append(Place(panel.region, x, nothing))
     cuts.extend(Place(panel.region, arb(x)) for x in edges.values())
     return sorted(cuts, key=lambda place: float(place.x), reverse=backwards)
+
+
+def _sampled_cuts(panel: Panel, radicand: Radicand) -> list[Place]:
+    """Return the nodes of a panel that no series resolves, and the zeros between them where P only touches 0.
+
+    Such a zero of no order, as of exp(-1/x²), or of another than an even one, as of |x|³,
+    leaves no series: between two nodes that are lowest among their neighbours it is looked for.
+    """
+    nodes = [arb(x) for x in panel.nodes()[::-1].tolist()]
+    places = [Place(panel.region, x) for x in nodes]
+    # A zero next to an end of the panel may be on either side of it.
+    nodes = [2 * nodes[0] - nodes[1], *nodes, 2 * nodes[-1] - nodes[-2]]
+    sizes = [abs(radicand(Place(panel.region, x)).mid()) for x in nodes]
+    for (left, _, right), (before, size, after) in zip(_triples(nodes), _triples(sizes), strict=True):
+        if not (size <= before and size <= after):
+            continue
+        nothing = before.max(after) * arb(2) ** -int(DOUBLE_SHARE * ctx.prec)
+        x = lowest_place(lambda at: radicand(Place(panel.region, at)), left, right, nothing)
+        is_inside = min(x - left, right - x) > 1e-3 * (right - left)
+        if is_inside and abs(radicand(Place(panel.region, x))).upper() <= nothing:
+            places.append(Place(panel.region, x, nothing))
+    return sorted(places, key=lambda place: float(place.x), reverse=panel.region == "south")
+
+
+def _triples(values: list[arb]) -> Iterator[tuple[arb, arb, arb]]:
+    return zip(values, values[1:], values[2:], strict=False)
 
 
 def _extremum(function: Callable[[arb], arb], x: arb, step: arb) -> arb:

@@ -9,6 +9,7 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc, ArcEnd
+from service.dynamics.reduction.ends import height
 from service.dynamics.reduction.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.radicand import HalfLoop, precise_radicand, scan_half
 from service.dynamics.reduction.window import EndKind, Window, WindowKind
@@ -43,12 +44,6 @@ class SeveralWindowsError(DynamicsError):
         self.windows = windows
 
 
-class LeavesDomainError(DynamicsError):
-    """The motion runs into the edge of where the potential is defined."""
-
-    code = "leaves_domain"
-
-
 class NoSuchWindowError(DynamicsError):
     """A window was chosen that the curve does not have."""
 
@@ -60,17 +55,7 @@ class NoSuchWindowError(DynamicsError):
         self.windows = windows
 
 
-_ENDS: dict[ZeroKind, ArcEnd] = {"simple": "rest", "multiple": "double", "edge": "edge"}
-
-
-def require_inside_domain(window: Window) -> None:
-    """Raise LeavesDomainError if the motion in ``window`` runs out of the potential's domain."""
-    if window.kind == "edge":
-        raise LeavesDomainError(
-            f"the potential is defined on the curve only for g2 between {window.g2[0]:.15g} and "
-            f"{window.g2[1]:.15g}, and the motion does not turn back before",
-            pointer="/potential",
-        )
+_ENDS: dict[ZeroKind, ArcEnd] = {"simple": "rest", "multiple": "double", "flat": "flat", "edge": "edge"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,9 +146,9 @@ def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
         if sign > 0
     ]
     isolated = [
-        Arc(loop, at.v, at.v, "double", "double")
+        Arc(loop, at.v, at.v, at.end, at.end)
         for at, left, right in zip(breaks, signs, signs[1:], strict=False)
-        if at.end == "double" and left < 0 and right < 0
+        if at.end in ("double", "flat") and left < 0 and right < 0
     ]
     return sorted(arcs + isolated, key=lambda arc: float(arc.lower))
 
@@ -200,6 +185,8 @@ def _beyond(other: HalfLoop, pole: arb, *, before: bool) -> _Break:
 def _pole_end(kind: PoleKind) -> ArcEnd:
     # P > 0 up to a pole that cannot be passed: it diverges, or dies out there, or
     # has another limit on the mirror curve.
+    if kind == "flat":
+        return "flat"
     return "collision" if kind == "collision" else "pole"
 
 
@@ -247,7 +234,7 @@ def _describe(arcs: tuple[Arc, ...], g3_sign: int) -> Window:
     sign = g3_sign if loop.mirrored else loop.g1_sign
     lo = 0.0 if lo_end == "pole" else min(sizes)
     hi = _absolute_g1(loop, arb.pi() / 2) if hi_end == "equator" else max(sizes)
-    heights = [_g2(loop, v) for v in (lo_v, hi_v)]
+    heights = [height(loop, v) for v in (lo_v, hi_v)]
     for pole in [*arc.poles, *([arb(0), arb.pi()] if arc.is_whole_loop else [])]:
         heights.append(float(pole.cos()))
     return Window(
@@ -257,7 +244,7 @@ def _describe(arcs: tuple[Arc, ...], g3_sign: int) -> Window:
 
 def _stop(arc: Arc, v: arb) -> EndKind:
     end = arc.lower_end if v is arc.lower else arc.upper_end
-    return "equilibrium" if end == "double" else "edge" if end == "edge" else "rest"
+    return "equilibrium" if end in ("double", "flat") else "edge" if end == "edge" else "rest"
 
 
 def _ends_at_pole(arc: Arc, v: arb) -> bool:
@@ -273,7 +260,7 @@ def _kind(arc: Arc) -> WindowKind:
         return "edge"
     if "collision" in ends:
         return "collision"
-    if "double" in ends:
+    if "double" in ends or "flat" in ends:
         return "separatrix"
     return "pole" if "pole" in ends else "periodic"
 
@@ -286,13 +273,3 @@ def _absolute_g1(loop: Loop, v: arb) -> float:
     if sine.contains(arb(0)):
         return 0.0
     return float(loop.G * (sine.log() * loop.alpha.numerator / loop.alpha.denominator).exp())
-
-
-def _g2(loop: Loop, v: arb) -> float:
-    """Return g2 at v, exactly ±1 or 0 where the loop passes a pole or the equator."""
-    sine, cosine = v.sin_cos()
-    if sine.contains(arb(0)):
-        return 1.0 if cosine > 0 else -1.0
-    if cosine.contains(arb(0)):
-        return 0.0
-    return float(loop.point_from(sine, cosine).g2)

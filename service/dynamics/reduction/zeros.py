@@ -7,9 +7,11 @@ from typing import Literal
 
 from flint import arb, ctx
 
+from service.dynamics.reduction.orders import exponent_at, lowest_place, order_of_zero
+
 Region = Literal["north", "middle", "south"]
 """Near a pole the coordinate x is the distance to it; in the middle it is v."""
-PoleKind = Literal["passable", "blocked", "collision", "asymptotic"]
+PoleKind = Literal["passable", "blocked", "collision", "asymptotic", "flat"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +30,8 @@ class Place:
         return arb.pi() - self.x if self.region == "south" else self.x
 
 
+HALVINGS = 200
+"""Of a bracket about a zero of high order: 2^-200 of it is left, enough for what comes near."""
 ENOUGH_BITS = 32
 """Relative accuracy at which a value and its sign are believed."""
 POLE_EXPONENTS = (-1408, -704, -352)
@@ -35,12 +39,16 @@ POLE_EXPONENTS = (-1408, -704, -352)
 differ by 1e600 may change places at 2^-1000. A formula that cancels next to the pole needs more
 bits at the nearest than there are: then the others serve."""
 
+STEEPEST = 2000.0
+"""Largest power of the distance to a pole that P is taken to be like."""
+
 Radicand = Callable[[Place], arb]
 """P as a function of the place."""
 
 
-ZeroKind = Literal["simple", "multiple", "edge"]
-"""A zero of order one; of order two or more: an equilibrium or separatrix; the edge of where P is defined."""
+ZeroKind = Literal["simple", "multiple", "flat", "edge"]
+"""A zero of order one; of order two or more: an equilibrium or separatrix; of no order that is known;
+the edge of where P is defined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +83,8 @@ def zeros_between(cuts: list[Place], radicand: Radicand) -> tuple[list[Zero], li
                 zeros.append(Zero((place if is_defined else last).v(), "edge"))
                 signs.append(sign)
         elif touched is not None:
-            simple = sign != signs[-1] and _is_simple(radicand, touched)
-            zeros.append(Zero(touched.v(), "simple" if simple else "multiple"))
+            crosses = sign != signs[-1]
+            zeros.append(_crossing(radicand, last, place) if crosses else _touch(radicand, touched))
             signs.append(sign)
         elif sign != signs[-1]:
             zeros.append(_crossing(radicand, last, place))
@@ -139,8 +147,39 @@ def _crossing(radicand: Radicand, left: Place, right: Place) -> Zero:
 
     root = Place(left.region, enclose_zero(function, left.x, right.x))
     # Two simple zeros that are close look like a double one from afar.
-    simple = _is_simple(radicand, root) or _is_simple(radicand, root, -3 * ctx.prec // 8)
-    return Zero(root.v(), "simple" if simple else "multiple")
+    if _is_simple(radicand, root) or _is_simple(radicand, root, -3 * ctx.prec // 8):
+        return Zero(root.v(), "simple")
+    # Where P is flat its values say little of where its zero is, and its signs all.
+    return _of_order(radicand, Place(left.region, _by_signs(function, left.x, right.x)))
+
+
+def _touch(radicand: Radicand, place: Place) -> Zero:
+    """Return the zero at a place where P touches 0."""
+    zero = _of_order(radicand, place)
+    if zero.kind == "multiple":
+        return zero
+    # The place may be too far from a zero of high order for its order to be seen.
+    x = place.x.mid()
+    reach = abs(x) * arb(2) ** -8
+    better = lowest_place(lambda at: radicand(Place(place.region, at)), x - reach, x + reach, arb(0))
+    return _of_order(radicand, Place(place.region, better))
+
+
+def _of_order(radicand: Radicand, place: Place) -> Zero:
+    order = order_of_zero(lambda x: radicand(Place(place.region, x)), place.x)
+    return Zero(place.v(), "multiple" if order == "power" else "flat")
+
+
+def _by_signs(function: Callable[[arb], arb], a: arb, b: arb) -> arb:
+    """Return the place between a and b where the sign changes, by halving alone."""
+    a, b = a.mid(), b.mid()
+    rises = function(b) > 0
+    for _ in range(HALVINGS):
+        middle = ((a + b) / 2).mid()
+        if middle in (a, b):
+            break
+        a, b = (a, middle) if (function(middle) > 0) == rises else (middle, b)
+    return a
 
 
 def _common_region(left: Place, right: Place) -> tuple[Place, Place]:
@@ -187,10 +226,10 @@ def _proved(function: Callable[[arb], arb], x: arb) -> arb:
 
 def _is_simple(radicand: Radicand, place: Place, exponent: int = -60) -> bool:
     """Say whether P grows like the first power of the distance from its zero, at 2^exponent of x."""
-    x = place.x.mid()
-    steps = (abs(x) * arb(2) ** exponent, abs(x) * arb(2) ** (exponent - 1))
-    far, near = (abs(radicand(Place(place.region, (x + step).mid()))).mid() for step in steps)
-    return bool(far < arb(3) * near)
+    distance = abs(place.x.mid()) * arb(2) ** (exponent - 1)
+    grows = exponent_at(lambda x: radicand(Place(place.region, x)), place.x.mid(), distance)
+    # 0 of a place that only looks like a zero of high order, next to it.
+    return 0.5 < grows < 1.5
 
 
 def classify_pole(radicand: Radicand, side: Region) -> PoleKind:
@@ -201,7 +240,9 @@ def classify_pole(radicand: Radicand, side: Region) -> PoleKind:
             break
     if not (near > 0 and far > 0):
         return "blocked"
-    slope = float((near / far).log()) / float(arb(2).log() * (nearest - farthest))
+    slope = float((near / far).log() / (arb(2).log() * (nearest - farthest)))
+    if not abs(slope) < STEEPEST:
+        return "flat"
     if abs(slope) < 1e-3:
         return "passable"
     return "asymptotic" if slope > 0 else "collision"

@@ -11,15 +11,11 @@ from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc
+from service.dynamics.reduction.ends import require_known_ends
 from service.dynamics.reduction.loop import Loop, ball
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Window
-from service.dynamics.reduction.windows import (
-    PRECISION,
-    choose_window,
-    find_windows,
-    require_inside_domain,
-)
+from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
 from workers.solvers.certified.complex_loop import ComplexLoop
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.fourier_time import FourierTime, make_fourier_time
@@ -103,7 +99,7 @@ def periodic_window(
         The motion asked for is not there, or not the only one.
     """
     window = choose_window(find_windows(body, potential, motion, precision=max(ctx.prec, PRECISION)), motion)
-    require_inside_domain(window)
+    require_known_ends(window)
     if window.kind != "periodic":
         raise CertifiedUnavailableError(f"it is not periodic ({window.kind})", pointer="/motion")
     return window, starting_point(window, motion)

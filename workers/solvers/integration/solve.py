@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.bounds import is_within
 from service.dynamics.euler_poisson import energy_integral
 from service.dynamics.motion import Estimate, Motion
 from service.dynamics.potentials.potential import Potential
@@ -75,7 +76,7 @@ def integrate_state(
         if twin.ending is not None:
             raise twin.ending
         error = float(twin.error_estimate(body, potential, check).max())
-        if error <= tolerance:
+        if is_within(error, tolerance):
             found = _motion(twin, body, potential, times, check, chosen.name, error)
             return replace(found, samples=twin.fine(times, rests), rests=rests)
         reached = min(reached, error)

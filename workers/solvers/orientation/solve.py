@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from service.dynamics.bounds import largest
 from service.dynamics.dense_output import EPSILON, Advance, DenseOutput, FloatArray
 from service.dynamics.motion import Estimate, Motion
 from service.dynamics.orientation import (
@@ -175,6 +176,6 @@ def _defects(dense: DenseOutput, names: tuple[str, ...], advances: dict[str, Adv
     assert dense.period is not None
     after = orientation_columns(dense, np.array([dense.period.hi]))
     local = zip(LOCAL_QUATERNION, QUATERNION, strict=True)
-    quaternion = max(abs(end[here] - float(after[there][0])) for here, there in local)
+    quaternion = largest(abs(end[here] - float(after[there][0])) for here, there in local)
     angles = (abs(end[name] - advances.get(name, Advance()).hi) for name in names)
     return np.array([quaternion, *angles])

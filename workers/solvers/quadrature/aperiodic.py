@@ -4,6 +4,7 @@ import numpy as np
 from flint import ctx
 from numpy.typing import NDArray
 
+from service.dynamics.bounds import largest
 from service.dynamics.dense_output import EPSILON, DenseOutput
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS, AperiodicKind, Asymptote, Estimate, Motion
@@ -105,7 +106,7 @@ def _rest(window: Window, start: StartingPoint, times: FloatArray) -> Motion:
     """Return the constant motion at a double zero of p²."""
     state = starting_state(start)
     values = np.array([float(value) for value in state])
-    uncertain = max(float(value.rad()) for value in state) + float(start.v.rad())
+    uncertain = largest(float(value.rad()) for value in state) + float(start.v.rad())
     span = np.array([min(0.0, float(times.min())), max(1.0, float(times.max()))])
     dense = DenseOutput(COLUMNS, span, values[None, None, :], None, uncertain + EPSILON)
     at = Asymptote("equilibrium", None, None, (float(values[3]), float(values[4]), float(values[5])))

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.bounds import largest
 from service.dynamics.dense_output import chebyshev_coefficients, chebyshev_points
 from service.dynamics.errors import DynamicsError
 from workers.solvers.quadrature.orbit import Orbit
@@ -90,7 +91,7 @@ def resolve_motion(
             if _is_resolved(series, states, pieces, atol) or pieces > FINEST:
                 done.append((left, right, series))
                 found = np.polynomial.chebyshev.chebval(np.array(BETWEEN), series).T
-                departure = max(departure, float(np.abs(found - states[DEGREE + 1 :]).max()))
+                departure = largest((departure, float(np.abs(found - states[DEGREE + 1 :]).max())))
             else:
                 between = 0.5 * (left + right)
                 following.extend([(left, between), (between, right)])

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.accuracy import TIER_TOLERANCES
+from service.dynamics.bounds import is_within
 from service.dynamics.dense_output import DenseOutput, Period
 from service.dynamics.motion import COLUMNS, Motion
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem
@@ -130,7 +131,7 @@ def _in_doubles(problem: Problem, window: Window) -> _Sampled | None:
     period = found.period
     error = found.error_at(np.array([period.hi]))
     times = sample_times(problem.time, period).doubles if problem.wants_series else np.array([period.hi])
-    if not found.error_at(times) <= problem.tolerance:
+    if not is_within(found.error_at(times), problem.tolerance):
         return None
     evidence: dict[str, float | int | str] = {"compiled": len(found.panels), "rounding": error}
     return _Sampled(found.sample, period, np.zeros(0), error, evidence, found)
@@ -138,7 +139,7 @@ def _in_doubles(problem: Problem, window: Window) -> _Sampled | None:
 
 def _in_closed_form(problem: Problem, window: Window, start: StartingPoint) -> _Sampled | None:
     closed = solve_closed_form(problem.body, problem.potential, start, window)
-    if closed is None or not closed.error() <= WELL_CONDITIONED:
+    if closed is None or not is_within(closed.error(), WELL_CONDITIONED):
         return None
     error = closed.error()
     evidence: dict[str, float | int | str] = {"closed_form": "elliptic functions", "rounding": error}

@@ -7,18 +7,15 @@ from typing import TypeVar
 from flint import ctx
 
 from service.dynamics.body import RigidBody
+from service.dynamics.bounds import is_within
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.reduction.ends import require_known_ends
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Window
-from service.dynamics.reduction.windows import (
-    PRECISION,
-    choose_window,
-    find_windows,
-    require_inside_domain,
-)
+from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.quadrature.aperiodic import solve_aperiodic
 from workers.solvers.quadrature.orbit import starting_state
@@ -59,7 +56,7 @@ def solve_planar(problem: Problem) -> Motion:
         The error is larger than the tolerance.
     """
     solved = attempt_planar(problem)
-    if not solved.error <= problem.tolerance:
+    if not is_within(solved.error, problem.tolerance):
         raise AccuracyNotMetError(solved.error, problem.tolerance)
     return solved
 
@@ -110,7 +107,7 @@ def with_enough_bits(problem: Problem, solve: Callable[[Problem, PlanarStart], T
 
 def _solve(problem: Problem, found: PlanarStart) -> Motion:
     window, start = found.window, found.start
-    require_inside_domain(window)
+    require_known_ends(window)
     if window.kind != "periodic" and window.kind != "edge":
         return solve_aperiodic(problem, window, window.kind, start)
     return solve_periodic(problem, window, start)

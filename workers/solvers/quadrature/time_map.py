@@ -187,9 +187,12 @@ def _integrate(rate: Callable[[arb], arb], left: float, right: float, rule: _Rul
     values = [pi * rate(pi * (middle + half * x)) for x in rule.points]
     if min(value.rel_accuracy_bits() for value in values) < 60:
         raise PrecisionLostError("the integrand is known to fewer than 60 bits")
+    doubles = np.array([float(value) for value in values])
+    if not np.isfinite(doubles).all():
+        raise QuadratureNotConvergedError("the time of a part of the way is beyond all doubles")
     length = _sum(rule.weights, values)
     coarse = _sum(rule.coarse_weights, values[::2])
-    series = chebyshev_coefficients(np.array([float(value) for value in values]))
+    series = chebyshev_coefficients(doubles)
     change = abs(float((length - coarse) / length))
     return _Panel(left, right, series, (length * half).mid(), change)
 

@@ -30,6 +30,12 @@ PLACES = 4
 """Of a panel, where the rounding is looked at: three for t, the last for dt/du."""
 
 
+@inlined
+def larger(one: float, other: float) -> float:
+    """Return the larger of two numbers, NaN if either is: ``max`` drops it by its place."""
+    return other if other > one or np.isnan(other) else one
+
+
 @kernel
 def _place_of(panel: FloatArray, k: int) -> float:
     share = 0.37 if k == PLACES - 1 else 0.09 + 0.4 * k
@@ -45,7 +51,7 @@ def _noise_by_roots(loop: FloatArray, desk: FloatArray, count: int) -> None:
         worst, k = 0.0, curve.ROOTS_MODE + 6 + 2 * reals
         for _ in range(pairs):
             away = size * desk[SINE, n] * desk[SINE, n] - loop[k]
-            worst = max(worst, 2.0 * abs(away) * size / (away * away + loop[k + 1] * loop[k + 1]))
+            worst = larger(worst, 2.0 * abs(away) * size / (away * away + loop[k + 1] * loop[k + 1]))
             k += 2
         zeros = loop[curve.ROOTS_MODE + 4] + loop[curve.ROOTS_MODE + 5]
         desk[BOUND, n] = (8.0 + zeros + worst) * 0.5 * EPSILON
@@ -116,9 +122,9 @@ def map_error(
             rough = 0.0
             for k in range(PLACES - 1):
                 rough += desk[BOUND, row + k] / 3.0
-            tail = max(abs(panel[SLOPES + NODES - 1]), abs(panel[SLOPES + NODES - 2]))
+            tail = larger(abs(panel[SLOPES + NODES - 1]), abs(panel[SLOPES + NODES - 2]))
             # T_k integrates to at most 1/(k − 1) of itself: a factor 4 is kept.
             error += rough * panel[LENGTH] + TAIL * tail
             _, smallest = at(panel, _place_of(panel, PLACES - 1))
-            worst = max(worst, desk[BOUND, row + PLACES - 1] + 2.0 * tail / smallest)
+            worst = larger(worst, desk[BOUND, row + PLACES - 1] + 2.0 * tail / smallest)
     return error, worst

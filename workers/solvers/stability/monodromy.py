@@ -13,6 +13,7 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
+from service.dynamics.bounds import largest
 from service.dynamics.dense_output import EPSILON
 from service.dynamics.errors import DynamicsError
 from workers.solvers.quadrature.orbit import Orbit
@@ -174,8 +175,8 @@ def _assemble(panels: list[_Panel], nodes: int) -> Monodromy:
         panel.error * _norm(earlier @ later)
         for panel, earlier, later in zip(panels, before[:-1], after[1:], strict=True)
     ]
-    largest = max(_norm(matrix, 2) for matrix in before)
-    return Monodromy(before[-1], sum(errors), largest / max(1.0, _norm(before[-1], 2)), nodes)
+    longest = largest(_norm(matrix, 2) for matrix in before)
+    return Monodromy(before[-1], sum(errors), longest / max(1.0, _norm(before[-1], 2)), nodes)
 
 
 def _norm(matrix: FloatArray, order: int | None = None) -> float:

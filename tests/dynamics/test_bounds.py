@@ -1,0 +1,118 @@
+"""NaN and infinities pass no bound; no comparison of an error is written so that they could."""
+
+import ast
+from collections.abc import Iterator
+from itertools import permutations
+from math import inf, isnan, nan
+from pathlib import Path
+
+import pytest
+
+import service
+import workers
+from service.dynamics.bounds import is_within, largest
+
+ERRORS = {
+    *("error", "claim", "defect", "drift", "departure", "disagreement", "distance"),
+    *("reached", "tail", "change", "uncertain", "miss"),
+}
+"""In the names of numbers that must not be large."""
+HARMLESS: dict[str, str] = {
+    "potentials/angular.py: tail > RESOLVED * largest": "the integral itself is NaN then, and stays it",
+    "integration/twin.py: run.reached > 0.0": "a time, whose sign is asked",
+    "stability/assessment.py: change >= square": "either branch carries NaN on",
+    "spectral/time_map.py: tail > 0.25 * before": "series with NaN were left undecided before",
+    "spectral/time_map.py: tail * half > tolerance * (length + largest * half)": "the same",
+}
+"""Comparisons that NaN passes, with the reason why that does no harm."""
+HARMLESS_MAXIMA: dict[str, str] = {}
+SOURCES = [
+    *Path(service.__file__).parent.joinpath("dynamics").rglob("*.py"),
+    *Path(workers.__file__).parent.rglob("*.py"),
+]
+
+
+@pytest.mark.parametrize("limit", [0.0, 1e-15, 1.0, inf])
+@pytest.mark.parametrize("error", [nan, inf, -inf])
+def test_what_is_not_finite_is_within_no_limit(error, limit):
+    assert not is_within(error, limit)
+
+
+def test_a_limit_of_nan_allows_nothing():
+    assert not is_within(0.0, nan)
+
+
+def test_finite_errors_are_compared():
+    assert is_within(1e-15, 1e-15)
+    assert is_within(1e300, inf)
+    assert not is_within(2e-15, 1e-15)
+
+
+def test_nan_is_the_largest_in_whatever_place():
+    assert all(isnan(largest(errors)) for errors in permutations((nan, 1.0, inf, -inf)))
+    assert largest([1.0, 3.0, 2.0]) == 3.0
+    assert largest([]) == 0.0
+
+
+def test_every_comparison_of_an_error_is_written_so_that_nan_fails_it():
+    """``error <= limit``, of which ``not`` refuses: never ``error > limit``, which NaN passes by."""
+    found = {place for path in SOURCES for place in _comparisons_that_nan_passes(path)}
+    assert found == set(HARMLESS)
+
+
+def test_no_largest_error_is_taken_by_what_drops_nan():
+    found = {place for path in SOURCES for place in _maxima_that_drop_nan(path)}
+    assert found == set(HARMLESS_MAXIMA)
+
+
+@pytest.mark.parametrize("text", ["error > limit", "limit < abs(a.error)", "1.0 <= found.error_at(times)"])
+def test_the_walk_sees_what_it_is_for(text):
+    (compared,) = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Compare))
+    assert _lets_nan_pass(compared)
+
+
+@pytest.mark.parametrize("text", ["error <= limit", "limit >= errors[0]", "terror > 1", "not error < limit"])
+def test_the_walk_leaves_alone_what_is_written_well(text):
+    (compared,) = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Compare))
+    assert not _lets_nan_pass(compared)
+
+
+def _comparisons_that_nan_passes(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Compare) and _lets_nan_pass(node):
+            yield f"{path.parent.name}/{path.name}: {ast.unparse(node)}"
+
+
+def _maxima_that_drop_nan(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text())):
+        is_builtin = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "max"
+        if is_builtin and any(_is_an_error(part) for argument in node.args for part in _parts(argument)):
+            yield f"{path.parent.name}/{path.name}: {ast.unparse(node)}"
+
+
+def _parts(argument: ast.expr) -> list[ast.expr]:
+    """Return what is compared: the argument, or what a comprehension makes."""
+    return [argument.elt] if isinstance(argument, ast.GeneratorExp | ast.ListComp) else [argument]
+
+
+def _lets_nan_pass(node: ast.Compare) -> bool:
+    sides = [node.left, *node.comparators]
+    larger = (
+        left if isinstance(operator, ast.Gt | ast.GtE) else right
+        for left, operator, right in zip(sides, node.ops, sides[1:], strict=False)
+        if isinstance(operator, ast.Gt | ast.GtE | ast.Lt | ast.LtE)
+    )
+    return any(_is_an_error(side) for side in larger)
+
+
+def _is_an_error(expression: ast.expr) -> bool:
+    match expression:
+        case ast.Call(func=ast.Name(id="abs" | "float"), args=[inner]):
+            return _is_an_error(inner)
+        case ast.Call(func=inner) | ast.Subscript(value=inner) | ast.UnaryOp(operand=inner):
+            return _is_an_error(inner)
+        case ast.BinOp(left=inner, op=ast.Mult() | ast.Div()):
+            return _is_an_error(inner)
+        case ast.Name(id=name) | ast.Attribute(attr=name):
+            return not name.isupper() and any(word.rstrip("s") in ERRORS for word in name.lower().split("_"))
+    return False
