@@ -25,7 +25,13 @@ def test_nothing_is_lost_or_doubled_in_a_short_storm():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("run", [on_sqlite, on_postgres, by_procrastinate])
+@pytest.mark.parametrize("run", [on_sqlite, on_postgres])
 def test_nothing_is_lost_or_doubled_in_a_long_storm_under_load(run):
     plan = Plan(seed=4, jobs=2000, seconds=120.0, kills=300, pause_seconds=0.2)
     is_weathered(run(plan), plan)
+
+
+@pytest.mark.long
+def test_nothing_is_lost_or_doubled_by_two_hosts_with_procrastinate():
+    plan = Plan(seed=3, jobs=200, seconds=6.0)
+    is_weathered(by_procrastinate(plan), plan)
