@@ -99,7 +99,7 @@ def test_numbers_whose_very_rounding_is_larger_than_the_tolerance_are_refused():
     fast["potential"] = {"type": "gravity", "a": "-1e6"}  # half an ulp of r = 1112 is 1e-13
     outcome = solve_document(json.dumps(fast))
     assert outcome.error["code"] == "accuracy_not_met"
-    assert "e-14, above" in outcome.error["detail"]
+    assert "e-14, and the tolerance is 1.0e-15" in outcome.error["detail"]
 
 
 def test_a_motion_without_enclosures_is_refused():

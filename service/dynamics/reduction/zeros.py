@@ -30,8 +30,9 @@ class Place:
         return arb.pi() - self.x if self.region == "south" else self.x
 
 
-HALVINGS = 200
-"""Of a bracket about a zero of high order: 2^-200 of it is left, enough for what comes near."""
+LEFT_BITS = 200
+"""A bracket about a zero of high order is halved to 2^-200 of where it is: enough for what comes near."""
+MOST_HALVINGS = 4000
 ENOUGH_BITS = 32
 """Relative accuracy at which a value and its sign are believed."""
 POLE_EXPONENTS = (-1408, -704, -352)
@@ -149,8 +150,10 @@ def _crossing(radicand: Radicand, left: Place, right: Place) -> Zero:
     # Two simple zeros that are close look like a double one from afar.
     if _is_simple(radicand, root) or _is_simple(radicand, root, -3 * ctx.prec // 8):
         return Zero(root.v(), "simple")
-    # Where P is flat its values say little of where its zero is, and its signs all.
-    return _of_order(radicand, Place(left.region, _by_signs(function, left.x, right.x)))
+    # Where P is flat, or has orders of magnitude to pass, its values say little of where its zero is, and
+    # its signs all.
+    root = Place(left.region, _by_signs(function, left.x, right.x))
+    return Zero(root.v(), "simple") if _is_simple(radicand, root) else _of_order(radicand, root)
 
 
 def _touch(radicand: Radicand, place: Place) -> Zero:
@@ -174,9 +177,9 @@ def _by_signs(function: Callable[[arb], arb], a: arb, b: arb) -> arb:
     """Return the place between a and b where the sign changes, by halving alone."""
     a, b = a.mid(), b.mid()
     rises = function(b) > 0
-    for _ in range(HALVINGS):
+    for _ in range(MOST_HALVINGS):
         middle = ((a + b) / 2).mid()
-        if middle in (a, b):
+        if middle in (a, b) or abs(b - a) < abs(middle) * arb(2) ** -LEFT_BITS:
             break
         a, b = (a, middle) if (function(middle) > 0) == rises else (middle, b)
     return a
