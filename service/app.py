@@ -11,8 +11,8 @@ from fastapi import FastAPI
 
 from service.api.exposition import Metrics
 from service.api.keyring import KeyRing
-from service.api.lanes import Lanes
 from service.api.limits import Limits
+from service.api.reading_threads import ReadingThreads
 from service.api.resources import Resources
 from service.api.routes import install
 from service.api.verdict_queue import VerdictQueue
@@ -75,7 +75,7 @@ def create_app(
             sweeps=SweepStore(database, dispatcher),
             sandbox=children,
             verdicts=verdicts,
-            lanes=Lanes(),
+            reading=ReadingThreads(),
             doorbell=bell,
             metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker),
             keys=ring,

@@ -107,7 +107,7 @@ async def submit_job(
     refuses it. It is refused if none is accepted. Nobody waits for a list.
     """
     check_priority(holder, query.priority, "?priority")
-    found = await inside.lanes.run(len(content), _checked, content, inside.settings)
+    found = await inside.reading.run(len(content), _checked, content, inside.settings)
     seconds = wait_seconds(prefer)
     if isinstance(found, list):
         work = _submit_list(found, inside, holder, query.priority)

@@ -10,8 +10,8 @@ from fastapi import Depends, Request
 
 from service.api.exposition import Metrics
 from service.api.keyring import KeyRing
-from service.api.lanes import Lanes
 from service.api.limits import Limits
+from service.api.reading_threads import ReadingThreads
 from service.api.verdict_queue import VerdictQueue
 from service.jobs.restarts import WorkerStanding
 from service.jobs.store import JobStore
@@ -35,7 +35,7 @@ class Resources:
     sweeps: SweepStore
     sandbox: Sandbox
     verdicts: VerdictQueue
-    lanes: Lanes
+    reading: ReadingThreads
     doorbell: Doorbell
     metrics: Metrics
     keys: KeyRing

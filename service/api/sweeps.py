@@ -75,7 +75,7 @@ async def submit_sweep(content: Body, inside: Inside, holder: Holder) -> Respons
     The base must be a problem with the first value of each axis. Whether a
     point has a motion is told by the point.
     """
-    document, sweep = await inside.lanes.run(len(content), _checked, content, inside.settings)
+    document, sweep = await inside.reading.run(len(content), _checked, content, inside.settings)
     return await run_in_threadpool(_submit, document, sweep, inside, holder)
 
 

@@ -68,7 +68,7 @@ async def validate(content: Body, inside: Inside, holder: Holder, request: Reque
     whatever `POST /v1/jobs` would refuse it with; else `plan` says what its job
     would do. Nothing is stored.
     """
-    asked = await inside.lanes.run(len(content), _checked, content, inside.settings)
+    asked = await inside.reading.run(len(content), _checked, content, inside.settings)
     whole, verdict = asked.question.problem, None
     if whole is None or needs_verdict(whole):
         claimant = Claimant(None if holder is None else holder.id)

@@ -78,11 +78,11 @@ def test_faults_of_a_list_are_told_briefly(client):
 
 def test_large_documents_are_read_apart_from_small_ones(client, app, monkeypatch):
     """While one large document is read, small ones are; and no two large ones at once."""
-    lanes = app.state.resources.lanes
-    assert lanes._large.total_tokens == 1
-    lanes._large.acquire_on_behalf_of_nowait("a large document")
+    threads = app.state.resources.reading
+    assert threads._large.total_tokens == 1
+    threads._large.acquire_on_behalf_of_nowait("a large document")
     small = client.post("/v1/validations", json={})
     assert small.status_code == 422
-    lanes._large.release_on_behalf_of("a large document")
+    threads._large.release_on_behalf_of("a large document")
     large = client.post("/v1/validations", content=b" " * 60_000 + b"{}", headers=JSON)
     assert large.status_code == 422

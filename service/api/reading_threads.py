@@ -18,7 +18,7 @@ LARGE_BYTES = 50_000
 _SMALL_AT_ONCE = 4
 
 
-class Lanes:
+class ReadingThreads:
     """Where documents are read, off the event loop."""
 
     def __init__(self) -> None:
@@ -26,5 +26,5 @@ class Lanes:
 
     async def run(self, size: int, function: Callable[[*Arguments], T], *arguments: *Arguments) -> T:
         """Return ``function(*arguments)``, which reads a document of ``size`` bytes."""
-        lane = self._large if size > LARGE_BYTES else self._small
-        return await to_thread.run_sync(function, *arguments, limiter=lane)
+        limiter = self._large if size > LARGE_BYTES else self._small
+        return await to_thread.run_sync(function, *arguments, limiter=limiter)
