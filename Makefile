@@ -8,7 +8,8 @@ PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist lo
 PYTEST_OPTIONS ?=
 OTHER_PROCESSOR := $(BIN)/python -m tests.support.other_processor
 NUMBERS := tests/golden tests/laws tests/conformance tests/workers/solvers \
-	$(addprefix tests/workers/test_,doctor.py findings.py sweeping.py sweeping_family.py tiers.py)
+	tests/workers/cli/test_doctor.py $(addprefix tests/workers/computation/test_,outputs.py tiers.py) \
+	tests/workers/sweeping/test_sweeping.py tests/workers/sweeping/test_family.py
 
 .PHONY: demo serve test test-long test-portable test-container lint bench format clean
 

@@ -1,9 +1,9 @@
-"""How Alembic reaches the database; run by service.storage.migration."""
+"""Connects Alembic to the database; run by service.storage.database.migration."""
 
 from alembic import context
 from sqlalchemy import Connection, Engine
 
-from service.storage.schema import METADATA
+from service.storage.tables.schema import METADATA
 
 
 def set_write_ahead_log(engine: Engine) -> None:

@@ -1,1 +1,1 @@
-"""States problems, stores them and serves their solutions."""
+"""The service: reads problems, stores them, and serves their solutions over HTTP."""

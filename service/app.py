@@ -1,4 +1,4 @@
-"""The HTTP application: what it owns, from start to end."""
+"""Builds the HTTP application, and starts and stops the threads and child processes that it owns."""
 
 import logging
 import threading
@@ -9,22 +9,22 @@ from importlib.metadata import version
 from anyio import CapacityLimiter, to_thread
 from fastapi import FastAPI
 
-from service.api.exposition import Metrics
-from service.api.keyring import KeyRing
-from service.api.limits import Limits
+from service.api.dependencies import Resources
+from service.api.keys.keyring import KeyRing
+from service.api.keys.limits import LimitGuard
+from service.api.prometheus import Metrics
 from service.api.reading_threads import ReadingThreads
-from service.api.resources import Resources
-from service.api.routes import install
-from service.api.verdict_queue import VerdictQueue
-from service.jobs.restarts import WorkerStanding
-from service.jobs.wakeup import Doorbell
+from service.api.routing import install
+from service.api.verdicts.verdict_queue import VerdictQueue
+from service.local.restarts import WorkerStanding
+from service.local.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
-from service.storage.database import Database
+from service.storage.database.database import Database
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
-from service.storage.key_store import KeyStore
+from service.storage.keys.key_store import KeyStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
@@ -34,9 +34,9 @@ from service.storage.upkeep.statistics import Statistics
 logger = logging.getLogger(__name__)
 
 VERDICT_WORKERS = 3
-"""Children that reach verdicts: one is left to others by lists, and by each key."""
+"""Child processes that compute verdicts; lists together, and each key, leave one of them free for others."""
 _CHECKS_AT_ONCE = 2
-"""Threads for /readyz: probes get an answer although all others are taken."""
+"""Threads for /readyz, so that probes are answered although all other threads are busy."""
 
 
 def create_app(
@@ -46,12 +46,12 @@ def create_app(
     sandbox: Sandbox | None = None,
     local_worker: Callable[[], WorkerStanding] | None = None,
 ) -> FastAPI:
-    """Return the application on a database that has been migrated.
+    """Return the application on a migrated database.
 
-    ``doorbell`` is given by whoever also starts local workers, ``sandbox`` by
-    whoever has one already, and they close it; without, the application has
-    its own, and nobody hears its bell. ``local_worker`` tells how those
-    workers do.
+    A caller that starts local workers passes ``doorbell``, one that already has a
+    sandbox passes ``sandbox``, and the caller closes them; without them the application
+    makes its own, and wakes no workers. ``local_worker`` returns the status of the
+    local worker process.
     """
     bell = doorbell or Doorbell()
 
@@ -79,7 +79,7 @@ def create_app(
             doorbell=bell,
             metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker),
             keys=ring,
-            limits=Limits(settings, keys),
+            limits=LimitGuard(settings, keys),
             presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),
             local_worker=local_worker,
@@ -102,14 +102,16 @@ def create_app(
             if doorbell is None:
                 bell.close()
 
-    # The page that shows the interface is one of our own: those of FastAPI load scripts from other hosts.
+    # /docs is a page of our own: FastAPI's pages load scripts from other hosts.
     app = FastAPI(title="polhode", lifespan=lifespan, docs_url=None, redoc_url=None)
     install(app)
     return app
 
 
 def verdict_sandbox(settings: Settings) -> Sandbox:
-    """Return the children, started, that judge documents for an application."""
-    sandbox = Sandbox(VERDICT_WORKERS, memory_mb=settings.job_memory_mb, preload=("service.examination",))
+    """Return the started child processes that compute verdicts for an application."""
+    sandbox = Sandbox(
+        VERDICT_WORKERS, memory_mb=settings.job_memory_mb, preload=("service.verdicts.formulas",)
+    )
     sandbox.start()
     return sandbox

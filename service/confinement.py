@@ -1,11 +1,10 @@
-"""What a child process does to itself before its first call: it limits its memory, and dies with its parents.
+"""Prepares a new child process: limits its memory, and makes it die with its parents.
 
-A child never outlives the process that asked for it, even if that one is
-killed: the kernel sends it SIGKILL when the pipe to it closes. PR_SET_PDEATHSIG
-alone would not do, since it follows the fork server, which itself stays as long
-as any child does. It is set besides: children that have lost their fork server
-cannot be watched any more, and would go on taking calls from the pipe of their
-successors.
+A child never outlives the process that asked for it, even if that process is killed:
+the kernel sends it SIGKILL when the pipe to it closes. PR_SET_PDEATHSIG alone is not
+enough, since it follows the fork server, which lives as long as any child. It is set
+too: children that have lost their fork server cannot be monitored, and would go on
+taking calls from the pipe of their successors.
 """
 
 import ctypes
@@ -29,9 +28,9 @@ def confine_child(memory_mb: int | None, logging: Logging | None) -> None:
     """Prepare a new child."""
     if logging is not None:
         start_logging(logging.format, logging.level)
-    # Die at once when told to: a Python handler would wait for the compiled code to return.
+    # Die at once on SIGTERM: a Python handler would wait for compiled code to return.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    # Ctrl-C in a terminal reaches every process; the parent decides what becomes of its children.
+    # Ctrl-C in a terminal reaches every process; the parent decides when its children stop.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -47,7 +46,7 @@ def _die_with(parent: BaseProcess) -> None:
         fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
         fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
         fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
-    # Elsewhere a thread must do; it has to wait for compiled code that holds the interpreter.
+    # Elsewhere a thread watches the pipe; it has to wait for compiled code that holds the interpreter.
     # Here it covers a parent that died before the signal was set up.
     threading.Thread(target=_kill_self_after, args=(parent,), daemon=True).start()
 
@@ -58,7 +57,7 @@ def _kill_self_after(parent: BaseProcess) -> None:
 
 
 def _limit_memory(extra: int) -> None:
-    """Limit the private writable memory: address space alone is reserved freely by threads and compilers."""
+    """Limit the private writable memory: threads and compilers reserve address space freely."""
     status = Path("/proc/self/status").read_text(encoding="ascii")
     line = next(line for line in status.splitlines() if line.startswith("VmData:"))
     limit = int(line.split()[1]) * 1024 + extra

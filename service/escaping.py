@@ -1,13 +1,12 @@
-"""Text of clients in logs and on terminals: it forges no line, and controls no terminal."""
+"""Escapes clients' text for logs and terminals, so that it forges no line and controls no terminal."""
 
 
 def one_line(text: str) -> str:
-    """Return ``text`` with everything escaped that is not printed as it is.
+    """Return ``text`` with every character escaped that is neither printable nor a space.
 
-    What clients send may be among it: line breaks would forge lines, escape
-    sequences control a terminal, and marks of direction show text in another
-    order than it has. Accepted as they are: what Unicode calls printable, and
-    the space.
+    Text from clients may be part of it: line breaks would forge log lines, escape
+    sequences control a terminal, and direction marks change the order in which
+    text is shown. "Printable" is meant as Unicode defines it.
     """
     if text.isprintable():
         return text
@@ -18,5 +17,5 @@ def one_line(text: str) -> str:
 
 
 def printable(text: str) -> str:
-    """Return ``text`` as :func:`one_line` does, but for its line breaks: for text that is ours as a whole."""
+    """Escape like :func:`one_line` but keep line breaks: for text whose lines this program wrote."""
     return "\n".join(map(one_line, text.split("\n")))

@@ -1,9 +1,8 @@
-"""Logs of all processes: lines for people, or one JSON object a line for programs.
+"""Logging of all processes: text lines for people, or one JSON object per line for programs.
 
-What a record is about (a request, a job) is said once by :func:`about` and put
-into every record made meanwhile. Passwords in URLs and keys are masked in
-whatever is written, wherever it came from, and what could control a terminal
-or forge a line is escaped.
+:func:`about` adds fields (the request, the job) to every record made inside it.
+Passwords in URLs and keys are masked in everything that is written, and characters
+that could control a terminal or forge a line are escaped.
 """
 
 import json
@@ -26,7 +25,7 @@ LogLevel = Literal["critical", "error", "warning", "info", "debug"]
 LOG_LEVELS: tuple[LogLevel, ...] = get_args(LogLevel)
 
 OURS = ("service", "workers")
-"""Loggers with the chosen level; of libraries only warnings and worse are written."""
+"""Loggers that get the chosen level; libraries log warnings and worse only."""
 
 T = TypeVar("T")
 Arguments = TypeVarTuple("Arguments")
@@ -34,7 +33,7 @@ _Details = tuple[type[BaseException], BaseException, TracebackType | None]
 
 _SECRETS = (
     (re.compile(r"(://[^\s:/@]*):[^\s@]+@"), r"\1:***@"),
-    # A key keeps its public part, by which it is called.
+    # A masked key keeps its public prefix, which names it.
     (re.compile(r"\b(plh_[0-9A-Za-z]{8}_)[0-9A-Za-z]+"), r"\1***"),
     (re.compile(r"(?i)\b(bearer)\s+(?!plh_)\S+"), r"\1 ***"),
 )
@@ -51,7 +50,7 @@ class Logging:
 
 @contextmanager
 def about(**fields: object) -> Iterator[None]:
-    """Put these fields into every record made within, in this thread or task."""
+    """Add these fields to every record made inside, in this thread or task."""
     token = _context.set({**_context.get(), **fields})
     try:
         yield
@@ -62,13 +61,13 @@ def about(**fields: object) -> Iterator[None]:
 def call_about(
     fields: Mapping[str, object], function: Callable[[*Arguments], T], *arguments: *Arguments
 ) -> T:
-    """Call a function within :func:`about`; a module's function, so that children can be asked for it."""
+    """Call a function within :func:`about`; at module level, so that child processes can call it."""
     with about(**fields):
         return function(*arguments)
 
 
 def start_logging(chosen: LogFormat | None, level: LogLevel) -> Logging:
-    """Write this process's log to stderr from now on: as text on a terminal, else as JSON, if not chosen."""
+    """Write this process's log to stderr; the default format is text on a terminal and JSON elsewhere."""
     form: LogFormat = chosen or ("text" if sys.stderr.isatty() else "json")
     handler = _Handler(Logging(form, level))
     root = logging.getLogger()
@@ -84,13 +83,13 @@ def start_logging(chosen: LogFormat | None, level: LogLevel) -> Logging:
 
 
 def current_logging() -> Logging | None:
-    """Return what :func:`start_logging` was told in this process, so that children can be told the same."""
+    """Return the arguments of this process's :func:`start_logging`, for use in its children."""
     found = [handler.logging for handler in logging.getLogger().handlers if isinstance(handler, _Handler)]
     return found[0] if found else None
 
 
 def announce(line: str) -> None:
-    """Write a line for whoever started this process; where the log is JSON, as one of its records."""
+    """Write a line to the person who started this process; as a record if the log is JSON."""
     how = current_logging()
     if how is not None and how.format == "json":
         record = logging.LogRecord(OURS[0], logging.INFO, "", 0, line, None, None)
@@ -112,11 +111,11 @@ class _Handler(logging.Handler):
         self.setFormatter(_JsonFormatter() if how.format == "json" else _TextFormatter())
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write one piece, so that lines of processes that share the stream are not mixed."""
+        """Write each line by one call, so that lines of processes that share the stream are not mixed."""
         try:
             sys.stderr.write(self.format(record) + "\n")
             sys.stderr.flush()
-        except Exception:  # a log that cannot be written stops nobody's work
+        except Exception:  # a log that cannot be written must not stop any work
             self.handleError(record)
 
 
@@ -138,7 +137,7 @@ class _JsonFormatter(logging.Formatter):
 
 class _TextFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
-        """Return a line, and those of the exception below it, indented: none of them looks like a record."""
+        """Return a line, with the lines of the exception indented so that none looks like a record."""
         fields = "".join(f" {name}={value}" for name, value in _fields(record).items())
         line = f"{_instant(record)} {record.levelname} {record.name}: {record.getMessage()}{fields}"
         lines = [one_line(mask(line))]

@@ -1,9 +1,9 @@
-"""Functions run in child processes that can be killed.
+"""Runs functions in child processes that can be killed, with limits of time and memory.
 
 Neither a thread nor a signal handler can stop a computation inside a compiled
-library, and some inputs crash the interpreter; a child process bears both.
+library, and some inputs crash the interpreter; a child process contains both.
 Children are forked from a clean server process that has imported the heavy
-modules once, so that a child that was killed is replaced within milliseconds.
+modules once, so that a killed child is replaced within milliseconds.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from typing import Any, TypeVar, TypeVarTuple  # Any: a seat does not know what its calls return
+from typing import Any, TypeVar, TypeVarTuple  # Any: the return types of the calls are not known here
 
 from pebble import ProcessExpired, ProcessPool
 
@@ -28,15 +28,15 @@ Arguments = TypeVarTuple("Arguments")
 
 
 START_SECONDS = 30.0
-"""A free child that has not taken a call by then never will; importing the heavy modules takes less."""
+"""A free child that has not taken a call by then is stuck; importing the heavy modules takes less."""
 _LOOK_SECONDS = 0.5
-"""How often whoever waits for a call makes sure that it can still come to an end."""
+"""How often a waiting caller checks that its call can still finish."""
 _RENEWALS = 3
-"""How often a call is made anew because the processes around it died."""
+"""How often a call is repeated because the processes around it died."""
 _FORK_SERVER_LOST = 255
 """Exit code that multiprocessing reports for children whose fork server was killed."""
 _BREAKAGES = (OSError, EOFError, RuntimeError, BrokenProcessPool)
-"""What starting a child, or handing it a call, raises when the processes around it have died."""
+"""Raised by starting a child, or passing it a call, when the processes around it have died."""
 
 
 class SandboxTimeoutError(Exception):
@@ -52,11 +52,11 @@ class SandboxCrashError(Exception):
 
 
 class SandboxBrokenError(SandboxCrashError):
-    """The processes around the child died, as its fork server: the computation is not to blame."""
+    """A process around the child died, such as the fork server; the computation did not cause it."""
 
 
 class Sandbox:
-    """Some child processes that run functions of modules, with limits of time and memory.
+    """Child processes that run module-level functions, with limits of time and memory.
 
     Parameters
     ----------
@@ -70,13 +70,13 @@ class Sandbox:
     """
 
     def __init__(self, workers: int, *, memory_mb: int | None = None, preload: Sequence[str] = ()) -> None:
-        # Children inherit it: multiprocessing starts its helpers by `python -c`, which would else import
-        # whatever lies in the working folder under the name of a module, even `multiprocessing.py`.
+        # Children inherit it: multiprocessing starts its helpers by `python -c`, which would otherwise
+        # import a file of the working folder in place of a module, even `multiprocessing.py`.
         os.environ["PYTHONSAFEPATH"] = "1"
         self._memory_mb = memory_mb
         self._lock = threading.Lock()
         self._context = multiprocessing.get_context("forkserver")
-        # With "__main__", the main module too is imported once and not by every child.
+        # "__main__" makes the fork server import the main module once, instead of every child.
         self._context.set_forkserver_preload(["__main__", *preload])
         self._seats = [_Seat(self._new_pool()) for _ in range(workers)]
 
@@ -84,17 +84,17 @@ class Sandbox:
         """Start the children now, so that the first call need not wait for them."""
         with self._lock:
             for seat in self._seats:
-                # A pool that cannot start now is made anew by the first call.
+                # If the pool cannot start now, the first call makes a new one.
                 with contextlib.suppress(*_BREAKAGES):
                     self._usable_pool(seat)
 
     def submit(
         self, function: Callable[[*Arguments], T], *arguments: *Arguments, seconds: float | None
     ) -> Future[T]:
-        """Queue a call of a module's function; read it with :func:`result_of`.
+        """Queue a call of a module-level function; :func:`result_of` returns its result.
 
-        Cancelling the future kills the child at work on it, within 0.2 s. The
-        time limit counts from the moment a child takes the call.
+        Cancelling the future kills the child that computes it, within 0.2 s. The
+        time limit starts when a child takes the call.
         """
         with self._lock:
             seat = min(self._seats, key=_Seat.load)
@@ -119,11 +119,11 @@ class Sandbox:
         crashes: int = 1,
         submitted: Callable[[Future[T]], None] | None = None,
     ) -> T:
-        """Call a module's function in a child and wait; raises what :func:`result_of` raises.
+        """Call a module-level function in a child and wait; raises what :func:`result_of` raises.
 
-        A call whose child dies is made again, after so many ``crashes``: somebody
-        else may have killed it. One that ends because the processes around the child died is made
-        anew some times more. ``submitted`` is given the future of every try.
+        A call whose child dies is repeated, at most ``crashes`` times, since the child may have been killed
+        from outside. A call lost because the processes around the child died is repeated some times
+        more. ``submitted`` is called with the future of every try.
         """
         breakages = 0
         while True:
@@ -143,26 +143,26 @@ class Sandbox:
                     raise
 
     def _wait_for(self, future: Future[T], seconds: float | None) -> T:
-        """Return the result of a call; raises if it cannot come to an end any more."""
+        """Return the result of a call; raises if it can no longer finish."""
         start_by = time.monotonic() + START_SECONDS
         while not wait([future], timeout=_LOOK_SECONDS).done:
             if self._is_lost(future, late=time.monotonic() > start_by):
                 self.renew(future)
-                raise SandboxBrokenError("the call was lost with the processes that should make it")
+                raise SandboxBrokenError("the call was lost with the processes that should have run it")
             if seconds is not None and time.monotonic() > start_by + seconds:
                 self.renew(future)
                 raise SandboxTimeoutError("the child could not be stopped at the time limit")
         return result_of(future)
 
     def _replace_idle(self) -> None:
-        """Give the free seats new processes and pipes: the old children may have died with a lock in hand."""
+        """Give free slots new processes and pipes: the old children may have died holding a lock."""
         with self._lock:
             for seat in self._seats:
                 if not seat.load():
                     self._replace_pool(seat)
 
     def _is_lost(self, future: Future[T], *, late: bool) -> bool:
-        """Nobody is left to make the call, or a free child should have taken it long ago."""
+        """No process is left to run the call, or a free child should have taken it long ago."""
         with self._lock:
             for seat in self._seats:
                 if future in seat.calls:
@@ -171,10 +171,10 @@ class Sandbox:
         return not future.done()
 
     def renew(self, future: Future[T]) -> None:
-        """Replace the child that should have taken ``future`` and has not; its calls are cancelled.
+        """Replace the child that has not taken ``future``; its calls are cancelled.
 
-        A child that is killed in the instant in which it holds the lock of its
-        pipe leaves its successors waiting for that lock for ever.
+        A child that is killed while it holds the lock of its pipe leaves its
+        successors waiting for that lock for ever.
         """
         with self._lock:
             for seat in self._seats:
@@ -185,12 +185,12 @@ class Sandbox:
 
     @property
     def is_idle(self) -> bool:
-        """No child has anything to do."""
+        """No child is running a call."""
         with self._lock:
             return not any(seat.load() for seat in self._seats)
 
     def close(self) -> None:
-        """Kill the children, whatever they do."""
+        """Kill the children."""
         with self._lock:
             for seat in self._seats:
                 _stop(seat.pool)
@@ -216,13 +216,13 @@ class Sandbox:
 
 @dataclass(slots=True)
 class _Seat:
-    """One child with its own pipe, so that what happens to one child is nothing to the others."""
+    """One child with its own pipe, so that a fault in one child does not affect the others."""
 
     pool: ProcessPool
     calls: list[Future[Any]] = field(default_factory=list)
 
     def load(self) -> int:
-        """Forget the calls that are over; return the number of the others."""
+        """Remove the finished calls; return the number of the others."""
         self.calls = [call for call in self.calls if not call.done()]
         return len(self.calls)
 
@@ -237,7 +237,7 @@ def result_of(future: Future[T]) -> T:
     concurrent.futures.CancelledError
         The future was cancelled.
     Exception
-        Whatever the function raised.
+        Any exception of the function.
     """
     try:
         return future.result()

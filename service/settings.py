@@ -1,4 +1,4 @@
-"""Settings of a process, read from POLHODE_… environment variables when asked for."""
+"""The settings of a process, read from environment variables POLHODE_…."""
 
 from ipaddress import ip_address
 from typing import Literal
@@ -7,80 +7,82 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from service.logs import LogFormat, LogLevel
-from service.schemas.numbers import MAX_SAMPLES
+from service.schemas.reading.numbers import MAX_SAMPLES
 
 
 class Settings(BaseSettings):
-    """What an installation may choose. Command-line options override, defaults serve one machine."""
+    """The settings of an installation. Command-line options override them; the defaults suit one machine."""
 
     model_config = SettingsConfigDict(env_prefix="POLHODE_", extra="ignore")
 
     database_url: str = "sqlite:///polhode.db"
     engine: Literal["local", "procrastinate"] = "local"
-    """Who delivers jobs to workers: nobody, for those of one machine; or Procrastinate, by Postgres."""
+    """Delivers jobs to workers: `local` polls the table on one machine, `procrastinate` uses Postgres."""
     host_name: str | None = Field(default=None, min_length=1, max_length=255)
-    """What this machine is called among others. If not chosen, its name and its boot."""
+    """Name of this machine in the database; by default its host name and boot id."""
     host: str = "127.0.0.1"
-    """Others than this machine's own need keys."""
+    """Address to listen on; any but this machine's own needs API keys."""
     port: int = Field(default=8000, ge=0, le=65535)
     """0 lets the system choose a free one."""
     workers: int = Field(default=1, ge=0)
     """Jobs computed at the same time by ``serve``; 0 serves the API only."""
     lease_seconds: float = Field(default=10.0, gt=0)
-    """How long a claim lives without a heartbeat; a lost worker's job waits that long."""
+    """Seconds that a claim holds without a heartbeat; a lost worker's job waits that long."""
     job_seconds: float = Field(default=300.0, gt=0)
     """Time limit of one job."""
     job_memory_mb: int = Field(default=2048, gt=0)
     """Memory one job may take beyond what its idle child process has, in MiB."""
     max_attempts: int = Field(default=3, ge=1)
-    """How many workers one job may lose before it is given up."""
+    """A job that has lost so many workers fails."""
     retry_seconds: float = Field(default=1.0, ge=0)
-    """How long a job waits that has lost a worker; twice as long each further time, up to a minute."""
+    """Seconds that a job waits after losing a worker; doubled each further time, up to a minute."""
     poll_seconds: float = Field(default=0.5, gt=0)
-    """How often an idle worker looks for jobs that nobody announced to it."""
+    """How often an idle worker polls for jobs it was not woken for."""
     grace_seconds: float = Field(default=20.0, ge=0)
-    """How long a worker that was asked to stop lets its running jobs finish."""
+    """How long a stopping worker lets its running jobs finish."""
     log_format: LogFormat | None = None
-    """If not chosen, text on a terminal and JSON elsewhere."""
+    """By default text on a terminal and JSON elsewhere."""
     log_level: LogLevel | None = None
-    """If not chosen, warning for the service and info for workers."""
+    """By default warning for the service and info for workers."""
     max_connections: int = Field(default=1000, ge=1)
-    """Connections of clients to ``serve``; fewer where there are not so many file descriptors."""
+    """Client connections to ``serve``; fewer if the limit of file descriptors is lower."""
     header_seconds: float = Field(default=10.0, gt=0)
-    """How long a client may take for the head of a request, and before its first one."""
+    """How long a client may take to send the head of a request, and to begin its first one."""
     body_seconds: float = Field(default=30.0, gt=0)
-    """How long a client may take for the body of a request."""
+    """How long a client may take to send the body of a request."""
     send_seconds: float = Field(default=60.0, gt=0)
-    """How long a client may leave an answer unread, or any next part of it."""
+    """How long a client may take to read any part of an answer."""
     idle_seconds: int = Field(default=20, ge=1)
-    """How long a connection is kept after an answer for a next request."""
+    """How long a connection stays open after an answer for the next request."""
     origins: str = ""
-    """Origins of pages, separated by commas, that may send what changes something, beside the own one."""
+    """Other origins, separated by commas, whose pages may send requests that change something."""
     samples_days: float | None = Field(default=None, gt=0)
-    """Stored samples that are older are deleted; they can be made again. None keeps them for ever."""
+    """Stored samples older than this are deleted and recomputed on request. None keeps them for ever."""
     verdict_seconds: float = Field(default=10.0, gt=0)
-    """Time limit of one verdict on a potential, with the time for which it waits for a child process."""
+    """Time limit of one verdict on a potential, including the wait for a child process."""
+    formula_seconds: float = Field(default=2.0, gt=0)
+    """How long the formulas of one verdict may take to simplify; the rest is answered as it stands."""
     verdict_places: int = Field(default=64, ge=1)
-    """Verdicts that may be waited for while all children are at work; a key may have half of the places."""
+    """Requests that may wait for verdicts while all children are busy; one key may use half of the places."""
     requests_per_second: float = Field(default=5000.0, gt=0)
-    """Of a key without a limit of its own, or of everybody where there are no keys; so the next two."""
+    """For a key without a limit of its own, or for all clients if there are no keys; so the next two."""
     max_queued_jobs: int = Field(default=1_000_000, ge=0)
-    """Jobs that are queued or running; a hundred points that sweeps have left count as one."""
+    """Queued and running jobs; a hundred unfinished points of sweeps count as one."""
     max_stored_mb: int = Field(default=100_000, ge=0)
-    """Megabytes (10^6 bytes) of arrays that were stored for a key; nobody counts where there are no keys."""
+    """Megabytes (10^6 bytes) of arrays stored for a key; not limited if there are no keys."""
     max_samples: int = Field(default=MAX_SAMPLES, ge=1, le=MAX_SAMPLES)
     """Samples of one problem or one trajectory."""
     max_sweep_points: int = Field(default=10_000_000, ge=1)
     """Points of one sweep."""
     waiting_places: int = Field(default=16, ge=0, le=1000)
-    """Clients that may wait for jobs at the same time; each has its job looked up four times a second."""
+    """Clients that may wait for jobs at the same time; each looks its job up four times a second."""
 
     @field_validator("engine")
     @classmethod
     def _require_its_database(cls, engine: str, info: ValidationInfo) -> str:
         url = str(info.data.get("database_url", ""))
         if engine == "procrastinate" and not url.startswith("postgresql"):
-            raise ValueError("procrastinate delivers by Postgres, and POLHODE_DATABASE_URL is none")
+            raise ValueError("procrastinate needs Postgres, and POLHODE_DATABASE_URL is another database")
         return engine
 
     @property
@@ -90,11 +92,11 @@ class Settings(BaseSettings):
 
 
 class SettingsError(ValueError):
-    """Settings that cannot be; the message is one line that names each of them."""
+    """Invalid settings; the message is one line that names each of them."""
 
 
 def read_settings(**given: object) -> Settings:
-    """Return the settings of this process; what is given, and not None, comes first.
+    """Return the settings of this process; given values that are not None override the environment.
 
     Raises
     ------
@@ -112,7 +114,7 @@ def read_settings(**given: object) -> Settings:
 
 
 def is_this_machine(host: str) -> bool:
-    """Say whether a name or address is one by which only this machine calls itself."""
+    """Tell whether a name or address is a loopback one, which other machines cannot reach."""
     if host == "localhost":
         return True
     try:

@@ -1,4 +1,4 @@
-"""How a process is asked to stop, by SIGTERM or by Ctrl-C (SIGINT).
+"""Handles SIGTERM and Ctrl-C (SIGINT) in all processes.
 
 No handler raises an exception. Python runs handlers between any two steps of
 the main thread: inside an import, a destructor, or a callback of the garbage
@@ -6,9 +6,9 @@ collector, where an exception is only printed and the program goes on. There
 are two ways instead:
 
 * :func:`end_at_once`, from the first line of a program on. The handler itself
-  ends the process. That is safe at any instant, as SIGKILL has to be: children
+  ends the process. That is as safe at any instant as SIGKILL must be: children
   notice that their parent is gone, and transactions are rolled back.
-* :class:`StopAsked`, for loops that have something to put in order first: the
+* :class:`StopAsked`, for loops that have to clean up first: the
   handler sets a flag, and the loop reads it.
 """
 
@@ -26,10 +26,10 @@ _LINES = {signal.SIGINT: b"interrupted\n", signal.SIGTERM: b"stopped by SIGTERM\
 
 
 def end_at_once(*, is_service: bool) -> None:
-    """End the process at the next signal, with one line on stderr; receive signals that were held back.
+    """End the process at the next signal, with one line on stderr; unblock signals that were held back.
 
-    The exit code is 130 for Ctrl-C and 143 for SIGTERM, as shells have it. A
-    service that is told to terminate has nothing left undone: 0.
+    The exit code is 130 for Ctrl-C and 143 for SIGTERM, as shells use them, but 0
+    for a service: SIGTERM is its regular end.
     """
     codes = {signal.SIGINT: 130, signal.SIGTERM: 0 if is_service else 143}
 
@@ -51,9 +51,9 @@ def hold_signals() -> None:
 
 
 class StopAsked:
-    """Whether somebody has asked this process to stop, while it is entered as a context.
+    """A context in which a signal sets a flag instead of ending the process.
 
-    At its end the handlers are those from before.
+    On exit the previous handlers are restored.
     """
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ class StopAsked:
         self._tell: Callable[[], None] | None = None
 
     def tell(self, listener: Callable[[], None]) -> None:
-        """Call ``listener`` when asked, or now if it has happened already.
+        """Call ``listener`` at the signal, or now if it has already come.
 
         It is called by the signal handler: it may take no lock and raise nothing.
         """

@@ -1,7 +1,7 @@
-"""What commands read and write for a person: documents, answers and the files they ask for.
+"""Reads documents and writes results for the commands: files, stdin, stdout and stderr.
 
-Every fault of a file is one line. ``-`` is stdin where a document is read and
-stdout where a file is written.
+Every error about a file is one line. ``-`` means stdin for reading and stdout for
+writing.
 """
 
 import os
@@ -11,15 +11,15 @@ from types import TracebackType
 from typing import Self, TextIO
 
 from service.escaping import printable
-from service.schemas.strict_json import InvalidJsonError, parse_json
+from service.schemas.reading.strict_json import InvalidJsonError, parse_json
 
 STANDARD_STREAM = Path("-")
 
 MAX_DOCUMENT_BYTES = 50_000_000
-"""More than the service accepts, since sweeps may list their values; less than would fill the memory."""
+"""More than the service accepts, since sweeps may list their values; bounded to protect the memory."""
 
 _WRITING = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC
-_PERMISSIONS = 0o666  # of a new file, but for those that the umask takes away
+_PERMISSIONS = 0o666  # mode of a new file, before the umask
 
 
 class FileFaultError(Exception):
@@ -27,7 +27,7 @@ class FileFaultError(Exception):
 
 
 def say(line: str) -> None:
-    """Tell a person something; stdout is for answers."""
+    """Write a message to stderr; stdout is for results."""
     sys.stderr.write(f"{printable(line)}\n")
 
 
@@ -37,11 +37,11 @@ def answer(text: str) -> None:
     Raises
     ------
     FileFaultError
-        Nobody reads it any more, or there is no room for it.
+        The reader has closed the pipe, or the disk is full.
     """
     stdout = _stdout()
     encoding = stdout.encoding or "utf-8"
-    # The stream may not know every character.
+    # The encoding of the stream may lack a character.
     written = printable(text).encode(encoding, "backslashreplace").decode(encoding)
     try:
         stdout.write(written)
@@ -57,7 +57,7 @@ def read_document(path: Path) -> object:
     Raises
     ------
     FileFaultError
-        The file cannot be read, or holds no document.
+        The file cannot be read, or is not a JSON document.
     """
     name = "stdin" if path == STANDARD_STREAM else str(path)
     try:
@@ -67,7 +67,7 @@ def read_document(path: Path) -> object:
     if len(content) > MAX_DOCUMENT_BYTES:
         raise FileFaultError(f"{name}: too large; at most {MAX_DOCUMENT_BYTES} bytes are accepted")
     if not content.strip():
-        raise FileFaultError(f"{name}: it is empty; a JSON document is accepted")
+        raise FileFaultError(f"{name}: the file is empty; a JSON document is expected")
     try:
         return parse_json(content)
     except InvalidJsonError as fault:
@@ -75,7 +75,7 @@ def read_document(path: Path) -> object:
 
 
 def _content(path: Path) -> bytes:
-    """Read no more than one byte too many: the file may be endless."""
+    """Read at most one byte beyond the limit: the file may be endless."""
     if path == STANDARD_STREAM:
         if sys.stdin is None:
             raise FileFaultError("stdin: it is closed")
@@ -85,7 +85,7 @@ def _content(path: Path) -> bytes:
 
 
 def check_writable(path: Path) -> None:
-    """Find out, before there is anything to write, what is wrong with a file; leave it as it is.
+    """Check early that a file can be written, without changing it.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def check_writable(path: Path) -> None:
     try:
         is_new = not path.exists()
         if not is_new and path.is_fifo():
-            return  # its reader would see an end
+            return  # opening and closing a pipe would show its reader an end of file
         os.close(os.open(path, _WRITING, _PERMISSIONS))
         if is_new:
             path.unlink()
@@ -112,7 +112,7 @@ class OutputFile:
     Raises
     ------
     FileFaultError
-        It cannot be opened; so the methods, if it cannot be written.
+        It cannot be opened; the methods raise it if the file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -140,7 +140,7 @@ class OutputFile:
         """Do nothing: there is no buffer."""
 
     def close(self) -> None:
-        """Close it; what could not be kept by a file system elsewhere is told now."""
+        """Close it; a network file system may report a failed write only now."""
         if self.closed:
             return
         self.closed = True
@@ -169,7 +169,7 @@ def _reason(fault: OSError) -> str:
 
 
 def _forget_stdout() -> None:
-    """Give what is left in the buffer of stdout to nobody: else the interpreter tries again at its end."""
+    """Discard what is left in the buffer of stdout; otherwise the interpreter tries to write it at exit."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)

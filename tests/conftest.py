@@ -1,5 +1,9 @@
-from hypothesis import settings
+import os
 
+import pytest
+from hypothesis import is_hypothesis_test, settings
+
+from tests.support.api import app, client, stored, verdicts
 from tests.support.databases import (
     database,
     jobs,
@@ -11,12 +15,21 @@ from tests.support.databases import (
     sqlite_url,
     url,
 )
+from tests.support.effort import DRAWS_MANY
+from tests.support.processor_time import ProcessorTime
+from workers.computation.compiled_code import keep_compiled_code
 
-# How long an example takes says something about the machine, and nothing about a law.
-settings.register_profile("polhode", deadline=None)
-settings.load_profile("polhode")
+# How long an example takes says something about the machine, and nothing about a law: no deadline.
+# On CI the same examples are drawn each time, so that a red run is about the change and can be repeated;
+# who runs the tests at home, and the honesty run, draw others every time.
+SAME_EXAMPLES = os.environ.get("CI") == "true"
+settings.register_profile("fast", deadline=None, max_examples=30, derandomize=SAME_EXAMPLES)
+settings.register_profile("long", deadline=None, max_examples=100, derandomize=SAME_EXAMPLES)
+settings.load_profile("long" if DRAWS_MANY else "fast")
 
 __all__ = [
+    "app",
+    "client",
     "database",
     "jobs",
     "postgres",
@@ -25,5 +38,27 @@ __all__ = [
     "solutions",
     "sqlite_template",
     "sqlite_url",
+    "stored",
     "url",
+    "verdicts",
 ]
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    keep_compiled_code()
+    if (listed := config.option.durations) is not None:
+        config.pluginmanager.register(ProcessorTime(listed))
+
+
+@pytest.hookimpl(tryfirst=True)  # before markers choose
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave to `make test-long` what `make test` does in part.
+
+    That is random laws with many examples, and Postgres where the database does not matter.
+    """
+    for item in items:
+        if is_hypothesis_test(getattr(item, "obj", None)):
+            item.add_marker("random_law")
+        callspec = getattr(item, "callspec", None)
+        if callspec and callspec.params.get("url") == "postgres" and item.get_closest_marker("any_database"):
+            item.add_marker("long")

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from service import terminal
 from service.cli import commands
 from service.terminal import STANDARD_STREAM, FileFaultError, OutputFile, check_writable
-from workers.commands import main as run_worker
+from workers.cli.main import main as run_worker
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "bobylev-steklov.json"
@@ -44,8 +44,8 @@ def read(request, capsys):
 
 
 FAULTS = {
-    "empty": (b"", "it is empty; a JSON document is accepted"),
-    "blank": (b" \n\t", "it is empty; a JSON document is accepted"),
+    "empty": (b"", "the file is empty; a JSON document is expected"),
+    "blank": (b" \n\t", "the file is empty; a JSON document is expected"),
     "cut off": (b'{"body": ', "line 1, column 10: Expecting value"),
     "mark alone": (b"\xef\xbb\xbf{", "line 1, column 2: Expecting property name enclosed in double quotes"),
     "UTF-16": ('{"body": 1}'.encode("utf-16"), "byte 1 is not UTF-8"),
@@ -123,8 +123,8 @@ def no_computation(monkeypatch):
     def compute(*_):
         raise AssertionError("it has computed")
 
-    monkeypatch.setattr("workers.solving._compute", compute)
-    monkeypatch.setattr("workers.sweeping.command.Crew", compute)
+    monkeypatch.setattr("workers.cli.solve._compute", compute)
+    monkeypatch.setattr("workers.cli.sweep.Crew", compute)
 
 
 @pytest.mark.parametrize(("name", "reason"), OUTPUT_FAULTS)

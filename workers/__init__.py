@@ -1,1 +1,1 @@
-"""Solves: claims jobs and runs the numerics in killable child processes."""
+"""The workers: claim jobs and run the numerics in killable child processes."""

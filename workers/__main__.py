@@ -1,4 +1,4 @@
-"""``python -m workers``: first the signals, then what takes time to import."""
+"""``python -m workers``: installs signal handlers before the slow imports."""
 
 import sys
 
@@ -9,7 +9,7 @@ def main() -> int:
     """Run the command line."""
     end_at_once(is_service=sys.argv[1:2] == ["run"])
     # Not at the top: the fork server of the children imports this module too, and needs no commands.
-    from workers.commands import main as run  # noqa: PLC0415
+    from workers.cli.main import main as run  # noqa: PLC0415
 
     return run()
 

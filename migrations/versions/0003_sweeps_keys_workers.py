@@ -1,4 +1,4 @@
-"""Sweeps, their chunks as jobs of a kind of their own, priorities, keys and the list of workers."""
+"""Creates sweeps, their chunks as a kind of job, priorities, API keys and the list of workers."""
 
 import sqlalchemy as sa
 from alembic import op

@@ -1,4 +1,4 @@
-"""Indexes that serve lists in their order: any page of them, and how many rows match."""
+"""Creates indexes that serve any page of a list in its order, and the count of matching rows."""
 
 from alembic import op
 

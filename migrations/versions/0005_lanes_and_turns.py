@@ -1,4 +1,4 @@
-"""Lanes and turns: people before batches, and a fair order between keys."""
+"""Adds lanes and turns: single jobs before batches, and a fair order between keys."""
 
 import sqlalchemy as sa
 from alembic import op

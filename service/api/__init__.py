@@ -1,1 +1,1 @@
-"""One router per resource; errors and dependencies."""
+"""The HTTP API: routes, authentication, request and answer formats, errors."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fastapi import FastAPI
 
-from service.api.routes import install
+from service.api.routing import install
 
 
 def openapi_text() -> str:

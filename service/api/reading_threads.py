@@ -1,8 +1,8 @@
-"""Threads for reading documents, apart from those for the database: few, and large documents in a row.
+"""Threads for parsing documents, separate from those for the database; large documents one at a time.
 
-Reading is Python's own work: more threads make it no quicker, they only take
-the interpreter from the event loop. A document of a megabyte may take a second;
-small ones do not wait behind it.
+Parsing is pure Python: more threads do not speed it up, they only take the
+interpreter from the event loop. A document of a megabyte may take a second; small
+ones do not wait for it.
 """
 
 from collections.abc import Callable

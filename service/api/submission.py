@@ -1,4 +1,4 @@
-"""From documents to problems that can be queued: one, or many at once."""
+"""Reads, checks and examines problems before they are queued, one or many at once."""
 
 import asyncio
 import json
@@ -10,32 +10,32 @@ from http import HTTPStatus
 
 from starlette.concurrency import run_in_threadpool
 
-from service.api.errors import ApiError
-from service.api.examining import examine, verdict_in
-from service.api.handlers import refusal_of
-from service.api.limits import check_problem_samples
-from service.api.resources import Resources
-from service.api.verdict_queue import Claimant
+from service.api.dependencies import Resources
+from service.api.keys.limits import check_problem_samples
+from service.api.middleware.error_handlers import refusal_of
+from service.api.replies.errors import ApiError
+from service.api.verdicts.children import examine, verdict_in
+from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import AccuracyTable
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import PlanarMotion, Problem
-from service.examination import examine_problem, examine_problems
 from service.jobs.keys import ApiKey
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.budgets import choose_tier, window_of, with_tier
-from service.schemas.faults import Fault, InvalidProblemError, first_of
-from service.schemas.problem import CheckedProblem, check_problem, problem_digest
+from service.schemas.problem.budgets import choose_tier, window_of, with_tier
+from service.schemas.problem.problem import CheckedProblem, check_problem, problem_digest
+from service.schemas.reading.faults import Fault, InvalidProblemError, first_of
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
+from service.verdicts.examination import examine_problem, examine_problems
 
 MOST_PROBLEMS = 1000
-"""In one request; its body has a limit besides."""
+"""Problems in one request, whose body has a size limit too."""
 LIST_VERDICTS = 3
-"""A list is examined for at most so many times the limit of one verdict."""
+"""A list may take so many times the time limit of one verdict."""
 _TOGETHER = 50
 """Problems of one potential that are examined by one call."""
 _FAULTS_TOLD = 1000
-"""Of a list; the problems after them are told one fault each."""
+"""Faults listed for a whole list; later problems get one fault each."""
 _AT_WORK = 2
 """Calls of one list that wait or run at the same time."""
 
@@ -47,7 +47,7 @@ _LIMITS = (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError)
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """A problem whose form is right."""
+    """A problem whose document is valid."""
 
     checked: CheckedProblem
     document: _Document
@@ -56,7 +56,7 @@ class Checked:
 
     @property
     def needs_verdict(self) -> bool:
-        """A motion from any state needs none."""
+        """False for a motion from any state."""
         return needs_verdict(self.checked)
 
 
@@ -70,8 +70,8 @@ class Accepted:
 
 
 @dataclass(frozen=True, slots=True)
-class Examined:
-    """A problem that has its verdict, and what the tier of a budget is chosen by."""
+class JudgedDocument:
+    """A problem with its verdict, and the data by which a budget's tier is chosen."""
 
     problem: Checked
     verdict: _Verdict
@@ -83,7 +83,7 @@ class Examined:
         return settle(self.problem.document, self.problem.checked, window, self.table)
 
     def accepted_or_refusal(self) -> Accepted | ApiError:
-        """Return the same, or what refuses it: no tier is expected to keep its budget."""
+        """Return the same, or the refusal if no tier is expected to keep its budget."""
         try:
             return self.accepted()
         except DynamicsError as fault:
@@ -96,7 +96,7 @@ def needs_verdict(checked: CheckedProblem) -> bool:
 
 
 def check(document: object, settings: Settings) -> Checked:
-    """Check the form of one problem, which may take a while for a large one. Raises what refuses it."""
+    """Validate the document of one problem, which takes a while for a large one. Raises its refusal."""
     checked = check_problem(document)
     check_problem_samples(checked.problem, settings)
     assert isinstance(document, dict)
@@ -104,7 +104,7 @@ def check(document: object, settings: Settings) -> Checked:
 
 
 def check_each(documents: Sequence[object], settings: Settings) -> list[Checked | ApiError]:
-    """Do the same for each of a list; what refuses one is put in its place.
+    """Validate each document of a list; a refusal takes the place of its problem.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def check_each(documents: Sequence[object], settings: Settings) -> list[Checked 
         try:
             answers.append(check(document, settings))
         except InvalidProblemError as error:
-            # Of many problems with many faults, the later ones are told more shortly.
+            # After many faults in a list, only the first fault of each later problem is listed.
             fault = error if told < _FAULTS_TOLD else InvalidProblemError(first_of(error.faults, 1))
             told += len(fault.faults)
             answers.append(refusal_of(fault))
@@ -129,25 +129,25 @@ def check_each(documents: Sequence[object], settings: Settings) -> list[Checked 
     return answers
 
 
-async def accept(inside: Resources, problem: Checked, holder: ApiKey | None) -> Examined:
-    """Examine one problem. Raises what refuses it."""
+async def accept(inside: Resources, problem: Checked, holder: ApiKey | None) -> JudgedDocument:
+    """Examine one problem. Raises its refusal."""
     table = await run_in_threadpool(_reserve, inside, holder, [problem])
     verdict = None
     if problem.needs_verdict:
         claimant = Claimant(None if holder is None else holder.id)
         verdict = await examine(inside.verdicts, examine_problem, problem.text, claimant)
-    return Examined(problem, verdict, table)
+    return JudgedDocument(problem, verdict, table)
 
 
 async def accept_many(
     inside: Resources, problems: Sequence[Checked | ApiError], holder: ApiKey | None
-) -> list[Examined | ApiError]:
-    """Do the same for each of a list; what refuses one is put in its place.
+) -> list[JudgedDocument | ApiError]:
+    """Examine each problem of a list; a refusal takes the place of its problem.
 
     Raises
     ------
     ApiError
-        503: too many wait for verdicts, and none of the list was examined.
+        503: too many requests wait for verdicts, and no problem of the list was examined.
     """
     given = {index: each for index, each in enumerate(problems) if isinstance(each, Checked)}
     table = None
@@ -155,7 +155,7 @@ async def accept_many(
         table = await run_in_threadpool(_reserve, inside, holder, list(given.values()))
     claimant = Claimant(None if holder is None else holder.id, is_list=True)
     verdicts = await _examine(inside, {k: each for k, each in given.items() if each.needs_verdict}, claimant)
-    answers: list[Examined | ApiError] = []
+    answers: list[JudgedDocument | ApiError] = []
     for index, problem in enumerate(problems):
         verdict = verdicts.get(index)
         if isinstance(problem, ApiError):
@@ -163,7 +163,7 @@ async def accept_many(
         elif isinstance(verdict, ApiError):
             answers.append(verdict)
         else:
-            answers.append(Examined(problem, verdict, table))
+            answers.append(JudgedDocument(problem, verdict, table))
     if all(isinstance(answer, ApiError) and answer.status == _BUSY for answer in answers):
         assert isinstance(answers[0], ApiError)
         raise answers[0]
@@ -171,7 +171,7 @@ async def accept_many(
 
 
 def _reserve(inside: Resources, holder: ApiKey | None, problems: Sequence[Checked]) -> AccuracyTable | None:
-    """Let the problems into the queue; return the table that budgets are judged by, if there are any."""
+    """Admit the problems to the queue; return the accuracy table if any of them has a budget."""
     inside.limits.reserve_jobs(holder, len(problems))
     has_budgets = any(each.checked.problem.accuracy.budget_seconds is not None for each in problems)
     return AccuracyStore(inside.database).current() if has_budgets else None
@@ -180,9 +180,9 @@ def _reserve(inside: Resources, holder: ApiKey | None, problems: Sequence[Checke
 def settle(
     document: _Document, checked: CheckedProblem, window: _Verdict, table: AccuracyTable | None
 ) -> Accepted:
-    """Return what is queued: the problem, its budget turned into a tier.
+    """Return the problem to queue, with its budget turned into a tier.
 
-    ``window`` is the one of a planar motion, ``table`` what budgets are judged by. Raises
+    ``window`` is that of a planar motion, ``table`` the accuracy table. Raises
     :class:`BudgetTooSmallError` where no tier is expected to keep it.
     """
     if checked.problem.accuracy.budget_seconds is not None and table is not None:
@@ -195,7 +195,7 @@ def settle(
 async def _examine(
     inside: Resources, problems: Mapping[int, Checked], claimant: Claimant
 ) -> dict[int, _Verdict | ApiError]:
-    """Examine problems by calls that wait for their turns; those with the same potential together."""
+    """Examine problems by queued calls; one call takes problems with the same potential."""
     deadline = time.monotonic() + LIST_VERDICTS * inside.settings.verdict_seconds
     verdicts: dict[int, _Verdict | ApiError] = {}
     waiting = deque(await run_in_threadpool(_batches, problems))
@@ -218,7 +218,7 @@ async def _examine(
                 if alone:
                     verdicts[batch[0]] = refusal_of(fault)
                 else:
-                    # One of them is to blame, and must not take the others with it.
+                    # One of them caused it and must not fail the others.
                     waiting.extend([index] for index in batch)
             else:
                 verdicts.update(zip(batch, map(_verdict_or_refusal, answers), strict=True))
@@ -234,7 +234,7 @@ def _batches(problems: Mapping[int, Checked]) -> list[list[int]]:
     for index, problem in problems.items():
         document = problem.document
         settings.setdefault(json.dumps([document["body"], document["potential"]]), []).append(index)
-    # Potentials of their own share calls too: a call has its price.
+    # Problems with different potentials share calls too, since each call has a fixed cost.
     alone = [indices[0] for indices in settings.values() if len(indices) == 1]
     several = [indices for indices in settings.values() if len(indices) > 1]
     return [

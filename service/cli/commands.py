@@ -1,8 +1,8 @@
-"""The commands of ``polhode``, and what they have in common.
+"""Registers the commands of ``polhode`` on one command line.
 
 Exit codes: 0 done, 1 refused or failed with the reason on stderr, 2 wrong usage,
 130 interrupted by Ctrl-C. Heavy modules are imported by the commands that need
-them: ``polhode worker`` does not wait for the web framework.
+them, so that ``polhode worker`` does not load the web framework.
 """
 
 from importlib.metadata import version

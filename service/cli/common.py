@@ -1,4 +1,4 @@
-"""What several commands share: options, settings, and how a command fails."""
+"""Options, settings and failure handling that several commands share."""
 
 import os
 import sys
@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from service.local_workers import worker_command
+from service.local.workers import worker_command
 from service.settings import Settings, SettingsError, read_settings
 from service.stopping import hold_signals
 from service.terminal import say
@@ -23,7 +23,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 
 def settings_of(**given: object) -> Settings:
-    """Return the settings, in which what was given on the command line comes first."""
+    """Return the settings; options of the command line override the environment."""
     try:
         return read_settings(**given)
     except SettingsError as fault:
@@ -31,8 +31,8 @@ def settings_of(**given: object) -> Settings:
 
 
 def migrate_database(settings: Settings) -> None:
-    """Bring the database to this version, or end with the reason why not."""
-    from service.storage.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
+    """Migrate the database to this version, or exit with the reason why not."""
+    from service.storage.database.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
 
     try:
         migrate_or_explain(settings.database_url, engine_name=settings.engine)
@@ -41,12 +41,12 @@ def migrate_database(settings: Settings) -> None:
 
 
 def become_worker(arguments: list[str], environment: Mapping[str, str]) -> NoReturn:
-    """Replace this process by one of the workers, which the service does not import."""
+    """Replace this process by ``python -m workers``, since the service does not import workers."""
     hold_signals()
     os.execve(sys.executable, worker_command(*arguments), dict(environment))
 
 
 def fail(reason: str, code: int) -> NoReturn:
-    """End with the reason on stderr."""
+    """Exit with the reason on stderr."""
     say(reason)
     raise typer.Exit(code)

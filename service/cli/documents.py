@@ -1,8 +1,10 @@
-"""``polhode validate``, ``solve`` and ``calibrate``: work that is done here and now."""
+"""``polhode validate``, ``solve``, ``compile`` and ``calibrate``: commands that need no service."""
 
 import json
 import os
-from collections.abc import Callable
+import time
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +13,7 @@ from rich.console import Console
 
 from service.cli.common import (
     REFUSED,
+    WRONG_USAGE,
     AsJson,
     DatabaseUrl,
     Document,
@@ -19,24 +22,29 @@ from service.cli.common import (
     migrate_database,
     settings_of,
 )
-from service.local_workers import worker_environment
+from service.local.workers import worker_environment
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.verdict_text import Answer, describe_verdict
+from service.schemas.replies.verdict_text import Answer, describe_verdict
 from service.terminal import answer, read_document, say
+from service.typesetting.equations import FORMATS, Format
 
 
-def validate(file: Document, as_json: AsJson = False) -> None:
-    """Say whether a potential admits planar motions; of a whole problem, whether it can be solved."""
-    from service.examination import examine_question, refusal_of_reading  # noqa: PLC0415
-    from service.schemas.problem import read_question  # noqa: PLC0415
+def validate(
+    file: Document,
+    as_json: AsJson = False,
+    formulas: Annotated[
+        str | None,
+        typer.Option(metavar="FORMATS", help="the formulas as text,latex,mathml, simplified where possible"),
+    ] = None,
+) -> None:
+    """Tell whether a potential admits planar motions, or whether a whole problem can be solved."""
+    from service.schemas.problem.problem import read_question  # noqa: PLC0415
+    from service.verdicts.refusals import refusal_of_reading  # noqa: PLC0415
 
+    formats = _formats(formulas)
     document = read_document(file)
     refusal = refusal_of_reading(document, read_question)
-    text = (
-        _examine(examine_question, json.dumps(document))
-        if refusal is None
-        else json.dumps({"error": refusal})
-    )
+    text = json.dumps({"error": refusal}) if refusal is not None else _examined(document, formats)
     judged = Answer.model_validate_json(text)
     if as_json:
         found = json.loads(text)
@@ -44,16 +52,16 @@ def validate(file: Document, as_json: AsJson = False) -> None:
     if judged.error is not None:
         fail(judged.error.reason(), REFUSED)
     if judged.verdict is None:
-        say("a state motion: its potential needs no verdict")
+        say("a motion from any state: its potential needs no verdict")
         return
     if not as_json:
-        answer(f"{describe_verdict(judged.verdict)}\n")
+        answer(f"{describe_verdict(judged.verdict, formats)}\n")
     if judged.verdict.verdict != "admissible":
         fail(f"the potential is {judged.verdict.verdict}", REFUSED)
 
 
 def _without_choice(verdict: object, document: object) -> object:
-    """Return the verdict without a plan if a budget was sent: what it chooses depends on an installation."""
+    """Drop the plan of a problem with a budget: the tier depends on an installation's accuracy table."""
     match verdict, document:
         case dict(), {"accuracy": {"budget_seconds": _}}:
             return {**verdict, "plan": None}
@@ -67,7 +75,7 @@ def solve(
         Path | None, typer.Option(metavar="OUT", help="write the samples as CSV; - is stdout")
     ] = None,
 ) -> None:
-    """Solve one problem here and now, without a database."""
+    """Solve one problem in this terminal, without a database."""
     options = ["--json"] if as_json else []
     if csv is not None:
         options.append(f"--csv={csv}")
@@ -75,7 +83,7 @@ def solve(
 
 
 def compile_solvers() -> None:
-    """Compile the fast solvers now, half a minute of work that the first job had to wait for else."""
+    """Compile the fast solvers, which takes a minute or two, so that the first job does not wait for it."""
     become_worker(["compile"], os.environ)
 
 
@@ -84,20 +92,35 @@ def calibrate(
     as_json: AsJson = False,
     database_url: DatabaseUrl = None,
 ) -> None:
-    """Measure what every tier of accuracy reaches and costs on this machine, and store the table."""
+    """Measure the error and the time of every tier on this machine, and store the table."""
     settings = settings_of(database_url=database_url)
     migrate_database(settings)
     options = [name for name, given in (("--quick", quick), ("--json", as_json)) if given]
     become_worker(["calibrate", *options], worker_environment(settings))
 
 
-def _examine(examine: Callable[[str], str], document: str) -> str:
-    """Examine a document in a child, so that no formula can keep the terminal."""
+def _formats(asked: str | None) -> list[Format]:
+    names = [] if asked is None else asked.split(",")
+    unknown = [name for name in names if name not in FORMATS]
+    if unknown:
+        fail(f"--formulas: {unknown[0]!r} is not accepted; accepted are {', '.join(FORMATS)}", WRONG_USAGE)
+    return [each for each in FORMATS if each in names]
+
+
+def _examined(document: object, formats: Sequence[Format]) -> str:
+    """Examine a document in a child process, so that no formula can block the terminal."""
+    from service.verdicts.examination import examine_question  # noqa: PLC0415
+    from service.verdicts.formulas import examine_question_with_formulas  # noqa: PLC0415
+
     settings = settings_of()
-    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=[examine.__module__])
+    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=[examine_question.__module__])
     try:
         with Console(stderr=True).status("examining …"):  # shows nothing where stderr is not a terminal
-            return sandbox.run(examine, document, seconds=settings.verdict_seconds)
+            if not formats:
+                return sandbox.run(examine_question, json.dumps(document), seconds=settings.verdict_seconds)
+            asked = json.dumps({"document": document, "formats": formats})
+            text = sandbox.run(examine_question_with_formulas, asked, seconds=settings.verdict_seconds)
+            return _simplified(sandbox, text, settings.formula_seconds)
     except SandboxTimeoutError:
         fail(f"no verdict within POLHODE_VERDICT_SECONDS = {settings.verdict_seconds:g}", REFUSED)
     except SandboxMemoryError:
@@ -106,3 +129,21 @@ def _examine(examine: Callable[[str], str], document: str) -> str:
         fail(f"no verdict: {fault}", REFUSED)
     finally:
         sandbox.close()
+
+
+def _simplified(sandbox: Sandbox, text: str, seconds: float) -> str:
+    """Return the answer with its formulas simplified, as far as there is time."""
+    from service.verdicts.formulas import simplify_formula, with_simplified  # noqa: PLC0415
+
+    found = json.loads(text)
+    if found.get("verdict") is None:
+        return text
+    answers: list[str] = []
+    deadline = time.monotonic() + seconds
+    for work in found["verdict"]["works"]:
+        rest = deadline - time.monotonic()
+        if rest <= 0:
+            break
+        with suppress(SandboxTimeoutError, SandboxMemoryError, SandboxCrashError):
+            answers.append(sandbox.run(simplify_formula, work, seconds=rest, crashes=0))
+    return json.dumps({**found, "verdict": with_simplified(found["verdict"], answers)})

@@ -1,4 +1,4 @@
-"""``polhode keys``: who may use the service, and how much."""
+"""``polhode keys``: create, list and revoke API keys with their roles and limits."""
 
 import json
 import re
@@ -24,14 +24,14 @@ from service.settings import Settings
 from service.terminal import answer, say
 
 if TYPE_CHECKING:
-    from service.storage.key_store import KeyStore
+    from service.storage.keys.key_store import KeyStore
 
 MEGABYTE = 10**6
 
 _SPAN = re.compile(r"([1-9][0-9]{0,5})([dhm])", re.ASCII)
 _SECONDS = {"d": 86400, "h": 3600, "m": 60}
 
-app = typer.Typer(help="Who may use the service, and how much.", no_args_is_help=True)
+app = typer.Typer(help="Create, list and revoke API keys.", no_args_is_help=True)
 
 
 def seconds_of(text: str) -> float:
@@ -44,8 +44,8 @@ def seconds_of(text: str) -> float:
 
 @app.command()
 def create(
-    role: Annotated[Role, typer.Option(help="each may do all that those before it may", show_default=False)],
-    name: Annotated[str, typer.Option(help="whose it is, or what for; up to 128 characters")] = "",
+    role: Annotated[Role, typer.Option(help="each role includes those before it", show_default=False)],
+    name: Annotated[str, typer.Option(help="owner or purpose; up to 128 characters")] = "",
     expires: Annotated[
         float | None,
         typer.Option(parser=seconds_of, metavar="SPAN", help="from now, such as 90d; never if left out"),
@@ -64,11 +64,11 @@ def create(
     ] = None,
     database_url: DatabaseUrl = None,
 ) -> None:
-    """Make a key and print it. It is shown this once: only its hash is kept.
+    """Create a key and print it once: only its hash is stored.
 
     From the first key on, every request needs one.
     """
-    from service.storage.key_store import KeyLimits  # noqa: PLC0415
+    from service.storage.keys.key_store import KeyLimits  # noqa: PLC0415
 
     if len(name) > 128 or not name.isprintable():
         raise typer.BadParameter("up to 128 printable characters are accepted", param_hint="--name")
@@ -86,7 +86,7 @@ def create(
 
 @app.command("list")
 def list_keys(as_json: AsJson = False, database_url: DatabaseUrl = None) -> None:
-    """Show all keys, good or not, oldest first."""
+    """List all keys, also expired and revoked ones, oldest first."""
     with _store(settings_of(database_url=database_url)) as store:
         found = store.all()
     if as_json:
@@ -107,7 +107,7 @@ def revoke(
     prefix: Annotated[str, typer.Argument(help="as `polhode keys list` shows it", show_default=False)],
     database_url: DatabaseUrl = None,
 ) -> None:
-    """Make a key useless for ever; a running service notices within two seconds."""
+    """Revoke a key for good; a running service notices within two seconds."""
     with _store(settings_of(database_url=database_url)) as store:
         try:
             key = store.revoke(key_prefix(prefix) or prefix)
@@ -117,13 +117,13 @@ def revoke(
 
 
 def require_key(settings: Settings) -> None:
-    """End unless there is a live key: without one nobody but this machine may be served."""
+    """Exit unless there is a live key: without one the service may answer this machine only."""
     with _store(settings) as store:
         found = store.all()
     if not any(key.standing(found.now) is KeyStanding.LIVE for key in found.keys):
         fail(
-            f"host {settings.host}: other machines could reach the service, and there is no key that says "
-            "who may; `polhode keys create --role ROLE` makes one. Without keys 127.0.0.1, ::1 and "
+            f"host {settings.host}: other machines could reach the service, and there is no API key that "
+            "permits it; `polhode keys create --role ROLE` makes one. Without keys 127.0.0.1, ::1 and "
             "localhost are accepted",
             WRONG_USAGE,
         )
@@ -131,8 +131,8 @@ def require_key(settings: Settings) -> None:
 
 @contextmanager
 def _store(settings: Settings) -> Iterator["KeyStore"]:
-    from service.storage.database import Database  # noqa: PLC0415
-    from service.storage.key_store import KeyStore  # noqa: PLC0415
+    from service.storage.database.database import Database  # noqa: PLC0415
+    from service.storage.keys.key_store import KeyStore  # noqa: PLC0415
 
     migrate_database(settings)
     database = Database(settings.database_url)

@@ -1,4 +1,4 @@
-"""The entry of the command ``polhode``: first the signals, then what takes time to import."""
+"""Entry point of ``polhode``: installs signal handlers before the slow imports."""
 
 import sys
 

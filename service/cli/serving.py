@@ -1,4 +1,4 @@
-"""``polhode serve``, ``worker`` and ``migrate``: the processes of an installation."""
+"""``polhode serve``, ``worker`` and ``migrate``: run the service and workers, migrate the database."""
 
 import socket
 from typing import Annotated
@@ -14,8 +14,8 @@ from service.cli.common import (
     settings_of,
 )
 from service.cli.keys import require_key
-from service.jobs.wakeup import Doorbell
-from service.local_workers import LocalWorkers, worker_environment
+from service.local.wakeup import Doorbell
+from service.local.workers import LocalWorkers, worker_environment
 from service.logs import LOG_LEVELS, announce, start_logging
 from service.settings import Settings
 from service.stopping import StopAsked
@@ -58,7 +58,7 @@ def worker(
 
 
 def migrate(database_url: DatabaseUrl = None) -> None:
-    """Create the tables, or bring them to this version."""
+    """Create the tables, or upgrade them to this version."""
     migrate_database(settings_of(database_url=database_url))
 
 
@@ -70,18 +70,18 @@ def _serve(settings: Settings, listener: socket.socket) -> None:
 
     class _Server(uvicorn.Server):
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-            # It listens to signals itself by now; what came before is known here.
+            # Uvicorn handles signals by now; this flag holds those that came before.
             self.should_exit |= stop.is_asked
             await super().startup(sockets)
 
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
             if workers is not None:
                 workers.expect_end()
-            # Workers hear it and finish; whoever waits for a job is answered as things stand.
+            # Workers finish and stop; clients that wait for a job get its present state.
             doorbell.close()
             await super().shutdown(sockets)
 
-    # From here on there is something to put in order before the end.
+    # From here on the end needs a clean-up.
     with StopAsked() as stop:
         doorbell = Doorbell()
         workers = LocalWorkers(settings, doorbell) if settings.workers else None
@@ -94,7 +94,7 @@ def _serve(settings: Settings, listener: socket.socket) -> None:
             announce(
                 f"serving http://{f'[{host}]' if ':' in host else host}:{port}, {settings.workers} workers"
             )
-            # It raises the signals that it heard anew at its end: they were obeyed, and are only noted.
+            # Uvicorn raises the signals it received again at its end: they have been handled already.
             server.run(sockets=[listener])
             if not server.started:
                 raise typer.Exit(REFUSED)

@@ -1,4 +1,4 @@
-"""``polhode backup``, ``restore`` and ``prune``: the care of the database."""
+"""``polhode backup``, ``restore`` and ``prune``."""
 
 from pathlib import Path
 from typing import Annotated
@@ -24,7 +24,7 @@ def backup(
     force: Annotated[bool, typer.Option("--force", help="replace a file of that name")] = False,
     database_url: DatabaseUrl = None,
 ) -> None:
-    """Write a checked copy of the database to a file, while the service goes on."""
+    """Write a checked copy of the database to a file; the service may keep running."""
     from service.storage.upkeep.backup import back_up  # noqa: PLC0415
     from service.storage.upkeep.backup_checks import BackupError  # noqa: PLC0415
 
@@ -43,7 +43,7 @@ def restore(
     force: Annotated[bool, typer.Option("--force", help="replace a database that has jobs")] = False,
     database_url: DatabaseUrl = None,
 ) -> None:
-    """Replace the database by a backup and bring it to this version; the service must be stopped."""
+    """Replace the database by a backup and migrate it to this version; the service must be stopped."""
     from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
 
     from service.storage.upkeep.backup import restore as restore_database  # noqa: PLC0415
@@ -63,13 +63,13 @@ def prune(
         float | None,
         typer.Option(parser=seconds_of, metavar="SPAN", help="such as 30d. POLHODE_SAMPLES_DAYS if left out"),
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="only say what would be deleted")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="only report what would be deleted")] = False,
     database_url: DatabaseUrl = None,
 ) -> None:
-    """Delete old samples, while the service goes on; they are made again for whoever asks."""
+    """Delete old samples, which are recomputed on request; the service may keep running."""
     from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
 
-    from service.storage.database import Database  # noqa: PLC0415
+    from service.storage.database.database import Database  # noqa: PLC0415
     from service.storage.upkeep.retention import DAY_SECONDS, prune_samples  # noqa: PLC0415
 
     settings = settings_of(database_url=database_url)
@@ -77,7 +77,7 @@ def prune(
     if seconds is None and settings.samples_days is not None:
         seconds = settings.samples_days * DAY_SECONDS
     if seconds is None:
-        fail("how old? Accepted are --samples-older-than 30d, or POLHODE_SAMPLES_DAYS=30", WRONG_USAGE)
+        fail("the age is missing; give --samples-older-than 30d, or set POLHODE_SAMPLES_DAYS=30", WRONG_USAGE)
     migrate_database(settings)
     database = Database(settings.database_url)
     try:

@@ -1,4 +1,4 @@
-"""``polhode sweep``: many problems, computed here and now."""
+"""``polhode sweep``: computes the points of a sweep without a service."""
 
 import os
 from pathlib import Path
@@ -18,7 +18,7 @@ def sweep(
     workers: Annotated[int | None, typer.Option(min=1, help="processes; one for each processor")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compute a sweep here and now, without a database; Ctrl-C keeps what is done."""
+    """Compute a sweep without a database; Ctrl-C keeps the points computed so far."""
     options = ["--json"] if as_json else []
     if out is not None:
         options.append(f"--out={out}")

@@ -1,1 +1,1 @@
-"""Connections of clients: how many, how long, and what is told to those that are refused."""
+"""Limits the number and duration of client connections, and answers those that are refused."""

@@ -1,4 +1,4 @@
-"""How many connections there may be, and which are closed when one more comes."""
+"""Limits the number of connections, and chooses which to close when one more arrives."""
 
 import logging
 import time
@@ -8,11 +8,11 @@ from enum import IntEnum
 from typing import Protocol
 
 SECONDS_BETWEEN_LINES = 10.0
-"""How often the log says again that connections are refused, however many."""
+"""Least time between two log lines about refused connections."""
 
 
 class Phase(IntEnum):
-    """What a connection is at, in the order in which connections are given up."""
+    """The phase of a connection; earlier phases are closed first to make room."""
 
     IDLE = 0
     """Nothing has been sent since the last answer, or since it was opened."""
@@ -21,18 +21,18 @@ class Phase(IntEnum):
     BODY = 2
     """A part of a request's body has been sent."""
     ANSWER = 3
-    """A request is complete: never given up for others."""
+    """A request is complete: never closed to make room."""
 
 
 class Closable(Protocol):
-    """A connection, as the gate knows it."""
+    """The protocol of a connection that the gate can close."""
 
     def give_up(self) -> None:
         """Close it at once."""
 
 
 class Complaints:
-    """Writes at most one line in so many seconds, and says how many others there would have been."""
+    """Logs at most one line in so many seconds, and counts the suppressed ones."""
 
     def __init__(self, logger: logging.Logger, clock: Callable[[], float] = time.monotonic) -> None:
         self._logger, self._clock = logger, clock
@@ -40,7 +40,7 @@ class Complaints:
         self._kept_back: dict[str, int] = {}
 
     def tell(self, message: str) -> None:
-        """Write the message as a warning, unless it was written a moment ago."""
+        """Log the message as a warning, unless one was logged too recently."""
         now = self._clock()
         if now < self._silent_until.get(message, now):
             self._kept_back[message] = self._kept_back.get(message, 0) + 1
@@ -51,14 +51,14 @@ class Complaints:
 
 
 class Gate:
-    """Counts connections. Used by the event loop's thread alone.
+    """Counts connections. Used on the event loop's thread only.
 
     Parameters
     ----------
     capacity
         Connections that may be open.
     complaints
-        Where it is told that there are too many.
+        Logs that there are too many.
     """
 
     def __init__(self, capacity: int, complaints: Complaints) -> None:
@@ -72,32 +72,32 @@ class Gate:
         return len(self._open)
 
     def enter(self, connection: Closable) -> None:
-        """Note a connection that has been accepted."""
+        """Record a connection that has been accepted."""
         self._open.add(connection)
         self.move(connection, Phase.IDLE)
 
     def move(self, connection: Closable, phase: Phase) -> None:
-        """Note what a connection is at now."""
+        """Record the current phase of a connection."""
         for line in self._waiting.values():
             line.pop(connection, None)
         if phase in self._waiting and connection in self._open:
             self._waiting[phase][connection] = None
 
     def leave(self, connection: Closable) -> None:
-        """Note that a connection is closed, or as good as closed."""
+        """Record that a connection is closed or closing."""
         self._open.discard(connection)
         self.move(connection, Phase.ANSWER)
 
     def make_room(self) -> bool:
-        """Say whether one more may come; close an old one if that is needed.
+        """Tell whether one more may be accepted; close an old one if needed.
 
         Those that have waited longest go first: idle ones, then those whose
-        request is not complete. Whoever waits for an answer stays.
+        request is not complete. Clients that wait for an answer are kept.
         """
         return len(self._open) < self.capacity or self.give_one_up()
 
     def give_one_up(self) -> bool:
-        """Close one connection that can be spared; False if there is none."""
+        """Close one idle or incomplete connection; False if there is none."""
         for line in self._waiting.values():
             if line:
                 connection = next(iter(line))

@@ -1,4 +1,4 @@
-"""The listening socket: it lets in as many as there is room for, and never stops for want of descriptors."""
+"""The listening socket: accepts while there is room, and survives running out of file descriptors."""
 
 import errno
 import os
@@ -14,18 +14,18 @@ from service.connections.refusals import as_bytes, too_many_connections
 
 _OUT_OF_RESOURCES = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _PAUSE_SECONDS = 1.0
-"""What asyncio waits before it accepts again after such an error."""
+"""Seconds that asyncio waits before it accepts again after such an error."""
 _BACKLOG = 2048
 """Clients that may wait to be accepted."""
 _KEPT_DESCRIPTORS = 24
-"""Descriptors that are left to the database, the children and the log."""
+"""Descriptors reserved for the database, the children and the log."""
 
 
 class Listener(socket.socket):
-    """A listening socket for asyncio's server, which accepts until it is told that nobody waits.
+    """A listening socket for asyncio's server, which calls :meth:`accept` until BlockingIOError.
 
     Accepted sockets have TCP_NODELAY: asyncio sets it only on sockets that name
-    their protocol, and without it every answer on a connection that is kept
+    their protocol, and without it every answer on a kept-alive connection
     would wait 40 ms for an acknowledgement.
     """
 
@@ -49,22 +49,22 @@ class Listener(socket.socket):
             raise
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if not has_room:
-            self._gate.complaints.tell(f"all {self._gate.capacity} connections are at work: refusing others")
+            self._gate.complaints.tell(f"all {self._gate.capacity} connections are in use: refusing others")
             _refuse(connection)
             raise BlockingIOError
         return connection, address
 
     def listen(self, backlog: int = _BACKLOG, /) -> None:
-        """Let so many wait as ever: what asyncio says is how many it accepts in one turn."""
+        """Keep the backlog: asyncio passes the number it accepts in one turn of its loop."""
         super().listen(max(backlog, _BACKLOG))
 
     def close(self) -> None:
-        """Close it, with what it has kept."""
+        """Close the socket and the spare descriptor."""
         self._drop_spare()
         super().close()
 
     def _bear(self, fault: OSError) -> None:
-        """Give up an idle connection, or refuse the next with the spare descriptor; else pause."""
+        """Close an idle connection, or refuse the next with the spare descriptor; else pause."""
         self._gate.complaints.tell(f"no connection can be accepted: {fault.strerror}")
         if self._gate.give_one_up():
             raise BlockingIOError from fault  # its descriptor is free when the event loop comes back
@@ -92,7 +92,7 @@ def _refuse(connection: socket.socket) -> None:
     with connection, suppress(OSError):
         connection.setblocking(False)
         with suppress(BlockingIOError):
-            # Closing with something unread would take the answer back.
+            # Closing a socket with unread data would reset the connection and lose the answer.
             connection.recv(65536)
         connection.send(as_bytes(too_many_connections()))
         connection.shutdown(socket.SHUT_WR)

@@ -1,4 +1,4 @@
-"""HTTP/1.1 with deadlines: a client that sends or reads too slowly loses its connection."""
+"""HTTP/1.1 with deadlines: closes connections of clients that send or read too slowly."""
 
 import asyncio
 import sys
@@ -22,13 +22,13 @@ class Deadlines:
     head: float
     """From the first byte of a request to the end of its head; and from opening a connection to that."""
     body: float
-    """For the body, after it was refused or answered without being read."""
+    """For the rest of a body that was answered without being read."""
     send: float
-    """For reading some of an answer."""
+    """For reading any part of an answer."""
 
 
 class WatchedProtocol(H11Protocol):
-    """Uvicorn's protocol, which tells the gate what it is at. Made by :func:`watched`."""
+    """Uvicorn's protocol, which reports its phase to the gate. Made by :func:`watched`."""
 
     gate: Gate
     deadlines: Deadlines
@@ -46,7 +46,7 @@ class WatchedProtocol(H11Protocol):
         self._send_deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to wait for a request."""
+        """Register the connection and wait for a request."""
         super().connection_made(transport)
         self.gate.enter(self)
         self._enter(Phase.IDLE)
@@ -59,7 +59,7 @@ class WatchedProtocol(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Read what was sent, and note how far the request has come."""
+        """Read data, and report the phase of the request."""
         if self._phase is Phase.IDLE:
             self._enter(Phase.HEAD)
         super().data_received(data)
@@ -71,35 +71,35 @@ class WatchedProtocol(H11Protocol):
         self._look()
 
     def pause_writing(self) -> None:
-        """Wait only so long for a client that does not read."""
+        """Start the deadline for a client that does not read."""
         super().pause_writing()
         if self._send_deadline is None:
             self._send_deadline = self.loop.call_later(self.deadlines.send, self.give_up)
 
     def resume_writing(self) -> None:
-        """Go on: the client reads."""
+        """Stop that deadline: the client reads again."""
         super().resume_writing()
         if self._send_deadline is not None:
             self._send_deadline.cancel()
             self._send_deadline = None
 
     def send_400_response(self, msg: str) -> None:
-        """Answer what is no request, as a problem document."""
+        """Answer bytes that are not a valid request with a problem document."""
         status = getattr(sys.exc_info()[1], "error_status_hint", HTTPStatus.BAD_REQUEST)
         self.gate.complaints.tell("a client sent what is not HTTP/1.1")
         self._stop_timers()
         if self.cycle is not None and self.cycle.response_started and not self.cycle.response_complete:
-            self.give_up()  # another answer in the middle of one would be read as a part of it
+            self.give_up()  # an answer is being sent: a second one would be read as a part of it
         else:
             self._end(as_bytes(malformed(status)))
 
     def give_up(self) -> None:
-        """Close the connection at once, whatever is under way."""
+        """Close the connection at once, even during an answer."""
         self._stop_timers()
         self.transport.abort()
 
     def _look(self) -> None:
-        """Find out what the connection is at."""
+        """Find the phase of the connection and set its deadline."""
         if self.transport.is_closing():
             return
         theirs = self.conn.their_state
@@ -122,7 +122,7 @@ class WatchedProtocol(H11Protocol):
         if phase is Phase.HEAD:
             self._deadline = self.loop.call_later(self.deadlines.head, self._expire)
         elif phase is Phase.BODY and answered:
-            # Whoever reads a body has a deadline for it; nobody reads this one.
+            # An endpoint that reads the body sets its own deadline; nothing reads this body.
             self._deadline = self.loop.call_later(self.deadlines.body, self.give_up)
 
     def _expire(self) -> None:

@@ -1,16 +1,16 @@
-"""What is sent to clients before there is an application to answer them, or instead of it."""
+"""Raw HTTP answers sent before or instead of the application's."""
 
 import json
 from http import HTTPStatus
 
-from service.api.errors import MEDIA_TYPE, ApiError
+from service.api.replies.errors import MEDIA_TYPE, ApiError
 
 BUSY_SECONDS = 1
-"""What clients are told to wait for a connection."""
+"""Retry-After for clients that found no free connection."""
 
 
 def as_bytes(error: ApiError) -> bytes:
-    """Return a whole answer of HTTP/1.1, after which the connection is closed."""
+    """Return a complete HTTP/1.1 answer that closes the connection."""
     content = json.dumps(error.document()).encode("ascii")
     headers = {
         "Content-Type": MEDIA_TYPE,
@@ -23,7 +23,7 @@ def as_bytes(error: ApiError) -> bytes:
 
 
 def too_many_connections() -> ApiError:
-    """Return what a client is told for whom there is no connection."""
+    """Return the answer to a client when all connections are taken."""
     return ApiError(
         HTTPStatus.SERVICE_UNAVAILABLE,
         "too_many_connections",
@@ -33,16 +33,16 @@ def too_many_connections() -> ApiError:
 
 
 def too_slow(seconds: float) -> ApiError:
-    """Return what a client is told whose request was not complete in time."""
+    """Return the answer to a request that was not complete in time."""
     return ApiError(
         HTTPStatus.REQUEST_TIMEOUT, "request_timeout", f"the request was not complete after {seconds:g} s"
     )
 
 
 def malformed(status: int) -> ApiError:
-    """Return what a client is told whose bytes are no request."""
+    """Return the answer to bytes that are not an HTTP request."""
     detail = {
         HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE: "the head of the request is too long",
-        HTTPStatus.NOT_IMPLEMENTED: "of transfer codings, chunked is accepted",
+        HTTPStatus.NOT_IMPLEMENTED: "the only accepted transfer coding is chunked",
     }.get(HTTPStatus(status), "what was sent is not HTTP/1.1")
     return ApiError(status, "invalid_http", detail)

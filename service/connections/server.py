@@ -1,4 +1,4 @@
-"""How uvicorn is set up: with the gate, the deadlines and the listening socket of this package."""
+"""Sets up uvicorn with the gate, the deadlines and the listening socket of this package."""
 
 import logging
 import socket
@@ -16,7 +16,7 @@ logger = logging.getLogger(__name__)
 FINISH_REQUESTS_SECONDS = 3
 """How long open requests may go on after a signal to stop."""
 _ACCEPTED_AT_ONCE = 8
-"""Connections that are accepted in one turn of the event loop: only then are they counted."""
+"""Connections accepted in one turn of the event loop; they are counted only after it."""
 _TOLD_ALREADY = (
     "socket.accept() out of system resource",
     "Invalid HTTP request received.",
@@ -30,7 +30,7 @@ def guarded(app: FastAPI, settings: Settings, opened: socket.socket) -> tuple[uv
     deadlines = Deadlines(
         head=settings.header_seconds, body=settings.body_seconds, send=settings.send_seconds
     )
-    # What clients cause is told by the gate, now and then: else they could fill the log.
+    # The gate logs faults of clients at a limited rate; otherwise clients could fill the log.
     for name in ("asyncio", "uvicorn.error"):
         logging.getLogger(name).addFilter(_is_not_told_already)
     config = uvicorn.Config(

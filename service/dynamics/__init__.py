@@ -1,1 +1,1 @@
-"""Pure mathematics: what the problem is. No I/O, clock, log or framework."""
+"""The mathematics of a problem: body, potential, motion, verdict. No I/O, clock, log or framework."""

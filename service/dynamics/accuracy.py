@@ -1,4 +1,4 @@
-"""What the tiers of accuracy promise, what they cost on a machine, and the tiers chosen from that."""
+"""The tiers: promised errors, measured cost on a machine, and the choice of a tier by tolerance or budget."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ from typing import Literal, Self, get_args
 
 from service.dynamics.errors import BudgetTooSmallError, InvalidNumberError
 from service.dynamics.problem import (
-    Tier as Tier,  # its home is the problem; those who ask for tiers find it here
+    Tier as Tier,  # defined in service.dynamics.problem; re-exported for users of tiers
 )
 
 TIERS: tuple[Tier, ...] = get_args(Tier)
@@ -50,13 +50,13 @@ class Machine:
 
 @dataclass(frozen=True, slots=True)
 class AccuracyRow:
-    """What a tier reached, and took, on one problem."""
+    """Measured error and time of a tier on one problem."""
 
     tier: Tier
     kind: MotionKind
     family: Family
     claimed_error: float
-    """What the solution says its error is at most."""
+    """The error that the solution claims."""
     error: float
     """Largest departure from the reference in any of the six variables."""
     reference: Reference
@@ -71,10 +71,10 @@ class AccuracyRow:
     """For each 1000 samples more."""
 
     def seconds_for(self, samples: int) -> float:
-        """Return the expected seconds for ``samples`` samples; fewer than 1000 are taken for 1000.
+        """Return the expected seconds for ``samples`` samples; fewer than 1000 count as 1000.
 
-        The first samples cost more than the further ones: a straight line
-        through both measurements would have a few samples for nothing.
+        The first samples cost more than the further ones: extrapolating the line
+        through both measurements would make a few samples free.
         """
         return self.seconds + max(0.0, samples / 1000 - 1.0) * self.seconds_per_1000
 
@@ -92,7 +92,7 @@ class Unavailable:
 
 @dataclass(frozen=True, slots=True)
 class AccuracyTable:
-    """What every tier reaches and costs on one installation; has at least one row."""
+    """Measured errors and times of the tiers on one installation; has at least one row."""
 
     source: Source
     date: str
@@ -101,7 +101,7 @@ class AccuracyTable:
     numerics: int
     machine: Machine
     repetitions: int
-    """How many times each of the seconds was measured; the median counts."""
+    """Number of measurements behind each time, which is their median."""
     rows: tuple[AccuracyRow, ...]
     unavailable: tuple[Unavailable, ...]
 
@@ -116,9 +116,9 @@ class TierChoice:
 
     tier: Tier
     seconds: float
-    """What it is expected to take."""
+    """Expected seconds."""
     fits: bool
-    """Within the budget. If not, nothing fits, and this is the cheapest there is."""
+    """Whether this is within the budget. If not, no tier is, and this is the cheapest."""
 
     def require_fit(self, budget_seconds: float) -> Self:
         """Return the choice itself; raise :class:`BudgetTooSmallError` if it does not fit."""
@@ -156,9 +156,9 @@ def best_tier(
 ) -> TierChoice:
     """Return the most accurate tier that is expected to end within the budget, else the cheapest.
 
-    A tier takes as long as the slowest of its rows that are alike: of this kind
-    and family, if there are none of this kind, if there are none any. Without a
-    ``family`` all of them are.
+    The time of a tier is that of its slowest comparable row: of this kind and
+    family; if there is none, of this kind; else any. Without a ``family`` every
+    row of the kind is comparable.
     """
     rows = _alike(table, kind, family)
     seconds = {
@@ -176,7 +176,7 @@ def best_tier(
 def expected_seconds(
     table: AccuracyTable, tier: Tier, samples: int, kind: MotionKind, family: Family | None = None
 ) -> float | None:
-    """Return what ``tier`` takes by the slowest row alike; None if there is none."""
+    """Return the seconds of ``tier`` by its slowest comparable row; None if there is none."""
     rows = [row for row in _alike(table, kind, family) if row.tier == tier]
     return max(row.seconds_for(samples) for row in rows) if rows else None
 
@@ -190,7 +190,7 @@ def motion_kind(kind: str, ends: Sequence[str]) -> MotionKind:
 
 
 def _rounded_up(seconds: float) -> str:
-    """Return two digits that are not less."""
+    """Return the number rounded up to two digits."""
     unit = 10.0 ** (math.floor(math.log10(seconds)) - 1) if seconds > 0.0 else 1.0
     return f"{math.ceil(seconds / unit) * unit:.2g}"
 

@@ -12,7 +12,7 @@ from service.dynamics.errors import (
 )
 
 LARGEST_RATIO = 10**13
-"""Of A and C, either way: the curve of a planar motion is a corner then, to every digit of a double."""
+"""Largest ratio of A and C, either way: beyond it the curve of a planar motion is a corner in doubles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class RigidBody:
             if small + middle < large:
                 raise UnphysicalInertiaError(
                     f"moments {self.A}, {self.B}, {self.C}: the largest exceeds the sum of the other two by "
-                    f'{large - small - middle}; no body has them (say "allow_unphysical": true to go on)',
+                    f'{large - small - middle}; no body has them ("allow_unphysical": true accepts them)',
                     pointer="/body",
                 )
 

@@ -1,4 +1,4 @@
-"""Comparisons of errors with what is allowed, that nothing but a finite number can pass.
+"""Compares errors with limits so that NaN and infinity never pass.
 
 NaN compares false with everything, and the builtin ``max`` keeps or drops it by its place: written
 out, ``error > limit`` lets NaN pass, and so does ``max(errors)``.
@@ -9,7 +9,7 @@ from math import isfinite, isnan, nan
 
 
 def is_within(error: float, limit: float) -> bool:
-    """Say whether ``error`` is a finite number of at most ``limit``; a NaN limit allows nothing."""
+    """Tell whether ``error`` is finite and at most ``limit``; a NaN limit allows nothing."""
     return isfinite(error) and error <= limit
 
 

@@ -1,7 +1,7 @@
-"""What can be wrong with a problem, one class per cause.
+"""Errors of a problem that cannot be stated or solved, one class per cause.
 
 Every error carries a stable ``code`` for programs, a sentence with the numbers
-for people, and ``pointer``: the place in the problem document it speaks about
+for people, and ``pointer``: the place of the fault in the problem document
 (a JSON pointer below the problem, empty if it is the whole).
 """
 
@@ -9,7 +9,7 @@ from typing import ClassVar
 
 
 class DynamicsError(Exception):
-    """A problem that cannot be stated or solved as asked."""
+    """A problem that cannot be stated or solved as requested."""
 
     code: ClassVar[str] = "dynamics"
 

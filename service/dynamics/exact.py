@@ -1,4 +1,4 @@
-"""Exact numbers: what clients write is kept as a rational as long as possible."""
+"""Reads numbers as exact rationals, which are kept exact as long as possible."""
 
 import math
 import re
@@ -22,7 +22,7 @@ class NumberBeyondDoubles(float):
     """A decimal whose nearest double is 0 or infinite, though the number itself is neither.
 
     As a float it is that double. :func:`exact_number` reads the text, so that a
-    JSON number 1e-400 is judged as the string "1e-400" is, and never taken for 0.
+    JSON number 1e-400 is treated like the string "1e-400", and never as 0.
     """
 
     __slots__ = ("text",)
@@ -41,9 +41,9 @@ def is_zero_text(text: str) -> bool:
 
 
 def exact_number(value: int | float | str | Fraction) -> Fraction:
-    """Return the rational that ``value`` stands for.
+    """Return the exact rational value of ``value``.
 
-    A float stands for its shortest decimal (0.1 is 1/10); a string may hold a
+    A float means its shortest decimal (0.1 is 1/10); a string may hold a
     decimal (``"1e-12"``) or a ratio of integers (``"17/10"``).
 
     Raises

@@ -26,27 +26,30 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.formula.tape import Tape
-from service.dynamics.potentials.monomials import Exponents
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
-from service.dynamics.verdict.layout import Layout, LayoutTooSmallError, NoProofError, UndefinedInOctantError
-from service.dynamics.verdict.natures import Coordinate, Element
-from service.dynamics.verdict.ring import Ring
-from service.dynamics.verdict.ring_algebra import RingAlgebra
+from service.dynamics.potentials.terms.monomials import Exponents
+from service.dynamics.verdict.exact_ring.generators import Coordinate, Element
+from service.dynamics.verdict.exact_ring.layout import (
+    Layout,
+    NoProofError,
+    UndefinedInOctantError,
+)
+from service.dynamics.verdict.exact_ring.ring import Ring
+from service.dynamics.verdict.ring_functions.large_enough import in_large_enough_ring
+from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T", FloatArray, arb)
 
 BITS = 128
 """Of the balls for a drift: near a collision the terms of W cancel like those of the energy."""
-MAX_RESTARTS = 60
-"""Of the ring in which V is expanded; formulas need a handful."""
 
 
 @dataclass(frozen=True, slots=True)
 class FurtherIntegral:
     """K = |W|² for one field, with the exact parameters of the module's formulas.
 
-    ``kind`` says where it is constant: along every motion, or along those with I3 = 0.
+    ``kind`` tells along which motions it is constant: along every one, or those with I3 = 0.
     """
 
     name: Literal["kovalevskaya", "goriachev"]
@@ -86,7 +89,7 @@ def find_further_integrals(
 ) -> tuple[FurtherIntegral, ...]:
     """Return the further integral of the six equations, or nothing.
 
-    V is recognised exactly, whatever way it is written, if its numbers are
+    V is recognised exactly, however it is written, if its numbers are
     rational. Nothing is returned where that fails: no claim that none exists.
 
     Parameters
@@ -167,7 +170,7 @@ def _parameters(terms: dict[Exponents, Fraction]) -> _Parameters | None:
 
 
 def _laurent_terms(tape: Tape, signs: tuple[int, int, int]) -> tuple[Ring, dict[Exponents, Fraction] | None]:
-    """Return V as a sum of monomials in g1, g2, g3, at most linear in g2; None if it is not seen to be one.
+    """Return V as a sum of monomials in g1, g2, g3, at most linear in g2; None if it is not one visibly.
 
     Raises
     ------
@@ -176,15 +179,11 @@ def _laurent_terms(tape: Tape, signs: tuple[int, int, int]) -> tuple[Ring, dict[
     NoProofError
         V is too large to be expanded.
     """
-    layout = Layout()
-    for _ in range(MAX_RESTARTS):
-        ring = Ring(layout, signs)
-        try:
-            V = tape.evaluate(RingAlgebra(ring), [ring.coordinate(position) for position in range(3)])
-            return ring, _monomials(ring, V)
-        except LayoutTooSmallError as error:
-            layout = error.layout
-    raise NoProofError("the ring keeps growing")
+
+    def expanded(ring: Ring, algebra: RingAlgebra) -> dict[Exponents, Fraction] | None:
+        return _monomials(ring, tape.evaluate(algebra, [ring.coordinate(position) for position in range(3)]))
+
+    return in_large_enough_ring(Layout(), signs, expanded)
 
 
 def _monomials(ring: Ring, V: Element) -> dict[Exponents, Fraction] | None:

@@ -4,16 +4,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from service.dynamics.dense_output import DenseOutput, FloatArray
 from service.dynamics.reduction.window import Window
+from service.dynamics.solution.dense_output import DenseOutput, FloatArray
 
 COLUMNS: tuple[str, ...] = ("p", "q", "r", "g1", "g2", "g3")
 """The six variables of the Euler-Poisson equations, in the order of every array."""
 
-PROVEN_SAMPLES = "proven_samples"
-"""Key of the evidence: how the samples were enclosed, where they are better than their function of time."""
+NO_CROSS_CHECK = "no_cross_check"
+"""Code of the warning that the second method could not follow the motion, so that nothing was compared."""
 
 SolvedBy = Literal["quadrature", "integration"]
+EnclosureMethod = Literal["elliptic", "integral"]
+"""Ways to an enclosure: elliptic functions, for potentials of three terms; the integral, for any formula."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,7 @@ AperiodicKind = Literal["separatrix", "equilibrium", "collision", "pole"]
 
 @dataclass(frozen=True, slots=True)
 class Asymptote:
-    """What an aperiodic motion runs into, in the future or out of the past."""
+    """The limit of an aperiodic motion, forwards or backwards in time."""
 
     kind: Literal["equilibrium", "pole", "collision"]
     """A zero of p² of higher order; a pole that is not passed; a singularity of the potential."""
@@ -44,7 +46,7 @@ class Asymptote:
 
 @dataclass(frozen=True, slots=True)
 class CrossCheck:
-    """What a second, independent method says about a motion."""
+    """Comparison of a motion with a second, independent method."""
 
     method: str
     """The witness: how the motion was computed a second time."""
@@ -54,6 +56,8 @@ class CrossCheck:
     """Largest |t| that was compared: beyond it the witness cannot vouch for its own digits."""
     agrees: bool
     """The disagreement is explained by the error estimates of the two methods."""
+    why_none: str | None = None
+    """Why nothing was compared but the start, which the two have in common; None if something was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +67,7 @@ class Motion:
     method: SolvedBy
     dense: DenseOutput
     times: FloatArray
-    """The times asked for, each rounded to the nearest double, shape (n,)."""
+    """The requested times, each rounded to the nearest double, shape (n,)."""
     samples: FloatArray
     """The six variables p, q, r, g1, g2, g3 at the exact times, ``times`` + ``rests``, shape (n, 6)."""
     error: float
@@ -79,6 +83,10 @@ class Motion:
     conventions: tuple[str, ...]
     """Choices made where the equations leave one, such as the way through a pole."""
     evidence: Mapping[str, float | int | str]
-    """What the solver measured about itself: nodes, steps, changes at the last refinement."""
+    """Measurements by the solver: nodes, steps, changes at the last refinement."""
     rests: FloatArray | None = None
-    """What ``times`` leave of the exact times, shape (n,); None if nothing."""
+    """Exact times minus ``times``, shape (n,); None if zero."""
+    first_passage: float | None = None
+    """The least |t| at which a pole is passed by one of the ``conventions``; None if none is passed so."""
+    enclosed_by: EnclosureMethod | None = None
+    """How the samples were enclosed that doubles alone did not have to the tolerance; None if they had."""

@@ -11,6 +11,8 @@ Sign = Literal[-1, 1]
 Tier = Literal["draft", "standard", "high", "certified"]
 """Grades of accuracy, see :mod:`service.dynamics.accuracy`."""
 Method = Literal["auto", "quadrature", "integration", "both"]
+Accept = Literal["proved", "undecided"]
+"""Potentials accepted for planar motions: proved ones, or also undecided ones proved on the own curve."""
 Output = Literal["period", "gamma", "omega", "invariants", "orientation", "stability"]
 
 
@@ -107,10 +109,10 @@ Times = TimeSpan | TimePeriods | TimeList
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """How accurate the six variables are wanted."""
+    """The requested accuracy of the six variables."""
 
     tolerance: float
-    """Largest absolute error allowed over the asked times."""
+    """Largest absolute error allowed over the requested times."""
     tier: Tier = "standard"
     bits: int = 64
     """Of the tier ``certified``: radii are at most 2^(8 − bits)."""
@@ -129,13 +131,14 @@ class Problem:
     accuracy: Accuracy
     method: Method
     outputs: tuple[Output, ...]
+    accept: Accept = "proved"
 
     @property
     def wants_series(self) -> bool:
-        """Say whether any function of time is asked for, and not only numbers of the whole motion."""
+        """Tell whether any function of time is requested, and not only numbers of the whole motion."""
         return self.method == "both" or not set(self.outputs) <= {"period", "stability"}
 
     @property
     def tolerance(self) -> float:
-        """The largest absolute error allowed in any of the six variables over the asked times."""
+        """The largest absolute error allowed in any of the six variables over the requested times."""
         return self.accuracy.tolerance

@@ -1,4 +1,4 @@
-"""The times at which a solution is sampled: each exact, until it is reduced by the period.
+"""The sample times of a solution, exact until they are reduced by the period.
 
 A value belongs to the exact time that was asked: 1/3, not the double beside it; half of the true
 period, not of its double. Solvers in doubles take a time as the sum of two doubles; the enclosures
@@ -12,9 +12,9 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.dense_output import Period, two_product
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import TimeList, TimePeriods, Times
+from service.dynamics.solution.dense_output import Period, two_product
 
 FloatArray = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ _WHOLE_DOUBLES = 2**53
 
 
 class PeriodNeededError(DynamicsError):
-    """Times were asked in periods of a motion that has none."""
+    """The times are in periods, and the motion has none."""
 
     code = "period_needed"
 
@@ -35,16 +35,16 @@ class SampleTimes:
     doubles: FloatArray
     """Each the double nearest to the exact time: what is shown."""
     rests: FloatArray
-    """What these leave of the exact times, rounded to doubles; 0 where a time is a double."""
+    """Exact times minus these, rounded to doubles; 0 where a time is a double."""
 
 
 def sample_times(times: Times, period: Period | None) -> SampleTimes:
-    """Return the asked times; of those in periods, the multiples of the sum hi + lo.
+    """Return the requested times; for times in periods, multiples of the sum hi + lo.
 
     Raises
     ------
     PeriodNeededError
-        Periods are asked for and ``period`` is None.
+        The times are in periods and ``period`` is None.
     """
     if not isinstance(times, TimePeriods):
         return _in_doubles(times)
@@ -61,7 +61,7 @@ def sample_times(times: Times, period: Period | None) -> SampleTimes:
 
 
 def exact_instants(times: Times) -> list[Fraction]:
-    """Return the asked times themselves; of those in periods, the exact numbers of periods."""
+    """Return the exact requested times; for times in periods, the exact numbers of periods."""
     if isinstance(times, TimeList):
         return list(times.times)
     first, step, whole = _progression(times)

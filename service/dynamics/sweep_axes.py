@@ -1,4 +1,4 @@
-"""The values that one number takes in a sweep, each had from its index alone.
+"""Generates the values of a sweep's axis, each from its index alone.
 
 A value is an exact number. Those that arithmetic makes (all but the listed ones
 and the ends of spans) are rounded once, to the nearest double, and stand for
@@ -31,7 +31,7 @@ _RESOLUTION = 2**53
 _DRAWS_PER_COUNT = 4
 """Numbers of 64 bits that Philox makes of one value of its counter."""
 _NEAR = 64
-"""Gaps up to this are computed along: cheaper than to begin anew."""
+"""Gaps up to this are computed and dropped, which is cheaper than a new start."""
 
 
 class Axis(Protocol):

@@ -1,1 +1,1 @@
-"""The life of a job: states, legal moves, leases, retries. Pure, plus the store's protocol."""
+"""The rules for jobs: states, legal moves, leases, retries, and the protocol of the store. No I/O."""

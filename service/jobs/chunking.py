@@ -1,4 +1,4 @@
-"""How a sweep is cut into chunks: small ones first, then about a second each, smaller again at the end."""
+"""Cuts a sweep into chunks: small ones first, then about a second each, smaller again at the end."""
 
 import itertools
 from collections.abc import Iterator, Sequence
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 WAITING_CHUNKS = 16
 """Chunks of one sweep that wait in the queue, as long as there are points for them."""
 PILOT_POINTS = 16
-"""Of the first chunk, which measures how long a point takes."""
+"""Points of the first chunk, which measures how long a point takes."""
 CHUNK_SECONDS = 1.0
-"""What a chunk should take."""
+"""Seconds that a chunk should take."""
 UNKNOWN_POINT_SECONDS = CHUNK_SECONDS / PILOT_POINTS
-"""Taken for what a point takes as long as no chunk has measured it."""
+"""Assumed seconds for a point until a chunk has measured it."""
 LARGEST_CHUNK = 65_536
 """Points of a chunk at most."""
 LARGEST_BLOCK = 2_000_000
 """Numbers of a chunk's series at most: 16 MB."""
 PARTS = 8
-"""Into which a chunk is cut that failed, or that was handed back with much left to do."""
+"""Number of parts into which a chunk is split that failed, or was returned with much left to do."""
 _LAST_SHARE = 8
 """Near the end a chunk is at most this part of what is left, so that no worker computes it alone ..."""
 _SMALLEST_SHARE = 4
@@ -38,7 +38,7 @@ def largest_chunk(samples: int, columns: int) -> int:
 
 
 def next_size(point_seconds: float, left: int, most: int) -> int:
-    """Return the size of the next chunk if a point takes ``point_seconds`` and ``left`` points have none."""
+    """Return the size of the next chunk: a point takes ``point_seconds``, ``left`` points have no chunk."""
     usual = CHUNK_SECONDS / point_seconds if point_seconds > CHUNK_SECONDS / most else float(most)
     size = min(usual, max(left / _LAST_SHARE, usual / _SMALLEST_SHARE))
     return max(1, min(int(size), most, left))
@@ -52,7 +52,7 @@ def cut(whole: Range, parts: int) -> Sequence[Range]:
 
 
 def cut_rest(rest: Range, point_seconds: float) -> Sequence[Range]:
-    """Return what a chunk handed back: in parts, if it would take much longer than a chunk should."""
+    """Return the rest of a partly computed chunk: in parts, if it would take much too long as one."""
     chunks = rest.count * point_seconds / CHUNK_SECONDS
     return cut(rest, min(PARTS, max(1, round(chunks))))
 

@@ -1,8 +1,8 @@
-"""How workers learn that there is a job for them.
+"""The protocol of dispatchers, which tell workers which jobs to claim.
 
-The jobs table is the truth; a dispatcher only says which of its jobs to look
-at next. What it is told, and what it hands out, belongs to the transaction of
-the caller: it happens with the commit, or never.
+The jobs table is the source of truth; a dispatcher only says which of its jobs to
+look at next. It delivers and takes jobs within the caller's transaction: both take
+effect with the commit, or not at all.
 """
 
 from collections.abc import Sequence
@@ -20,17 +20,17 @@ class Delivery:
 
     job_id: str
     attempt: int
-    """How often it was claimed before: a job is delivered once after each."""
+    """How often it was claimed before; each attempt has its own delivery."""
     priority: int
     ready_at: float
     """Not claimed before, in seconds since 1970 by the database's clock."""
 
 
 class Dispatcher(Protocol[Transaction]):
-    """Delivers ids of jobs to workers: within the transaction that makes them claimable, and in order.
+    """Delivers ids of jobs to workers in order, within the transaction that makes them claimable.
 
-    The order is: one job of each lane that is owed one; then the larger
-    priority, the earlier lane, the smaller turn, the older job of a key.
+    The order is: first one job of each lane that is owed one; then by larger
+    priority, earlier lane, smaller turn, older job of a key.
     """
 
     def dispatch(self, transaction: Transaction, deliveries: Sequence[Delivery]) -> None:
@@ -45,5 +45,5 @@ class Dispatcher(Protocol[Transaction]):
         ...
 
     def repair(self, transaction: Transaction) -> int:
-        """Deliver anew the jobs that are due and whose delivery was lost; return their number."""
+        """Deliver again the due jobs whose delivery was lost; return their number."""
         ...

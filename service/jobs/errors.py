@@ -1,4 +1,4 @@
-"""What can be wrong with a request about a job or its solution, one class per cause."""
+"""Errors of requests about a job or its solution, one class per cause."""
 
 from service.jobs.states import JobState
 

@@ -1,4 +1,4 @@
-"""How long a sweep still takes, judged by what its latest chunks took."""
+"""Estimates how long a sweep still takes from its latest chunks."""
 
 import math
 from collections.abc import Sequence
@@ -7,38 +7,38 @@ from dataclasses import dataclass
 from service.jobs.chunking import CHUNK_SECONDS
 
 RECENT_SECONDS = 300.0
-"""Chunks that ended longer ago do not count: points, workers and what else these do change."""
+"""Chunks that ended longer ago do not count: points and workers may have changed since."""
 PAUSE_SECONDS = 30.0
-"""If none of a sweep's chunks was at work for longer, nobody was there to do them, and all before is past."""
+"""A longer gap in which no chunk ran is a pause: chunks before it do not count."""
 TELLING_SECONDS = CHUNK_SECONDS / 5
-"""Shorter tries tell what a chunk costs whatever its size, rather than what its points take."""
+"""Shorter attempts measure the fixed cost of a chunk rather than its points."""
 LEAST_WORK = 5 * CHUNK_SECONDS
-"""Seconds of work from which something can be said even by short tries: longer ones may never come."""
+"""Enough work for an estimate from short attempts alone, since longer ones may never come."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChunkRun:
-    """One try at a chunk; instants in seconds by one clock."""
+    """One attempt at a chunk; instants in seconds by one clock."""
 
     started_at: float
     ended_at: float | None
     """None while it runs."""
     points: int
-    """That it brought."""
+    """Points that it computed."""
 
     def until(self, now: float) -> float:
-        """Return when it ended, or ``now``."""
+        """Return the end of the attempt, or ``now`` while it runs."""
         return now if self.ended_at is None else self.ended_at
 
 
 def remaining_seconds(left: int, runs: Sequence[ChunkRun], *, since: float, now: float) -> float | None:
-    """Return how long ``left`` points take if it goes on as lately; None if that cannot be said.
+    """Return how long ``left`` points take at the recent speed; None if it is not known.
 
-    ``runs`` are all tries that ended after ``since`` and those that run. The
-    speed is the points in a second of a worker's time, times the workers that
-    were at work on the average. A worker's first chunk brings few points, since
-    it compiles or loads programs: as many of the slowest chunks are left out as
-    there are workers. Nor do the small chunks count with which a sweep begins.
+    ``runs`` are all attempts that ended after ``since`` and those that run. The
+    speed is the number of points per second of a worker's time, times the average
+    number of busy workers. A worker's first chunk is slow, since it compiles or loads
+    programs: as many of the slowest chunks are left out as there are workers. The
+    small chunks at the start of a sweep do not count either.
     """
     recent, begin = _since_the_last_pause(runs, since, now)
     elapsed = now - begin
@@ -56,7 +56,7 @@ def remaining_seconds(left: int, runs: Sequence[ChunkRun], *, since: float, now:
 
 
 def _since_the_last_pause(runs: Sequence[ChunkRun], since: float, now: float) -> tuple[list[ChunkRun], float]:
-    """Return the tries after the last pause, and when the first of them began, or ``since``."""
+    """Return the attempts after the last pause, and when the first of them began, or ``since``."""
     found, begin = list[ChunkRun](), now
     for run in sorted(runs, key=lambda run: run.until(now), reverse=True):
         if begin - run.until(now) > PAUSE_SECONDS:

@@ -1,4 +1,4 @@
-"""A job, the right to try it, and the record of a try."""
+"""Records of a job, a worker's claim to it, and an attempt."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """The right of one worker to try a job, until its lease ends: the fence of every later write."""
+    """One worker's right to compute a job until its lease ends; every later write checks it."""
 
     job_id: str
     attempt: int
@@ -50,10 +50,10 @@ class Claim:
     problem: Mapping[str, object]
     digest: str
     key_id: str | None
-    """Of the key on whose account it was submitted."""
+    """Id of the key that is charged for it."""
     kind: JobKind = JobKind.SOLVE
     sweep: Mapping[str, object] | None = None
-    """Of a chunk: the document of the sweep that it belongs to."""
+    """For a chunk: the document of its sweep."""
     sweep_id: str | None = None
     lane: Lane = Lane.SINGLE
 
@@ -65,17 +65,17 @@ class Claim:
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """Jobs that a worker has got."""
+    """Jobs that a worker has been given."""
 
     claims: tuple[Claim, ...] = ()
-    """To be computed, in the order of the queue."""
+    """Jobs to compute, in the order of the queue."""
     reused: tuple[str, ...] = ()
     """Ids of those that have succeeded already, with the solution of an equal problem."""
 
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """One try at a job."""
+    """One attempt at a job."""
 
     number: int
     worker: str

@@ -1,9 +1,9 @@
-"""Keys: what their holders may do, and whether they still hold.
+"""API keys: their roles, their format, and whether they are valid.
 
-A key's text is ``plh_``, a public part by which it is found and called, ``_``
+A key's text is ``plh_``, a public prefix by which it is found and named, ``_``
 and a secret of 256 bits. Only the SHA-256 of the whole text is kept. A slow
-password hash would gain nothing: it protects secrets that can be guessed, and
-nobody guesses 256 random bits.
+password hash would gain nothing: it protects secrets that can be guessed, which
+256 random bits cannot.
 """
 
 import hashlib
@@ -18,25 +18,25 @@ _TEXT = re.compile(r"(plh_[0-9A-Za-z]{8})_[0-9A-Za-z]{43}", re.ASCII)
 
 
 class Role(StrEnum):
-    """What a key is good for; each role may do all that the ones before it may."""
+    """What a key permits; each role includes all roles before it."""
 
     READ = "read"
-    """Look at everything."""
+    """Read everything."""
     SUBMIT = "submit"
-    """Have things computed, and cancel what was submitted with the same key."""
+    """Submit jobs, and cancel what was submitted with the same key."""
     OPERATE = "operate"
-    """Cancel anything, and see how the installation fares."""
+    """Cancel anything, and read the metrics of the installation."""
     ADMIN = "admin"
-    """Whatever concerns keys."""
+    """Manage keys."""
 
     def may(self, needed: "Role") -> bool:
-        """Tell whether this role is enough where ``needed`` is."""
+        """Tell whether this role includes ``needed``."""
         roles = list(Role)
         return roles.index(self) >= roles.index(needed)
 
 
 class KeyStanding(StrEnum):
-    """Whether a key is good at some instant."""
+    """Whether a key is valid at some instant."""
 
     LIVE = "live"
     EXPIRED = "expired"
@@ -49,7 +49,7 @@ class ApiKey:
 
     id: str
     prefix: str
-    """The public part, by which it is called."""
+    """The public prefix, which names it."""
     hash: bytes = field(repr=False)
     name: str
     role: Role
@@ -57,16 +57,16 @@ class ApiKey:
     expires_at: datetime | None
     revoked_at: datetime | None
     last_used_at: datetime | None
-    """Behind by up to a minute."""
+    """May lag by up to a minute."""
     requests_per_second: float | None
-    """None, here and below: what the installation's settings say."""
+    """None, here and below: the limit of the installation's settings."""
     max_queued_jobs: int | None
     max_stored_bytes: int | None
     stored_bytes: int
-    """Of the arrays computed for it."""
+    """Bytes of the arrays computed for it."""
 
     def standing(self, now: datetime) -> KeyStanding:
-        """Return whether the key is good now; a revoked one is so for ever."""
+        """Return whether the key is valid at ``now``; a revoked one never is again."""
         if self.revoked_at is not None:
             return KeyStanding.REVOKED
         if self.expires_at is not None and now >= self.expires_at:
@@ -74,7 +74,7 @@ class ApiKey:
         return KeyStanding.LIVE
 
     def opens_with(self, text: str) -> bool:
-        """Tell whether ``text`` is this key; the time it takes says nothing about the hash."""
+        """Tell whether ``text`` is this key, by a constant-time comparison."""
         return hmac.compare_digest(self.hash, key_hash(text))
 
 
@@ -82,17 +82,17 @@ class KeyNotFoundError(LookupError):
     """There is no key of that prefix."""
 
     def __init__(self, prefix: str) -> None:
-        # Somebody may have pasted more than the prefix, which nobody else should read.
+        # Somebody may have pasted the whole key; the secret part must not appear in the message.
         self.prefix = prefix[:_PREFIX_CHARACTERS]
-        super().__init__(f"there is no key {self.prefix}; `polhode keys list` shows those there are")
+        super().__init__(f"there is no key {self.prefix}; `polhode keys list` shows all keys")
 
 
 def key_prefix(text: str) -> str | None:
-    """Return the public part of a key, None if the text cannot be one."""
+    """Return the public prefix of a key, None if the text cannot be one."""
     match = _TEXT.fullmatch(text)
     return None if match is None else match[1]
 
 
 def key_hash(text: str) -> bytes:
-    """Return what is stored of a key."""
+    """Return the hash of a key, which is stored in its place."""
     return hashlib.sha256(text.encode()).digest()

@@ -1,41 +1,47 @@
-"""What a computation hands back: JSON and bytes, never objects."""
+"""The result of a computation as a child process returns it: JSON and bytes, never objects."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class SolveOutcome:
-    """The answer to one problem document.
+class Solved:
+    """The solution of one problem document."""
 
-    Either ``summary`` or ``error`` is given. ``error`` holds at least ``code``
-    and ``detail``; ``dense`` and ``samples`` are encoded by
-    :mod:`service.storage.solutions.codec` and empty if there is an error.
-    """
-
-    summary: dict[str, object] | None
+    summary: dict[str, object]
     dense: bytes
+    """The function of time, encoded by :mod:`service.storage.codecs.arrays`; so are the samples."""
     samples: bytes
-    error: dict[str, object] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Why one problem document has no solution."""
+
+    error: dict[str, object]
+    """Holds at least ``code`` and ``detail``."""
+
+
+SolveOutcome = Solved | Refused
 
 
 @dataclass(frozen=True, slots=True)
 class ChunkOutcome:
-    """The answers to some neighbouring points of a sweep.
+    """The results for some neighbouring points of a sweep.
 
-    Made by :func:`service.storage.sweeps.chunk_codec.chunk_outcome`.
+    Made by :func:`service.storage.codecs.points.chunk_outcome`.
     """
 
     count: int
-    """Of the asked points the first so many, at least 1: the others are queued again."""
+    """Number of computed points, counted from the first, at least 1; the others are queued again."""
     refused: int
-    """Points among them that were not solved; why is in ``data``."""
+    """Points among them that were not solved; ``data`` has the reasons."""
     data: bytes
-    """The points in columns, encoded by :mod:`service.storage.sweeps.chunk_codec`."""
+    """The columns of the points, encoded by :mod:`service.storage.codecs.points`."""
     bounds: Mapping[str, tuple[float, float]]
     """Smallest and largest of each kept number that any point has."""
     seconds: float
-    """What computing them took."""
+    """Seconds that computing them took."""
 
 
 Outcome = SolveOutcome | ChunkOutcome

@@ -1,4 +1,4 @@
-"""The life of a job is a table."""
+"""The states of a job, and the table of legal moves between them."""
 
 from enum import StrEnum
 
@@ -13,7 +13,7 @@ class JobKind(StrEnum):
 
 
 class JobState(StrEnum):
-    """Where a job is in its life."""
+    """The state of a job."""
 
     QUEUED = "queued"
     """Waits for a worker."""
@@ -24,7 +24,7 @@ class JobState(StrEnum):
     FAILED = "failed"
     """Its error says why."""
     CANCELLED = "cancelled"
-    """Somebody asked for it; whatever a worker still computes is thrown away."""
+    """A client asked for it; what a worker still computes is discarded."""
 
 
 ALLOWED: dict[JobState, frozenset[JobState]] = {
@@ -37,35 +37,35 @@ ALLOWED: dict[JobState, frozenset[JobState]] = {
 """The only legal moves. RUNNING returns to QUEUED when its worker is lost or stops."""
 
 FINISHED: frozenset[JobState] = frozenset(state for state, moves in ALLOWED.items() if not moves)
-"""States that nothing leaves."""
+"""Final states."""
 
 
 def sources(target: JobState) -> tuple[JobState, ...]:
-    """Return the states from which ``target`` may be reached: the guard of every stored move."""
+    """Return the states from which ``target`` may be reached; every UPDATE of a state checks them."""
     return tuple(state for state, moves in ALLOWED.items() if target in moves)
 
 
 class AttemptOutcome(StrEnum):
-    """How one try at a job ended."""
+    """How an attempt at a job ended."""
 
     SUCCEEDED = "succeeded"
     FAILED = "failed"
-    """The computation itself, or a limit of time or memory: trying again would give the same."""
+    """The computation failed, or reached its limit of time or memory: a retry would end the same way."""
     LOST = "lost"
-    """The child or the whole worker died; only this is tried again, and counted."""
+    """The child or the whole worker died; only this is retried, and counted."""
     RETURNED = "returned"
-    """The worker was asked to stop and gave the job back."""
+    """The worker was asked to stop and returned the job to the queue."""
     CANCELLED = "cancelled"
 
 
 def after_loss(losses: int, max_attempts: int) -> JobState:
-    """Return where a job goes that has lost ``losses`` workers, this one included."""
+    """Return the next state of a job that has lost ``losses`` workers, this one included."""
     return JobState.QUEUED if losses < max_attempts else JobState.FAILED
 
 
 LONGEST_PAUSE_SECONDS = 60.0
 JITTER = 0.2
-"""Part of a pause by which it is shorter or longer, so that jobs lost together do not come back together."""
+"""Random fraction added to a pause, so that jobs lost together do not come back together."""
 
 
 def pause_after(losses: int, first_seconds: float, spread: float) -> float:

@@ -1,9 +1,8 @@
-"""What the service and the workers need from a store of jobs.
+"""The protocol of the job store that the service and the workers use.
 
 The store is the source of truth; an engine only delivers ids. Every write of a
-worker is fenced by its claim (job, worker, attempt): it returns False and
-changes nothing if the claim was lost, whether by an expired lease or by a
-cancellation.
+worker checks its claim (job, worker, attempt): it returns False and changes
+nothing if the claim was lost, by an expired lease or a cancellation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,7 +22,7 @@ class JobStore(Protocol):
     ) -> Job:
         """Store a job for a canonical problem document, on the account of a key.
 
-        If a solution of the same digest is stored, the job is born succeeded
+        If a solution of the same digest is stored, the job has succeeded already,
         with that solution and ``reused``.
         """
         ...
@@ -55,7 +54,7 @@ class JobStore(Protocol):
         ...
 
     def cancel(self, job_id: str) -> Job:
-        """Cancel a live job at once; cancelling again changes nothing.
+        """Cancel an unfinished job at once; cancelling again changes nothing.
 
         Raises :class:`~service.jobs.errors.JobFinishedError` if it has
         succeeded or failed, :class:`~service.jobs.errors.JobNotFoundError`.
@@ -65,7 +64,7 @@ class JobStore(Protocol):
     def take(self, worker: str, count: int, *, lease_seconds: float, owed: Sequence[Lane] = ()) -> Taken:
         """Take up to ``count`` queued jobs, in the order of :class:`~service.jobs.dispatch.Dispatcher`.
 
-        No two workers get the same one.
+        No two workers get the same job.
         """
         ...
 
@@ -86,23 +85,23 @@ class JobStore(Protocol):
         lease_seconds: float = 0.0,
         owed: Sequence[Lane] = (),
     ) -> tuple[bool, Taken]:
-        """Store what a job has come to, mark it finished and take so many others, in one transaction.
+        """Store the result of a job, mark it finished and take ``count`` others, in one transaction.
 
-        Of a chunk that did not come back as a whole, the other points are
-        queued again. Returns whether the claim held, and what was taken.
+        The points that a chunk did not compute are queued again. Returns whether
+        the claim held, and the taken jobs.
         """
         ...
 
     def finish_failure(self, claim: Claim, error: Mapping[str, object]) -> bool:
         """Mark the job failed for good.
 
-        A chunk is queued again in smaller ones; if it is a single point, that
-        point is stored as refused with the error's code.
+        A chunk is split into smaller ones, which are queued; if it is a single
+        point, that point is stored as refused with the error's code.
         """
         ...
 
     def lose(self, claim: Claim, detail: str, *, max_attempts: int, retry_seconds: float) -> bool:
-        """Record that the child died: queue the job again, or give it up as ``lost_worker``.
+        """Record that the child died: requeue the job, or fail it as ``lost_worker``.
 
         It is not claimed for ``retry_seconds``, and twice as long each further time.
         """
@@ -113,7 +112,7 @@ class JobStore(Protocol):
         ...
 
     def repair(self) -> int:
-        """Deliver anew the jobs that are due and whose delivery was lost; return their number."""
+        """Deliver again the due jobs whose delivery was lost; return their number."""
         ...
 
     def reconcile(self, *, max_attempts: int, retry_seconds: float) -> tuple[str, ...]:

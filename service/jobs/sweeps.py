@@ -1,4 +1,4 @@
-"""A sweep as it is stored, and what can be wrong with a request about one."""
+"""Records of a stored sweep, and errors of requests about one."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,17 +7,17 @@ from datetime import datetime
 from service.jobs.states import JobState
 
 POINTS_PER_JOB = 100
-"""Points that a sweep has left count as one queued job by so many: they take about as long."""
+"""So many unfinished points of a sweep count as one queued job, since they take about as long."""
 
 
 def queued_as(points: int) -> int:
-    """Return as how many queued jobs ``points`` of a sweep count."""
+    """Return the number of queued jobs that ``points`` of a sweep count as."""
     return -(-points // POINTS_PER_JOB)
 
 
 @dataclass(frozen=True, slots=True)
 class SweepProgress:
-    """How far a sweep has come. Instants are UTC by the database's clock."""
+    """A stored sweep and its progress. Instants are UTC by the database's clock."""
 
     id: str
     state: JobState
@@ -27,15 +27,15 @@ class SweepProgress:
     """Points that are stored, the refused ones among them."""
     refused: int
     point_seconds: float | None
-    """Seconds of computing a point took in the chunk that was stored last."""
+    """Seconds of computing per point, in the chunk that was stored last."""
     remaining_seconds: float | None
-    """Until the end, if it goes on as lately; None if it does not run, or too little has been seen."""
+    """Estimated seconds to the end; None if the sweep does not run, or too few chunks have ended."""
     priority: int
     key_id: str | None
-    """Whose key submitted it."""
+    """Id of the key that submitted it."""
     created_at: datetime
     started_at: datetime | None
-    """When the first chunk was taken."""
+    """When its first chunk was claimed."""
     finished_at: datetime | None
 
 

@@ -1,14 +1,13 @@
-"""Fair order between keys: start-time fair queueing.
+"""Shares the queue fairly between API keys: start-time fair queueing.
 
-Every job gets a number, its turn, when it is queued, and jobs of equal priority
-and lane are taken by turn. The jobs of one key have turns that are at least one
-gap apart. A key that comes anew starts right behind the turn that was taken
-last: it gains nothing by having been away, and waits for no backlog of others.
-So of keys whose jobs wait, each gets one job while another gets one of the same
-gap, whatever their numbers.
+Every job gets a number, its turn, when it is queued; jobs of equal priority and lane
+are taken by turn. The turns of one key's jobs are at least one gap apart. A key that
+had no jobs starts right behind the turn that was taken last: it gains nothing by the
+pause, and does not wait behind the backlog of others. So keys with waiting jobs of
+equal gaps get one job each in rotation, however many jobs each has queued.
 
-The gap is what a job costs, in seconds, as far as one can know beforehand. It
-is at least one second: small jobs are shared out by number.
+The gap is the expected cost of a job in seconds. It is at least one second, so that
+small jobs are shared by number.
 
 P. Goyal, H. M. Vin, H. Cheng: Start-time Fair Queueing, IEEE/ACM Transactions
 on Networking 5 (1997) 690-704.
@@ -19,11 +18,11 @@ from collections.abc import Sequence
 
 LEAST_GAP = 1.0
 LARGEST_GAP = 1000.0
-"""In seconds; a measured time can be senseless if the clock was set meanwhile."""
+"""Bounds of a gap, in seconds: a measured time can be nonsense if the clock was changed."""
 
 
 def gap_for(seconds: float | None) -> float:
-    """Return the gap before a job that is expected to take ``seconds``; None if nobody knows."""
+    """Return the gap before a job that is expected to take ``seconds``; None if unknown."""
     return LEAST_GAP if seconds is None else min(max(seconds, LEAST_GAP), LARGEST_GAP)
 
 
@@ -41,7 +40,7 @@ def turns(taken: float, last: float | None, gaps: Sequence[float]) -> list[float
     """
     if not gaps:
         return []
-    # Never where the queue has passed already: two jobs would then come before one of another key.
+    # Never before the turn taken last: two jobs of this key would then precede one of another key.
     start = taken + LEAST_GAP / 2
     if last is not None and last + gaps[0] > taken:
         start = last + gaps[0]

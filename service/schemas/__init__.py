@@ -1,1 +1,1 @@
-"""The wire format: HTTP bodies and job payloads alike."""
+"""The documents of the HTTP API, files and stored jobs: reading, checking and writing them."""

@@ -1,1 +1,1 @@
-"""SQLAlchemy tables, sessions, job and result stores, the trajectory codec."""
+"""Stores jobs, solutions, sweeps and keys in SQLite or Postgres through SQLAlchemy."""

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from service.storage.database import Database
-from service.storage.operation_tables import WorkerRow
+from service.storage.database.database import Database
+from service.storage.tables.operations import WorkerRow
 from tests.support.api import STATE
 from tests.support.databases import url_of
 from tests.support.serving import serving

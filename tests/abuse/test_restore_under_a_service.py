@@ -6,12 +6,12 @@ import pytest
 from sqlalchemy import text, update
 
 from service.app import create_app
-from service.jobs.hosts import WorkerProcess
+from service.local.hosts import WorkerProcess
 from service.settings import Settings
-from service.storage.clock import DatabaseNow
-from service.storage.database import make_engine
+from service.storage.database.clock import DatabaseNow
+from service.storage.database.database import make_engine
 from service.storage.jobs.worker_registry import WorkerRegistry
-from service.storage.operation_tables import WorkerRow
+from service.storage.tables.operations import WorkerRow
 from service.storage.upkeep.backup import back_up, restore
 from service.storage.upkeep.backup_checks import BackupError
 from service.storage.upkeep.presence import GONE_SECONDS, ServicePresence, who_is_present

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from sqlalchemy import func, select
 
-from service.storage.database import Database
-from service.storage.operation_tables import WorkerRow
+from service.storage.database.database import Database
+from service.storage.tables.operations import WorkerRow
 from tests.support.databases import copy_of
 from tests.workers.processes import wait_until
 
@@ -102,7 +102,7 @@ def test_a_command_that_has_not_begun_ends_at_once(run, number, code, line, entr
     ("entry", "moment", "arguments"),
     [
         (SERVICE, "uvicorn", ["serve", "--port", "0"]),
-        (WORKER, "workers.engines.worker", ["run"]),
+        (WORKER, "workers.process.worker", ["run"]),
     ],
 )
 def test_a_service_that_is_terminated_at_its_start_has_left_nothing_undone(run, entry, moment, arguments):
@@ -120,7 +120,7 @@ def test_a_service_that_has_something_to_put_in_order_does_so(run, moment):
 
 
 def test_a_worker_that_has_entered_the_database_leaves_it(run, tmp_path):
-    ended = run(WORKER, "workers.engines.worker:Runner", signal.SIGTERM, "run")
+    ended = run(WORKER, "workers.process.worker:Runner", signal.SIGTERM, "run")
     assert ended.returncode == 0
     assert "Traceback" not in ended.stderr
     database = Database(f"sqlite:///{tmp_path / 'polhode.db'}")
@@ -137,7 +137,7 @@ SWEEP = """{
 
 def test_a_sweep_that_was_stopped_says_what_is_missing(run, tmp_path):
     out = tmp_path / "points.csv"
-    moment = "workers.sweeping.command:_progress"
+    moment = "workers.cli.sweep:_progress"
     ended = run(WORKER, moment, signal.SIGINT, "sweep", "-", "--out", out, content=SWEEP)
     assert ended.returncode == 1
     assert ended.stderr == "stopped: 2 of 2 points are missing, those with index 0 to 1\n"

@@ -17,8 +17,8 @@ from service.escaping import one_line, printable
 from service.jobs.keys import Role
 from service.logs import about, announce, start_logging
 from service.settings import Settings
-from service.storage.database import Database
-from service.storage.key_store import KeyLimits, KeyStore
+from service.storage.database.database import Database
+from service.storage.keys.key_store import KeyLimits, KeyStore
 from tests.support.api import TestClient
 
 FORGED = "2026-01-01T00:00:00.000Z ERROR service: all jobs are lost"

@@ -15,14 +15,16 @@ import pytest
 from service.app import create_app
 from service.jobs.job import Claim
 from service.jobs.keys import Role
+from service.jobs.outcome import Solved
 from service.jobs.states import JobKind
 from service.settings import Settings
-from service.storage.database import Database
+from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import TestClient
+from tests.support.finishing import finish_success
 from tests.support.keys import make
 from tests.workers.processes import wait_until
-from workers.computation import solve_document
+from workers.computation.compute import solve_document
 from workers.sweeping.chunk import compute_chunk
 
 TOP = Path(__file__).parents[2]
@@ -103,11 +105,11 @@ def send(client: TestClient, request: Request, known: dict[str, str]):
 def work(jobs: SqlJobStore, claim: Claim) -> None:
     """Do what a worker does."""
     if claim.kind is JobKind.CHUNK:
-        assert jobs.finish_chunk(claim, compute_chunk(json.dumps(claim.payload)))
+        assert jobs.finish(claim, compute_chunk(json.dumps(claim.payload)))[0]
         return
     outcome = solve_document(json.dumps(claim.problem))
-    assert outcome.error is None, outcome.error
-    assert jobs.finish_success(claim, outcome.summary, dense=outcome.dense, samples=outcome.samples)
+    assert isinstance(outcome, Solved), outcome
+    assert finish_success(jobs, claim, outcome.summary, dense=outcome.dense, samples=outcome.samples)
 
 
 @contextmanager
@@ -152,11 +154,13 @@ def is_something(response) -> bool:
             return bool(response.content)
 
 
-@pytest.mark.parametrize("name", ["README.md", "docs/sweeps.md"])
-def test_each_command_gives_something(client, sqlite_url, name):
+@pytest.mark.parametrize(
+    ("name", "least"), [("README.md", 6), ("docs/sweeps.md", 6), ("docs/formulas.md", 1)]
+)
+def test_each_command_gives_something(client, sqlite_url, name, least):
     database = Database(sqlite_url)
     sent = list(commands((TOP / name).read_text(encoding="utf-8")))
-    assert len(sent) >= 6
+    assert len(sent) >= least
     known: dict[str, str] = {}
     with worker(SqlJobStore(database)):
         for words in sent:
@@ -187,4 +191,4 @@ def test_the_key_in_the_documentation_is_sent_as_keys_are(client, sqlite_url):
 
 def test_no_other_page_has_commands_that_nobody_runs():
     pages = [path for path in (TOP / "docs").rglob("*.md") if any(commands(path.read_text(encoding="utf-8")))]
-    assert {path.name for path in pages} == {"keys.md", "sweeps.md"}
+    assert {path.name for path in pages} == {"formulas.md", "keys.md", "sweeps.md"}

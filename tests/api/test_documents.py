@@ -3,12 +3,16 @@ import subprocess
 import sys
 from pathlib import Path
 
-from service.api.documentation import describe
-from service.api.errors import TITLES
+import pytest
+
+from service.api.descriptions import describe
+from service.api.replies.errors import TITLES
 from service.dynamics.errors import DynamicsError
-from service.schemas.problem import read_problem, read_question
+from service.schemas.problem.problem import read_problem, read_question
 from service.settings import Settings
 from tests.support.api import TestClient, create_app
+
+pytestmark = pytest.mark.any_database
 
 TOP = Path(__file__).parents[2]
 

@@ -5,6 +5,8 @@ import pytest
 
 from tests.support.api import PLANAR, STATE, solve_job
 
+pytestmark = pytest.mark.any_database
+
 
 def trajectory(client, solution, query=""):
     response = client.get(f"/v1/solutions/{solution['id']}/trajectory{query}")

@@ -22,6 +22,7 @@ from tests.benchmarks import (
     throughput,
 )
 from tests.benchmarks.measuring import Effort, Row, Table, circumstances, say
+from workers.computation.compiled_code import keep_compiled_code
 
 TARGETS: tuple[Callable[[Effort], list[Row]], ...] = (
     fast.against_scipy,
@@ -50,6 +51,7 @@ TABLES: tuple[Callable[[Effort], Table], ...] = (
 
 def main() -> int:
     """Measure, print, write; 0 whether the targets are reached or not."""
+    keep_compiled_code()
     options = argparse.ArgumentParser(prog="python -m tests.benchmarks")
     options.add_argument("--quick", action="store_true", help="fewer and shorter runs; nothing is written")
     effort = Effort(options.parse_args().quick)

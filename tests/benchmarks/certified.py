@@ -7,12 +7,13 @@ import mpmath
 import numpy as np
 from flint import arb
 
-from service.dynamics.enclosure import as_decimals
 from service.dynamics.problem import PlanarMotion
+from service.dynamics.solution.ball_columns import as_decimals
 from tests.benchmarks.measuring import Effort, Result, Row, Table, clock, faster, in_words, median
 from tests.benchmarks.motions import Measured, elliptic
 from tests.support.planar import body, formula
-from workers.solvers.certified.certify import Certified, certify
+from workers.solvers.certified.certify import Certified
+from workers.solvers.planar.choose import enclose
 
 DIGITS = 38
 """Of mpmath: what 128 bits hold."""
@@ -89,7 +90,7 @@ def _once(motion: Measured, times: list[Fraction], bits: int) -> float:
 
 
 def _certified(motion: Measured, times: list[Fraction], bits: int) -> Certified:
-    return certify(motion.body, motion.potential, motion.motion, times, bits)
+    return enclose(motion.body, motion.potential, motion.motion, times, bits)
 
 
 def _elliptic_period() -> mpmath.mpf:

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from service.dynamics.errors import DynamicsError
-from service.storage.solutions.codec import decode_arrays
+from service.jobs.outcome import Refused
+from service.storage.codecs.arrays import decode_arrays
 from tests.extremes.elliptic import BITS, Elliptic, ball, elliptic
 from tests.extremes.problems import SEPARATRIX, STATE
 from tests.support.planar import body, formula
-from workers.computation import solve_checked
+from workers.computation.compute import solve_checked
 from workers.solvers.integration.solve import integrate_state
 
 FloatArray = NDArray[np.float64]
@@ -114,8 +115,8 @@ def ours(extreme: Extreme, accuracy: dict[str, str], method: str) -> str:
     began = time.perf_counter()
     outcome = solve_checked(extreme.document(accuracy, method))
     seconds = time.perf_counter() - began
-    if outcome.summary is None:
-        return f"`{(outcome.error or {}).get('code')}`, {spent(seconds)}"
+    if isinstance(outcome, Refused):
+        return f"`{outcome.error['code']}`, {spent(seconds)}"
     columns = decode_arrays(outcome.samples)
     with ctx.workprec(BITS):
         period = extreme.reference().period

@@ -1,9 +1,10 @@
 """``python -m tests.benchmarks.honesty``: is any claimed error exceeded? Written to docs/honesty.md.
 
-Random problems are solved in every tier, as the service does; the reference is
-the certified motion in balls. A claim is exceeded if the whole ball is further
-away than it. With ``--record FILE`` a run goes on where the last one with that
-file stopped.
+Random problems are solved in every tier, as the service does. Smooth ones are
+compared with the certified motion in balls, hostile ones with what is true of them by
+their making. A claim is exceeded if the whole ball is further away than it. With
+``--record FILE`` and ``--hostile-record FILE`` a run goes on where the last one with
+those files stopped; what is asked no more of is written as it was counted.
 """
 
 import argparse
@@ -17,61 +18,54 @@ from pathlib import Path
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from tests.benchmarks.honesty_counts import MOST, TIERS, Record, Tally, load, measure
+from tests.benchmarks.honesty_page import MEASURED, NOT_COVERED, PROVED, SMOOTH, TITLE
+from tests.benchmarks.hostile_counts import HostileRecord, faults_of, load_hostile, measure_hostile
+from tests.benchmarks.hostile_report import hostile_section
 from tests.support.claims import BITS, CLAIMS, LATEST
+from tests.support.hostile_ways import ROUNDS
 from tests.support.random_documents import FAMILIES, SMALLEST_GAP
 
 REPORT = Path(__file__).parents[2] / "docs" / "honesty.md"
 
 
-def report(record: Record) -> str:
+def report(record: Record, hostile: HostileRecord) -> str:
     """Return the page."""
-    tiers = {tier: [record.tallies[f"{tier} {family}"] for family in FAMILIES] for tier in TIERS}
     return "\n".join(
         [
-            INTRODUCTION.format(
-                seed=record.seed,
-                done=record.done,
-                minutes=record.seconds / 60,
-                version=version("polhode"),
-                numerics=NUMERICS,
-                bits=BITS,
-                latest=10**LATEST,
-                smallest=SMALLEST_GAP,
-            ),
-            *_table(tiers),
-            "",
-            f"Problems by family and ends: {_listed(record.drawn)}.",
-            "",
-            f"Drawn without a reference, and so not counted above: {_listed(record.unknown)}.",
-            "",
-            NOT_COVERED,
-            *(line for tier in TIERS for line in _histograms(tier, tiers[tier])),
-            *(
-                ["## Exceeded", "", *(f"```\n{text}\n```" for text in record.documents)]
-                * bool(record.documents)
-            ),
-            "",
+            TITLE.format(version=version("polhode"), numerics=NUMERICS),
+            PROVED,
+            MEASURED,
+            NOT_COVERED.format(latest=10**LATEST, rounds=max(ROUNDS)),
+            *_smooth_section(record),
+            *hostile_section(hostile),
         ]
     )
 
 
-INTRODUCTION = """# Are the claimed errors true?
-
-Written by `python -m tests.benchmarks.honesty`: the first {done} problems of the seed {seed}, in
-{minutes:.0f} minutes; version {version}, numerics {numerics}. Every problem is solved in each tier the way
-the service does it, and compared with the certified motion in balls of {bits} bits. Bodies, coefficients,
-curves, windows, starts and signs are random; gaps to separatrices, to the equator and to the pole go
-down to 1e{smallest:.0f}; the times are 0, some within one period and some up to {latest:.0f} periods, one in
-five times backwards. A claim is exceeded if the true number is proven to be further away; smallest is
-the least claimed/actual of the samples. Samples that are rounded enclosures claim what they miss, a ratio
-of 1; they are of 64 bits, and the reference is made anew in 128.
-
-| tier | family | asked | solved | refused | exceeded | smallest |
-| --- | --- | --- | --- | --- | --- | --- |"""
-
-NOT_COVERED = """Not covered, for want of a reference: potentials given by an integral, motions that pass
-a pole with A/C (or C/A) no whole number, aperiodic motions, motions from any state, the orientation.
-The verdict is not asked: all potentials are admissible by their making."""
+def _smooth_section(record: Record) -> list[str]:
+    tiers = {tier: [record.tallies[f"{tier} {family}"] for family in FAMILIES] for tier in TIERS}
+    return [
+        SMOOTH.format(
+            seed=record.seed,
+            done=record.done,
+            minutes=record.seconds / 60,
+            bits=BITS,
+            latest=10**LATEST,
+            smallest=SMALLEST_GAP,
+        ),
+        *_table(tiers),
+        "",
+        f"Problems by family and ends: {_listed(record.drawn)}.",
+        "",
+        f"Drawn without a reference, and so not counted above: {_listed(record.unknown)}.",
+        "",
+        *(line for tier in TIERS for line in _histograms(tier, tiers[tier])),
+        "",
+        *(
+            ["### Exceeded", "", *(f"```\n{text}\n```" for text in record.documents), ""]
+            * bool(record.documents)
+        ),
+    ]
 
 
 def _table(tiers: Mapping[Tier, Sequence[Tally]]) -> list[str]:
@@ -98,11 +92,11 @@ def _total(tallies: Sequence[Tally]) -> Tally:
 
 def _histograms(tier: Tier, tallies: Sequence[Tally]) -> list[str]:
     total = _total(tallies)
-    lines = ["", f"## {tier}"]
+    lines = ["", f"### {tier}"]
     for claim, what in CLAIMS.items():
         powers = {int(power): number for power, number in total.ratios[claim].items()}
         lines += ["", f"Claimed/actual of {what} (least {total.smallest.get(claim, inf):.3g}):", "", "```"]
-        for power in range(min(powers, default=0), max(powers, default=0) + 1):
+        for power in range(min(powers), max(powers) + 1) if powers else ():
             number = powers.get(power, 0)
             bar = "#" * round(60 * number / max(powers.values())) or "." * bool(number)
             lines.append(f"{_range(power):>14} {number:6d} {bar}".rstrip())
@@ -119,25 +113,39 @@ def _listed(counts: Mapping[str, int]) -> str:
 
 
 def main() -> int:
-    """Measure and write; 1 if a claim is exceeded."""
+    """Measure and write; 1 if anything is wrong."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.honesty", description=__doc__)
-    parser.add_argument("--count", type=int, default=10_000, help="problems, each solved in every tier")
+    parser.add_argument("--count", type=int, default=10_000, help="smooth problems, each in every tier")
+    parser.add_argument("--hostile", type=int, default=2000, help="hostile problems, each in every tier")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=inf, help="stop after them")
+    parser.add_argument("--seconds", type=float, default=inf, help="stop after them, of each kind")
     parser.add_argument("--record", type=Path, help="file of what has been counted, to go on from")
+    parser.add_argument("--hostile-record", type=Path, help="the same of hostile problems")
     arguments = parser.parse_args()
     record = load(arguments.record, arguments.seed) if arguments.record else Record(arguments.seed)
+    hostile = HostileRecord(arguments.seed)
+    if arguments.hostile_record:
+        hostile = load_hostile(arguments.hostile_record, arguments.seed)
 
     def keep(record: Record) -> None:
         if arguments.record:
             arguments.record.write_text(json.dumps(record, default=vars))
 
+    def keep_hostile(hostile: HostileRecord) -> None:
+        if arguments.hostile_record:
+            arguments.hostile_record.write_text(json.dumps(vars(hostile)))
+
     measure(record, arguments.count, arguments.seconds, keep)
-    REPORT.write_text(report(record))
+    measure_hostile(hostile, arguments.hostile, arguments.seconds, keep_hostile)
+    REPORT.write_text(report(record, hostile))
     for text in record.documents:
         say(text)
-    say(f"{record.done} problems in {record.seconds:.0f} s: {REPORT}")
-    return 1 if record.documents else 0
+    wrong = [row for row in hostile.rows if faults_of(row)]
+    for row in wrong:
+        say(f"{row['kind']}: {faults_of(row)}")
+    say(f"{record.done} smooth problems in {record.seconds:.0f} s")
+    say(f"{len(hostile.rows)} hostile problems in {hostile.seconds:.0f} s: {REPORT}")
+    return 1 if record.documents or wrong else 0
 
 
 def say(text: str) -> None:

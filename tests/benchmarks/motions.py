@@ -14,9 +14,10 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from tests.support.planar import body, formula
-from workers.solvers.certified.certify import Certified, certify
-from workers.solvers.spectral.motion import SpectralMotion
-from workers.solvers.spectral.solve import Tier, solve_spectral
+from workers.solvers.certified.certify import Certified
+from workers.solvers.compiled.motion import SpectralMotion
+from workers.solvers.compiled.solve import Tier, solve_spectral
+from workers.solvers.planar.choose import enclose
 
 FloatArray = NDArray[np.float64]
 REFERENCE_BITS = 96
@@ -40,18 +41,18 @@ class Measured:
 
     def grid(self, first: int, last: int) -> FloatArray:
         """Return the times of 1000 samples from one number of periods to another."""
-        period = float(certify(self.body, self.potential, self.motion, [], 64).period)
+        period = float(enclose(self.body, self.potential, self.motion, [], 64).period)
         return np.linspace(first * period, last * period, SAMPLES)
 
     def error(self, times: FloatArray, samples: FloatArray, stride: int = 1) -> float:
         """Return the largest distance of a variable from the certified one at the very same doubles."""
         chosen = [Fraction(t) for t in times[::stride].tolist()]
-        found = certify(self.body, self.potential, self.motion, chosen, REFERENCE_BITS)
+        found = enclose(self.body, self.potential, self.motion, chosen, REFERENCE_BITS)
         return _largest(found, samples[::stride])
 
     def error_after(self, turns: Sequence[Fraction], samples: FloatArray) -> float:
         """Return the largest distance of a variable from the certified one after so many periods."""
-        found = certify(
+        found = enclose(
             self.body,
             self.potential,
             self.motion,
@@ -63,7 +64,7 @@ class Measured:
 
     def state(self) -> FloatArray:
         """Return the six variables at t = 0, rounded."""
-        found = certify(self.body, self.potential, self.motion, [Fraction(0)], 64)
+        found = enclose(self.body, self.potential, self.motion, [Fraction(0)], 64)
         return np.array([float(value) for value in found.states[0]])
 
     def right_side(self) -> Callable[[float, FloatArray], tuple[float, ...]]:

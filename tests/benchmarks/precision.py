@@ -11,13 +11,13 @@ import numpy as np
 
 from service.dynamics.problem import TimePeriods
 from service.dynamics.sampling import exact_instants
-from service.storage.solutions.codec import decode_arrays
+from service.storage.codecs.arrays import decode_arrays
 from tests.benchmarks.costs import PROBLEMS
 from tests.benchmarks.measuring import Effort, Result, Table, clock, in_words, median
 from tests.benchmarks.motions import SAMPLES, FloatArray, Measured, elliptic, taylor_of_elliptic
 from workers.calibration.reference import samples_of
-from workers.computation import solve_document
-from workers.solvers.spectral.solve import TOLERANCES
+from workers.computation.compute import solve_document
+from workers.solvers.compiled.batch import TOLERANCES
 
 RTOLS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 TOLS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14, 1e-16)

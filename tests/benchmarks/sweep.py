@@ -1,106 +1,103 @@
 """Targets 7 and 8: many problems of one structure, and the second problem of a process."""
 
+import json
 import multiprocessing
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
-from fractions import Fraction
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
+from functools import partial
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
-from service.dynamics.problem import PlanarMotion
+from service.sandbox import Sandbox
+from service.schemas.sweep.reading import read_sweep
+from service.schemas.sweep.sweep import Sweep
+from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.points import SOLVED, ChunkPoints
 from tests.benchmarks.measuring import Effort, Result, Row, faster, in_turns
-from tests.benchmarks.motions import DOUBLE, FloatArray, Measured
-from tests.support.planar import formula
-from workers.solvers.spectral.program import make_program, parametric_program
-from workers.solvers.spectral.solve import Sweep, solve_many
+from tests.benchmarks.motions import FloatArray
+from tests.benchmarks.sweep_service import VARIABLES, integrate, measured, sweep_document
+from workers.computation.compute import solve_document
+from workers.sweeping.crew import Crew
 
-STRUCTURE = "a*g1 + b/g3^2"
+WORKERS = (1, 2)
 SETS, SAMPLES = 10_000, 200
-HALVES = (slice(0, SETS // 2), slice(SETS // 2, SETS))
-"""One for each thread: as many as the rival has processes."""
 COMPARED = 40
 """Sets that the pool integrates; the time of the others is taken in proportion."""
+SEED = 7
+SECONDS = 600.0
+"""Limit of a chunk: none is meant to reach it."""
 Job = tuple[float, float, FloatArray, FloatArray]
+Run = Callable[[], ChunkPoints]
 
 
 def sweep(effort: Effort) -> list[Row]:
-    """Target 7: 10 000 sets of 200 samples against a pool of two processes with solve_ivp."""
-    program, constants = parametric_program(STRUCTURE, ("a", "b"))
-    draws = np.random.default_rng(7)
-    rows = np.repeat(constants[None, :], SETS, axis=0)
-    rows[:, 0], rows[:, 1] = -draws.uniform(0.5, 2.0, SETS), draws.uniform(0.01, 0.04, SETS)
-    lambdas = draws.uniform(0.7, 1.4, SETS)
-    grid, motion = np.linspace(0.0, 20.0, SAMPLES), PlanarMotion(Fraction(1))
-    solve_many(DOUBLE, program, rows[:2], motion, grid, lambdas=lambdas[:2])
-
-    def part(sets: slice) -> Sweep:
-        return solve_many(DOUBLE, program, rows[sets], motion, grid, lambdas=lambdas[sets])
-
-    def by_threads() -> list[Sweep]:
-        with ThreadPoolExecutor(len(HALVES)) as threads:
-            return list(threads.map(part, HALVES))
-
-    found = part(slice(None))
-    alone, together = in_turns((lambda: part(slice(None)), by_threads), effort.repeats(5), time.perf_counter)
-    decided = np.isfinite(found.errors)
-    ours_error, theirs_error, same = 0.0, 0.0, 0
-    jobs = [(rows[k, 0], rows[k, 1], found.samples[k, 0], grid) for k in range(COMPARED)]
+    """Target 7: 10 000 sets of 200 samples as `polhode sweep` computes them, against a pool of solve_ivp."""
+    document = sweep_document(SETS, SEED)
+    read = read_sweep(document, max_points=SETS)
+    with _crews(document, read) as (alone, together):
+        found = together()
+        seconds = in_turns((alone, together), effort.repeats(5), time.perf_counter)
+    grid, places = found.series["t"][0], range(COMPARED)
+    values = [tuple(map(float, read.values(place))) for place in places]
+    motions = [measured(*numbers) for numbers in values]
+    samples = [np.array([found.series[name][place] for name in VARIABLES]).T for place in places]
+    jobs = [(a, b, one[0], grid) for (a, b, _), one in zip(values, samples, strict=True)]
     theirs, theirs_seconds = _by_pool(jobs)
-    for k in range(COMPARED):
-        text = f"({Fraction(rows[k, 0])})*g1 + ({Fraction(rows[k, 1])})/g3^2"
-        single = Measured(text, DOUBLE, formula(text, DOUBLE), PlanarMotion(Fraction(lambdas[k])))
-        ours_error = max(ours_error, single.error(grid, found.samples[k]))
-        theirs_error = max(theirs_error, single.error(grid, theirs[k]))
-        same += _has_the_digits(single, lambdas[k], grid)
-    claimed = f"{decided.sum():,} decided, claimed {found.errors[decided].max():.0e}"
-    ours = Result(f"sweep, {len(HALVES)} threads", together, ours_error, claimed)
-    single_thread = Result("sweep, one thread", alone, ours_error, claimed)
-    seconds = theirs_seconds * SETS / COMPARED
-    rival = Result("two processes, DOP853 1e-10", seconds, theirs_error, f"from {COMPARED} sets")
-    what, ratio = f"{SETS:,} sets, {SAMPLES} samples each, one process", "≥ 300× (stretch 2000×), ≤ 1e-9"
-    timed = [faster(7, what, 300, 1e-9, way, rival, asked=ratio) for way in (ours, single_thread)]
-    digits = f"{same} of {COMPARED}"
-    asked = "sweep and single problem: the very same numbers"
-    return [*timed, Row(7, "every digit of a set", asked, digits, same == COMPARED, ours, None)]
+    ours_error = max(motion.error(grid, one) for motion, one in zip(motions, samples, strict=True))
+    theirs_error = max(motion.error(grid, one) for motion, one in zip(motions, theirs, strict=True))
+    same = sum(_has_the_digits(read, place, samples[place]) for place in places)
+    solved = found.outcomes.count(SOLVED)
+    claimed = f"{solved:,} solved, claimed {np.nanmax(found.numbers['error']):.0e}"
+    ways = [
+        Result(f"polhode sweep --workers {workers}", took, ours_error, claimed)
+        for workers, took in zip(WORKERS, seconds, strict=True)
+    ]
+    pool_seconds = theirs_seconds * SETS / COMPARED
+    rival = Result("two processes, DOP853 1e-10", pool_seconds, theirs_error, f"from {COMPARED} sets")
+    what, ratio = f"{SETS:,} sets, {SAMPLES} samples each", "≥ 300× (stretch 2000×), ≤ 1e-9"
+    timed = [faster(7, what, 300, 1e-9, way, rival, asked=ratio) for way in reversed(ways)]
+    digits, asked = f"{same} of {COMPARED}", "sweep and single job: the very same numbers"
+    return [*timed, Row(7, "every digit of a set", asked, digits, same == COMPARED, ways[-1], None)]
 
 
-def _has_the_digits(single: Measured, lambda_: float, grid: FloatArray) -> bool:
-    """Tell whether a sweep of the potential as it is written gives each bit of the single problem."""
-    program, constants = make_program(single.potential.tape)
-    plain = PlanarMotion(Fraction(1))
-    swept = solve_many(DOUBLE, program, constants[None, :], plain, grid, lambdas=np.array([lambda_]))
-    return np.array_equal(swept.samples[0], single.solved("standard").sample(grid))
+@contextmanager
+def _crews(document: object, read: Sweep) -> Iterator[tuple[Run, ...]]:
+    """Yield what computes the whole sweep, for each of WORKERS; its processes have begun."""
+    with ExitStack() as opened:
+        runs = []
+        for workers in WORKERS:
+            sandbox = opened.enter_context(closing(Sandbox(workers, preload=["workers.sweeping.block"])))
+            runs.append(partial(_run, document, read, sandbox, workers))
+            runs[-1]()
+        yield tuple(runs)
+
+
+def _run(document: object, read: Sweep, sandbox: Sandbox, workers: int) -> ChunkPoints:
+    crew = Crew(read, document, sandbox, workers=workers, seconds=SECONDS)
+    parts = [part for computed in crew.points(lambda: False) if computed is not None for part in computed[1:]]
+    return ChunkPoints(
+        [outcome for part in parts for outcome in part.outcomes],
+        {name: np.concatenate([part.numbers[name] for part in parts]) for name in read.keep},
+        {name: np.concatenate([part.series[name] for part in parts]) for name in read.series_columns},
+    )
+
+
+def _has_the_digits(read: Sweep, place: int, samples: FloatArray) -> bool:
+    """Tell whether a point of the sweep has each bit of the job of its own document."""
+    outcome = solve_document(json.dumps(read.document(place)))
+    columns = decode_arrays(outcome.samples)
+    return np.array_equal(samples, np.array([columns[name] for name in VARIABLES]).T)
 
 
 def _by_pool(jobs: list[Job]) -> tuple[FloatArray, float]:
     with multiprocessing.get_context("fork").Pool(2) as pool:
-        pool.map(integrate_one, jobs[:2])
+        pool.map(partial(integrate, 1e-10), jobs[:2])
         began = time.perf_counter()
-        found = np.array(pool.map(integrate_one, jobs, chunksize=5))
+        found = np.array(pool.map(partial(integrate, 1e-10), jobs, chunksize=5))
         return found, time.perf_counter() - began
-
-
-def integrate_one(job: Job) -> FloatArray:
-    """Integrate one set of the sweep, its equations written out by hand."""
-    a, b, state, grid = job
-
-    def rhs(_: float, y: FloatArray) -> tuple[float, ...]:
-        p, q, r, g1, g2, g3 = y.tolist()
-        V_3 = -2.0 * b / (g3 * g3 * g3)
-        return (
-            (0.5 * q * r + g2 * V_3) / 2.0,
-            (-p * r + g3 * a - g1 * V_3) / 1.5,
-            0.5 * p * q - g2 * a,
-            r * g2 - q * g3,
-            p * g3 - r * g1,
-            q * g1 - p * g2,
-        )
-
-    span = (0.0, float(grid[-1]))
-    return np.asarray(solve_ivp(rhs, span, state, "DOP853", grid, rtol=1e-10, atol=1e-11).y.T)
 
 
 FRESH = """

@@ -40,12 +40,12 @@ def through_the_service(effort: Effort) -> list[Row]:
         serving(Path(folder), workers=PROCESSES, **settings) as running,
     ):
         # What is compiled, imported and proved once.
-        _download(running, _sweep(points, seed=1))
-        runs = [_timed(running, _sweep(points, seed=2 + k)) for k in range(effort.repeats(5))]
+        _download(running, sweep_document(points, seed=1))
+        runs = [_timed(running, sweep_document(points, seed=2 + k)) for k in range(effort.repeats(5))]
         seconds, table = sorted(runs, key=lambda run: run[0])[len(runs) // 2]
     grid = np.array(table["t"][0].as_py())
     places = range(0, points, points // COMPARED)
-    motions = [_measured(*(table[name][place].as_py() for name in (A, B, LAMBDA))) for place in places]
+    motions = [measured(*(table[name][place].as_py() for name in (A, B, LAMBDA))) for place in places]
     samples = [np.array([table[name][place].as_py() for name in VARIABLES]).T for place in places]
     error = max(motion.error(grid, found) for motion, found in zip(motions, samples, strict=True))
     jobs = [
@@ -65,7 +65,8 @@ def through_the_service(effort: Effort) -> list[Row]:
     return [faster(10, what, 100, WANTED, ours, rival)]
 
 
-def _sweep(points: int, seed: int) -> dict[str, object]:
+def sweep_document(points: int, seed: int) -> dict[str, object]:
+    """Return a sweep over a, b and λ of one structure, with its series."""
     return {
         "base": {
             "body": {"A": 2, "B": "3/2", "C": 1},
@@ -110,7 +111,8 @@ def _download(running: Service, sweep: dict[str, object]) -> bytes:
     return content
 
 
-def _measured(a: float, b: float, lambda_: float) -> Measured:
+def measured(a: float, b: float, lambda_: float) -> Measured:
+    """Return the motion of a point of the sweep."""
     # The points are the shortest decimals of these doubles.
     text = f"({Fraction(repr(a))})*g1 + ({Fraction(repr(b))})/g3^2"
     return Measured(text, DOUBLE, formula(text, DOUBLE), PlanarMotion(Fraction(repr(lambda_))))

@@ -13,15 +13,16 @@ from typing import TypeVar
 from sqlalchemy import text
 
 from service.settings import Settings
-from service.storage.database import Database
+from service.storage.database.database import Database
+from service.storage.database.migration import migrate
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.migration import migrate
 from tests.benchmarks.bare import analyze
 from tests.benchmarks.measuring import Effort, Table, in_words
-from tests.engines.installation import Installation, installed
+from tests.support.finishing import finish_success
 from tests.support.postgres import PostgresServer, postgres_server
 from tests.support.serving import Service, serving
+from tests.workers.process.engines.installation import Installation, installed
 from tests.workers.processes import wait_until
 
 T = TypeVar("T")
@@ -160,7 +161,7 @@ def _cost_among(url: str, engine: str, size: int, number: int) -> tuple[float, f
         (claim,) = taken.claims
         _timed(
             times["finish"],
-            lambda: store.finish_success(claim, SUMMARY, dense=b"dense", samples=b"samples"),  # noqa: B023
+            lambda: finish_success(store, claim, SUMMARY, dense=b"dense", samples=b"samples"),  # noqa: B023
         )
     database.close()
     submit, take, finish = (statistics.median(each) for each in times.values())

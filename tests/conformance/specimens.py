@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from service.api.catalogue.cases import cases
-from service.api.catalogue.families import families
+from service.catalogue.cases import cases
+from service.catalogue.families import families
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,15 @@ import json
 
 import pytest
 
-from service.api.catalogue.cases import cases
-from service.api.catalogue.families import families
+from service.catalogue.cases import cases
+from service.catalogue.families import families
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.potentials.potential import NoClosedFormError
-from service.schemas.potentials import MODELS
-from service.schemas.problem import canonical_document, check_problem, problem_digest, read_problem
+from service.schemas.problem.potentials import MODELS
+from service.schemas.problem.problem import check_problem, problem_digest, read_problem
 from tests.conformance.specimens import SPECIMENS, Specimen
+from tests.support.canonical import canonical_document
 
 every = pytest.mark.parametrize("specimen", SPECIMENS, ids=str)
 

@@ -10,10 +10,10 @@ import pytest
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
-from service.dynamics.compatibility import pde_residual
+from service.dynamics.equations.compatibility import pde_residual
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.verdict.verdict import decide
-from service.schemas.problem import read_question
+from service.schemas.problem.problem import read_question
 from tests.conformance.energies import ball, energy
 from tests.conformance.specimens import SPECIMENS, Specimen
 from tests.conformance.transforms import mirrored, scaled

@@ -7,19 +7,20 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from service.api.catalogue.cases import cases
-from service.dynamics.euler_poisson import euler_poisson_rhs
-from service.schemas.problem import read_problem
+from service.catalogue.cases import cases
+from service.dynamics.equations.euler_poisson import euler_poisson_rhs
+from service.jobs.outcome import Solved
+from service.schemas.problem.problem import read_problem
 from tests.conformance.specimens import CATALOGUE, Specimen
 from tests.conformance.transforms import scaled
-from workers.computation import solve, solve_checked, solve_document
+from workers.computation.compute import solve, solve_checked, solve_document
 
 every_example = pytest.mark.parametrize("specimen", CATALOGUE, ids=str)
 
 
 def solved(document: dict, *, checked: bool = False) -> dict:
     outcome = (solve_checked if checked else solve_document)(json.dumps(document))
-    assert outcome.error is None, outcome.error
+    assert isinstance(outcome, Solved), outcome
     return outcome.summary
 
 

@@ -3,7 +3,7 @@
 import re
 from fractions import Fraction
 
-from service.schemas.problem import read_question
+from service.schemas.problem.problem import read_question
 
 _SWAP = {"g1": "g3", "g3": "g1", "A": "C", "C": "A"}
 

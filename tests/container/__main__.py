@@ -17,8 +17,8 @@ from typing import Any
 
 from tests.container.containers import Container, Project, project, wait_until
 from tests.container.images import POLHODE, build_all
+from tests.container.test_compose import EXAMPLE
 from tests.support.api import PLANAR
-from tests.test_compose import EXAMPLE
 
 ADDRESS = "http://127.0.0.1:8000"
 INSIDE = "--inside"

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.container.images import output
-from tests.test_compose import COMPOSE, EXAMPLE, interpolated, seconds
+from tests.container.test_compose import COMPOSE, EXAMPLE, interpolated, seconds
 
 RUN = ("buildah", "run", "--isolation=chroot")
 PATIENCE_SECONDS = 180.0

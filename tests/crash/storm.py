@@ -15,10 +15,11 @@ from pathlib import Path
 from sqlalchemy import func, select
 
 from service.jobs.states import FINISHED, AttemptOutcome, JobState
-from service.storage.database import Database
-from service.storage.migration import migrate
-from service.storage.sweep_tables import SweepRow
-from service.storage.tables import AttemptRow, JobRow, SolutionRow
+from service.storage.database.database import Database
+from service.storage.database.migration import migrate
+from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.solutions import SolutionRow
+from service.storage.tables.sweeps import SweepRow
 from tests.crash.client import Client
 from tests.crash.installation import Installation, kill
 from tests.support.databases import url_of

@@ -7,15 +7,15 @@ from sqlalchemy import event, text
 
 from service.jobs.states import AttemptOutcome, JobState
 from service.sandbox import Sandbox
-from service.storage.clock import database_now
+from service.storage.database.clock import database_now
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until
-from workers.runner import Limits, Runner
+from workers.process.runner import JobLimits, Runner
 
 HOUR = 3600.0
-LIMITS = Limits(lease_seconds=10.0, job_seconds=60.0, memory_mb=500, max_attempts=99, retry_seconds=0.0)
+LIMITS = JobLimits(lease_seconds=10.0, job_seconds=60.0, memory_mb=500, max_attempts=99, retry_seconds=0.0)
 UNIX_EPOCH = 2440587.5
 """As a Julian day."""
 POSTGRES_CLOCK = """

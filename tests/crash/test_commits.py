@@ -8,8 +8,9 @@ from sqlalchemy import func, select
 
 from service.jobs.states import JobKind
 from service.storage.inspection.inspect import inspect
-from service.storage.sweep_tables import SweepChunkRow, SweepRow
-from service.storage.tables import AttemptRow, DenseOutputRow, JobRow, SamplesRow, SolutionRow
+from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
+from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 from tests.crash.victims import DEEDS, RETRIES, Executioner, Stores, stores_of
 from tests.support.databases import copy_of
 

@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from service.storage.database import Database
+from service.storage.database.database import Database
 from service.storage.inspection.inspect import inspect
 from tests.crash.client import problem
 from tests.support.databases import url_of

@@ -10,6 +10,8 @@ from service.jobs.states import JobState
 from service.storage.inspection.inspect import inspect
 from tests.workers.processes import Worker, wait_until
 
+pytestmark = pytest.mark.any_database
+
 LIMIT_BYTES = 500 * 2**20
 """Of a worker with its children: twice what they have when idle."""
 GROUPS = Path("/sys/fs/cgroup")

@@ -6,7 +6,7 @@ from http.client import HTTPException
 import pytest
 
 from service.jobs.states import JobState
-from service.storage.database import Database
+from service.storage.database.database import Database
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
 from tests.crash.client import problem

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from sqlalchemy.orm import configure_mappers
 
 from service.jobs.job import Claim
-from service.jobs.outcome import SolveOutcome
-from service.storage.database import Database
-from service.storage.faults import VARIABLE
-from service.storage.ids import new_id
+from service.jobs.outcome import Solved
+from service.storage.database.database import Database
+from service.storage.database.faults import VARIABLE
+from service.storage.database.ids import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY
@@ -28,7 +28,7 @@ from tests.workers.processes import ROOT
 
 RETRIES = {"max_attempts": 3, "retry_seconds": 0.0}
 GIVING_UP = {"max_attempts": 1, "retry_seconds": 0.0}
-SOLVED = SolveOutcome(SUMMARY, b"dense", b"samples", None)
+SOLVED = Solved(SUMMARY, b"dense", b"samples")
 ERROR = {"code": "no_motion", "detail": "there is none"}
 OVER = 0.0
 """A lease that has ended when it is granted, so that nobody need wait for its end."""
@@ -56,7 +56,7 @@ class Stores:
     def finish_chunk(self, claim: Claim, points: int | None = None) -> None:
         payload = dict(claim.payload)
         payload["count"] = points or payload["count"]
-        assert self.jobs.finish_chunk(claim, do_chunk(json.dumps(payload)))
+        assert self.jobs.finish(claim, do_chunk(json.dumps(payload)))[0]
 
 
 def submit(stores: Stores) -> None:

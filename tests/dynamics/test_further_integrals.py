@@ -9,12 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
-from service.dynamics.euler_poisson import areas_integral
-from service.dynamics.further_integrals import FurtherIntegral, find_further_integrals, integral_drift
-from service.dynamics.potentials.expression import expression_potential
-from service.dynamics.potentials.gravity import gravity_potential
+from service.dynamics.equations.euler_poisson import areas_integral
+from service.dynamics.further_integrals import (
+    FurtherIntegral,
+    find_further_integrals,
+    integral_drift,
+)
+from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.rational import rational_potential
 from service.dynamics.potentials.potential import NoClosedFormError
-from service.dynamics.potentials.rational import rational_potential
+from tests.support.effort import examples
 from workers.solvers.integration.solve import integrate_state
 
 C = Fraction(17, 10)
@@ -110,7 +115,7 @@ def test_the_numbers_are_those_of_the_formula():
 # --- recognition ----------------------------------------------------------------------
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(8, 25), deadline=None)
 @given(st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS, NUMBERS))
 def test_any_way_to_write_the_field_is_recognised(numbers):
     parameters = dict(zip(("a", "b", "c1", "c2", "b1"), numbers, strict=True))

@@ -2,9 +2,9 @@ from fractions import Fraction
 
 import pytest
 
-from service.dynamics.dense_output import Period
 from service.dynamics.problem import TimeList, TimePeriods, TimeSpan
 from service.dynamics.sampling import PeriodNeededError, sample_times
+from service.dynamics.solution.dense_output import Period
 
 
 def test_a_span_has_both_ends_and_no_accumulated_rounding():

@@ -21,14 +21,14 @@ solvers. Made with BITS bits; period and state work at the current precision.
 from dataclasses import dataclass
 from fractions import Fraction
 
-from flint import arb, ctx, fmpq
+from flint import acb, arb, ctx, fmpq
 
 BITS = 4000
 """Gaps of 2^-1600 to a separatrix and 1e15 periods leave hundreds of them."""
 
 
-def ball(value: Fraction) -> arb:
-    return arb(fmpq(value.numerator, value.denominator))
+def ball(value: Fraction | arb) -> arb:
+    return value if isinstance(value, arb) else arb(fmpq(value.numerator, value.denominator))
 
 
 @dataclass(frozen=True)
@@ -98,14 +98,49 @@ class Elliptic:
 
 
 def elliptic(
-    ends: str, *, nu: Fraction, a1: Fraction, b1: Fraction, c1: Fraction, C: Fraction = Fraction(1)
+    ends: str,
+    *,
+    nu: Fraction,
+    a1: Fraction,
+    b1: Fraction,
+    c1: Fraction | arb,
+    C: Fraction = Fraction(1),
+    bits: int = BITS,
 ) -> Elliptic:
     """Return the motion between these ends; the caller knows that there is one."""
-    with ctx.workprec(BITS):
+    with ctx.workprec(bits):
         return _elliptic(ends, nu, a1, b1, c1, C)
 
 
-def _elliptic(ends: str, nu: Fraction, a1: Fraction, b1: Fraction, c1: Fraction, C: Fraction) -> Elliptic:
+def time_to_collision(*, nu: Fraction, a1: Fraction, b1: Fraction, c1: Fraction, bits: int = BITS) -> arb:
+    r"""Return the time from the equator to the collision with the pole, C = 1, where P has no real root.
+
+    With the roots x1, x2 of 1 - nu x - x² and z, z̄ of P it is (Carlson 1995, equation 3.1)
+
+    .. math:: \int_0^{x_1} \frac{dx}{\sqrt{-4 c_1 (x_1-x)(x-x_2)(x-z)(x-\bar z)}}
+              = \frac{R_F(U_{12}^2, U_{13}^2, U_{14}^2)}{\sqrt{-c_1}} .
+    """
+    with ctx.workprec(bits):
+        n, a, b, c = (ball(value) for value in (nu, a1, b1, c1))
+        x1 = 2 / (n + (n * n + 4).sqrt())
+        # P = 2 b1 + nu² a1 x + 2 nu² c1 x².
+        turn, away = -a / (4 * c), (b / (n * n * c) - (a / (4 * c)) ** 2).sqrt()
+        z = acb(turn, away)
+        factors = [(acb(x1), -1), (acb(1 / x1), 1), (-z, 1), (-z.conjugate(), 1)]
+        upper, lower = ([(free + slope * x).sqrt() for free, slope in factors] for x in (x1, 0))
+        # x1 − x is 0 at x1, to the last bit.
+        upper[0] = acb(0)
+        squares = []
+        for j in (1, 2, 3):
+            k, m = (other for other in (1, 2, 3) if other != j)
+            ends = upper[0] * upper[j] * lower[k] * lower[m] + lower[0] * lower[j] * upper[k] * upper[m]
+            squares.append((ends / x1) ** 2)
+        return (acb.elliptic_rf(*squares) / (-c).sqrt()).real
+
+
+def _elliptic(
+    ends: str, nu: Fraction, a1: Fraction, b1: Fraction, c1: Fraction | arb, C: Fraction
+) -> Elliptic:
     moment, n, a, b, c = (ball(value) for value in (C, nu, a1, b1, c1))
     x1 = 2 / (n + (n * n + 4).sqrt())
     x2, f = -1 / x1, 2 / (moment * n * n)

@@ -11,17 +11,18 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from service.dynamics.numerics import NUMERICS
-from service.storage.solutions.codec import decode_arrays
+from service.jobs.outcome import Solved
+from service.storage.codecs.arrays import decode_arrays
 from tests.golden.documents import DOCUMENTS
-from workers.computation import solve_document
-from workers.processor import HIDING, libraries, processor
+from workers.computation.compute import solve_document
+from workers.computation.processor import HIDING, libraries, processor
 
 FILE = Path(__file__).with_name("digits.json")
 
 
 def computed(document: dict[str, object]) -> dict[str, object]:
     outcome = solve_document(json.dumps(document))
-    assert outcome.summary is not None, outcome.error
+    assert isinstance(outcome, Solved), outcome
     summary = outcome.summary
     columns = {name: values.tolist() for name, values in decode_arrays(outcome.samples).items()}
     numbers = {name: summary[name] for name in ("period", "energy", "error")}

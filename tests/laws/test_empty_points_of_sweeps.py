@@ -7,10 +7,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from service.examination import examine_problem
-from service.schemas.sweeps import read_sweep
-from service.storage.sweeps.chunk_codec import SOLVED, decode_points
+from service.schemas.sweep.reading import read_sweep
+from service.storage.codecs.points import SOLVED, decode_points
+from service.verdicts.examination import examine_problem
 from tests.support.admissible import Case, cases
+from tests.support.effort import examples
 from workers.sweeping import chunk
 from workers.sweeping.chunk import compute_chunk
 
@@ -56,7 +57,7 @@ def border_of(case: Case) -> Fraction | None:
 
 
 @given(cases(), st.integers(1, 9))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=examples(3, 8), deadline=None)
 def test_a_block_refuses_the_very_points_that_jobs_refuse(case, digit):
     border = border_of(case)
     assume(border is not None)

@@ -7,8 +7,8 @@ import pytest
 
 from service.dynamics.problem import PlanarMotion, StartAtRest, TimePeriods
 from tests.support.planar import body, formula, planar
+from tests.support.solving import solve_planar
 from workers.solvers.integration.solve import integrate_state
-from workers.solvers.quadrature.solve import solve_planar
 
 RATIONAL = (
     "-2*g1 + (8*g1*(g1^2+g3^2) + g3^4/g1)/20"

@@ -11,17 +11,18 @@ from flint import arb, ctx
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.dynamics.dense_output import Period
-from service.dynamics.enclosure import MAX_PARTS, RADIUS, join
+from service.dynamics.equations.orientation import trajectory_columns
 from service.dynamics.motion import COLUMNS
-from service.dynamics.orientation import trajectory_columns
 from service.dynamics.problem import PlanarMotion, TimeList, TimePeriods, TimeSpan
 from service.dynamics.sampling import exact_instants, sample_times
-from service.schemas.problem import read_problem
-from service.storage.solutions.codec import decode_arrays, decode_dense
+from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, join
+from service.dynamics.solution.dense_output import Period
+from service.jobs.outcome import Solved
+from service.schemas.problem.problem import read_problem
+from service.storage.codecs.arrays import decode_arrays, decode_dense
 from tests.support.planar import body, formula
-from workers.computation import solve, solve_document
-from workers.solvers.certified.certify import certify
+from workers.computation.compute import solve, solve_document
+from workers.solvers.planar.choose import enclose
 
 DOUBLE = body(2, 1, "3/2")
 TEXT = "-g1 + 1/(20*g3^2)"
@@ -44,7 +45,7 @@ def document(times, accuracy, **fields):
 
 def solved(times, accuracy, **fields):
     outcome = solve_document(json.dumps(document(times, accuracy, **fields)))
-    assert outcome.summary is not None, outcome.error
+    assert isinstance(outcome, Solved), outcome
     return outcome
 
 
@@ -64,7 +65,7 @@ def balls(columns, name):
 def certified(times, bits=128):
     """The six variables at exact times, rounded to doubles."""
     motion = PlanarMotion(None, nu=Fraction(1))
-    found = certify(DOUBLE, formula(TEXT, DOUBLE), motion, [Fraction(t) for t in times], bits)
+    found = enclose(DOUBLE, formula(TEXT, DOUBLE), motion, [Fraction(t) for t in times], bits)
     return np.array([[float(value.mid()) for value in state] for state in found.states])
 
 

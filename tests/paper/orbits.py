@@ -12,7 +12,7 @@ from service.dynamics.problem import PlanarMotion, Start
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
 from tests.support.planar import Exact, body, formula
-from workers.solvers.quadrature.orbit import make_orbit
+from workers.solvers.orbits.orbit import make_orbit
 
 BITS = 160
 """Of the balls of the orbits, as in the service's reduction."""

@@ -8,7 +8,7 @@ import pytest
 import sympy
 from flint import arb
 
-from service.dynamics.compatibility import along_curves
+from service.dynamics.equations.compatibility import along_curves
 from tests.paper.forms import GAMMA, A, C, L, gradient, is_zero, printed_rates, service_rates
 from tests.paper.orbits import (
     agree,

@@ -21,8 +21,8 @@ from tests.paper.orbits import (
     working_precision,
 )
 from tests.support.planar import body, formula, planar
+from tests.support.solving import solve_planar
 from workers.solvers.integration.solve import integrate_state
-from workers.solvers.quadrature.solve import solve_planar
 
 G1, G2, G3 = GAMMA
 V = sympy.Function("V")(*GAMMA)

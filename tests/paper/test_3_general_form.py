@@ -11,10 +11,10 @@ import pytest
 import sympy
 from mpmath import mp, mpf, quad
 
-from service.dynamics.compatibility import along_curves, energy_on_curve, pde_residual
-from service.dynamics.potentials.angular import angular_part, curve_parameter
-from service.dynamics.potentials.general import general_potential
-from service.dynamics.potentials.homogeneous import homogeneous_potential
+from service.dynamics.equations.compatibility import along_curves, energy_on_curve, pde_residual
+from service.dynamics.potentials.angular_part.doubles import curve_parameter
+from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.homogeneous import homogeneous_potential
 from tests.paper.forms import (
     ALPHA,
     G1,
@@ -35,6 +35,7 @@ from tests.paper.forms import (
     symbolic,
 )
 from tests.support.planar import body
+from tests.support.witnesses.angular_part import angular_part
 
 
 def test_V_general_solution():

@@ -8,9 +8,9 @@ import sympy
 from flint import arb
 from mpmath import mp, mpf, quad
 
-from service.dynamics.compatibility import energy_on_curve
-from service.dynamics.euler_poisson import energy_integral
-from service.dynamics.potentials.general import general_potential
+from service.dynamics.equations.compatibility import energy_on_curve
+from service.dynamics.equations.euler_poisson import energy_integral
+from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.reduction.windows import find_windows
 from tests.paper.forms import (
     G1,
@@ -40,7 +40,7 @@ from tests.paper.orbits import (
     working_precision,
 )
 from tests.support.planar import body, formula, planar
-from workers.solvers.quadrature.solve import solve_planar
+from tests.support.solving import solve_planar
 
 D = G1 * GENERAL_GRADIENT[2] - G3 * GENERAL_GRADIENT[0]
 

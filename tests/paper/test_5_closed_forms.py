@@ -4,10 +4,10 @@ import pytest
 import sympy
 from flint import acb, arb, ctx
 
-from service.dynamics.potentials.homogeneous import (
+from service.dynamics.potentials.families.homogeneous import (
     B_coefficients,
 )
-from service.dynamics.potentials.rational import U_term
+from service.dynamics.potentials.families.rational import U_term
 from tests.paper.forms import (
     ALPHA,
     G1,

@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 import sympy
 
-from service.dynamics.potentials.homogeneous import (
+from service.dynamics.potentials.families.homogeneous import (
     B_coefficients,
     UndefinedTermError,
     homogeneous_potential,

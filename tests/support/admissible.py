@@ -1,7 +1,9 @@
 """Random admissible potentials: sums of terms that solve the compatibility equation (Hypothesis)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from random import Random
 
 from hypothesis import strategies as st
 
@@ -9,7 +11,7 @@ from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, Problem, Times, TimeSpan
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula, planar
-from workers.solvers.quadrature.solve import solve_planar
+from tests.support.solving import solve_planar
 
 MOMENTS = [(2, 1), (3, 1), (4, 1), (5, 2), (7, 3), (1, 2), (3, 5), (1, 3)]
 
@@ -42,26 +44,55 @@ class Case:
 
 @st.composite
 def cases(draw: st.DrawFn, *, attracts: bool = False) -> Case:
-    """Q G(g2) with a cubic G, plus the homogeneous terms of lowest degree on |g1|, |g3| (any A ≠ C).
+    """Draw a case of :func:`_case`; where one of its powers diverges it repels, or ``attracts``."""
+    return _case(
+        draw(st.sampled_from(MOMENTS)),
+        [draw(coefficient()) for _ in range(4)],
+        draw(coefficient()),
+        draw(st.fractions(0, 1, max_denominator=50)) * (-1 if attracts else 1),
+        draw(st.fractions(Fraction(1, 2), 2, max_denominator=20)),
+        (draw(st.sampled_from([1, -1])), draw(st.sampled_from([1, -1]))),
+    )
 
-    Where one of these diverges it repels, or ``attracts``: then motions end there.
-    """
-    A, C = (Fraction(moment) for moment in draw(st.sampled_from(MOMENTS)))
+
+def sampled_cases(count: int, seed: int) -> list[Case]:
+    """Return cases that are the same on every machine and with every version of Hypothesis."""
+    source = Random(seed)
+    return [
+        _case(
+            source.choice(MOMENTS),
+            [sampled_fraction(source, -3, 3) for _ in range(4)],
+            sampled_fraction(source, -3, 3),
+            sampled_fraction(source, 0, 1),
+            sampled_fraction(source, Fraction(1, 2), 2),
+            (source.choice([1, -1]), source.choice([1, -1])),
+        )
+        for _ in range(count)
+    ]
+
+
+def sampled_fraction(source: Random, lo: Fraction | int, hi: Fraction | int) -> Fraction:
+    """Return one of 120 equal steps from lo to hi."""
+    return lo + Fraction(source.randint(0, 120), 120) * (hi - lo)
+
+
+def _case(
+    moments: tuple[int, int],
+    cubic: Sequence[Fraction],
+    attraction: Fraction,
+    repulsion: Fraction,
+    constant: Fraction,
+    signs: tuple[int, int],
+) -> Case:
+    """Return Q G(g2) with a cubic G, plus the homogeneous terms of lowest degree on |g1|, |g3|; any A ≠ C."""
+    A, C = (Fraction(moment) for moment in moments)
     alpha = A / C
-    constant, linear, square, cubic = (draw(coefficient()) for _ in range(4))
-    text = f"(A*g1^2 + C*g3^2)*(({constant}) + ({linear})*g2 + ({square})*g2^2 + ({cubic})*g2^3)"
-    attraction, repulsion = draw(coefficient()), draw(st.fractions(0, 1, max_denominator=50))
-    repulsion = -repulsion if attracts else repulsion
+    text = "(A*g1^2 + C*g3^2)*(({}) + ({})*g2 + ({})*g2^2 + ({})*g2^3)".format(*cubic)
     # B_0 = |g1|^(2(α−1)/α) and C_0 = |g3|^(−2(α−1)); the one that diverges decides.
     first, second = (attraction, repulsion) if alpha > 1 else (repulsion, attraction)
     text += f" + ({first})*abs(g1)^({2 * (alpha - 1) / alpha})"
     text += f" + ({second})*abs(g3)^({-2 * (alpha - 1)})"
-    motion = PlanarMotion(
-        draw(st.fractions(Fraction(1, 2), 2, max_denominator=20)),
-        g1_sign=draw(st.sampled_from([1, -1])),
-        g3_sign=draw(st.sampled_from([1, -1])),
-    )
-    return Case(A, C, text, motion)
+    return Case(A, C, text, PlanarMotion(constant, g1_sign=signs[0], g3_sign=signs[1]))
 
 
 def with_periodic_window(case: Case) -> Case | None:

@@ -11,14 +11,21 @@ import pytest
 from fastapi import FastAPI
 
 from service.app import create_app, verdict_sandbox
-from service.dynamics.dense_output import DenseOutput, Period, chebyshev_coefficients, chebyshev_points
+from service.dynamics.solution.dense_output import (
+    DenseOutput,
+    Period,
+    chebyshev_coefficients,
+    chebyshev_points,
+)
 from service.jobs.job import Job
+from service.jobs.outcome import Solved
 from service.sandbox import Sandbox
 from service.settings import Settings
+from service.storage.codecs.arrays import encode_arrays, encode_dense
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.solutions.codec import encode_arrays, encode_dense
 from tests.support.conformance import check_exchange
-from workers.computation import solve_document
+from tests.support.finishing import finish_success
+from workers.computation.compute import solve_document
 
 with warnings.catch_warnings():
     # Starlette would rather have httpx2; it works with httpx as well.
@@ -116,8 +123,8 @@ def finish(jobs: SqlJobStore, *, summary: dict = SUMMARY, spoil: bool = False) -
     if spoil:
         samples[3, 0] = np.nan
     columns = {"t": STORED_TIMES, **{name: samples[:, k] for k, name in enumerate(COLUMNS)}}
-    assert jobs.finish_success(
-        claim, summary, dense=encode_dense(dense_output()), samples=encode_arrays(columns)
+    assert finish_success(
+        jobs, claim, summary, dense=encode_dense(dense_output()), samples=encode_arrays(columns)
     )
     job = jobs.get(claim.job_id)
     assert job.solution_id is not None
@@ -154,8 +161,8 @@ def solve_job(client, jobs, problem):
     assert client.post("/v1/jobs", json=problem).status_code == 202
     claim = jobs.claim("test", lease_seconds=60.0)
     outcome = solve_document(json.dumps(claim.problem))
-    assert outcome.error is None
-    assert jobs.finish_success(claim, outcome.summary, dense=outcome.dense, samples=outcome.samples)
+    assert isinstance(outcome, Solved), outcome
+    assert finish_success(jobs, claim, outcome.summary, dense=outcome.dense, samples=outcome.samples)
     solution_id = client.get(f"/v1/jobs/{claim.job_id}").json()["solution"]
     response = client.get(f"/v1/solutions/{solution_id}")
     assert response.status_code == 200, response.json()

@@ -7,12 +7,13 @@ from math import nan
 import numpy as np
 from flint import arb, ctx
 
-from service.dynamics.dense_output import FloatArray
 from service.dynamics.problem import PlanarMotion, Tier
-from service.schemas.problem import read_problem
+from service.dynamics.solution.dense_output import FloatArray
+from service.schemas.problem.problem import read_problem
 from tests.support.random_documents import Document, Drawn, Family, draw_problem, with_times
-from workers.computation import solve
-from workers.solvers.certified.certify import Certified, certify
+from workers.computation.compute import solve
+from workers.solvers.certified.certify import Certified
+from workers.solvers.planar.choose import enclose
 
 CLAIMS = {
     "samples": "the asked samples",
@@ -61,13 +62,13 @@ def make_case(family: Family, draws: np.random.Generator) -> Case:
     drawn = draw_problem(family, draws)
     problem = read_problem(with_times(drawn.document, ["0"], "standard"))
     assert isinstance(problem.motion, PlanarMotion)
-    period = float(certify(problem.body, problem.potential, problem.motion, [], 64).period)
+    period = float(enclose(problem.body, problem.potential, problem.motion, [], 64).period)
     early, late = (5, 4) if family == "three-term" else (2, 2)
     turns = [0.0, *draws.uniform(0, 1, early), *10.0 ** draws.uniform(1, LATEST, late)]
     sign = 1.0 if draws.random() < 0.8 else -1.0
     times = [sign * float(turn) * period + 0.0 for turn in turns]
     exact = [Fraction(repr(t)) for t in times]
-    return Case(drawn, times, certify(problem.body, problem.potential, problem.motion, exact, BITS))
+    return Case(drawn, times, enclose(problem.body, problem.potential, problem.motion, exact, BITS))
 
 
 def claims_of(case: Case, tier: Tier) -> list[Claim]:

@@ -6,7 +6,7 @@ from service.jobs.outcome import SolveOutcome
 from service.jobs.states import JobKind
 from service.logs import start_logging
 from service.settings import Settings
-from workers.engines.worker import run_worker
+from workers.process.worker import run_worker
 
 
 def complain(document: str) -> SolveOutcome:

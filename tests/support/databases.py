@@ -5,16 +5,27 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from alembic import command
+from alembic.config import Config
 
-from service.storage.database import Database
+from service.storage.database.database import Database, make_engine
+from service.storage.database.migration import migrate
+from service.storage.database.revisions import migrations_folder
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.migration import migrate
 from service.storage.solutions.solution_store import SolutionStore
 from tests.support.postgres import PostgresServer, postgres_server
 
 
 def url_of(file: Path) -> str:
     return f"sqlite:///{file}"
+
+
+def upgrade_to(url: str, revision: str) -> None:
+    config = Config()
+    config.set_main_option("script_location", str(migrations_folder()))
+    config.attributes["engine"] = engine = make_engine(url)
+    command.upgrade(config, revision)
+    engine.dispose()
 
 
 def make_template(folder: Path) -> Path:

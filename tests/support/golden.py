@@ -1,4 +1,4 @@
-"""Golden numbers: closed forms in elliptic functions, checked against Taylor integration with 220-bit floats.
+"""Golden numbers of the literature's motions; ``provenance`` of each says how they were found.
 
 C = 1, A = 2 unless stated; t = 0 at the largest |g1| with g3 > 0: at the equator
 with s > 0 if the window reaches it, else at rest with g2 > 0 (or as ``start``
@@ -14,6 +14,8 @@ class Golden:
     body: dict[str, object]
     potential: dict[str, object]
     motion: dict[str, object]
+    provenance: str
+    """How each number was found, none by the service; ``tests/golden/test_references.py`` checks all."""
     period: str
     energy: str
     states: dict[int, tuple[str, str, str, str, str]] = field(default_factory=dict)
@@ -24,6 +26,17 @@ def expression(text: str) -> dict[str, object]:
 
 
 DOUBLE: dict[str, object] = {"A": 2, "C": 1}
+
+ENERGY = "energy: H[V] of theory.md, section 1; "
+ELLIPTIC = (
+    ENERGY + "period and states: closed forms in elliptic functions (theory.md, section 5), and again "
+    "by Taylor integration of the six equations in 300 bits (tests/golden/references.json)"
+)
+INTEGRATED = (
+    ENERGY + "period and states: Taylor integration of the six equations in 220 bits, and again "
+    "in 300 bits with other code (tests/golden/references.json)"
+)
+
 NU_1: dict[str, object] = {"type": "planar", "nu": 1}
 
 GOLDEN = (
@@ -32,6 +45,7 @@ GOLDEN = (
         DOUBLE,
         {"type": "gravity", "a": -1},
         NU_1,
+        ELLIPTIC,
         "6.432310535121612579869958267408499",
         "0.5",
         {
@@ -63,6 +77,7 @@ GOLDEN = (
         {"A": 3, "C": "3/2"},
         {"type": "gravity", "a": -2},
         {"type": "planar", "nu": "3/10"},
+        ELLIPTIC,
         "6.186567351651134949463511107666976224032",
         "0.3",
         {
@@ -94,6 +109,7 @@ GOLDEN = (
         DOUBLE,
         expression("-g1 + 1/(20*g3^2)"),
         NU_1,
+        ELLIPTIC,
         "6.340077937232813736703355893128016093546",
         "0.4",
         {
@@ -125,6 +141,7 @@ GOLDEN = (
         DOUBLE,
         expression("-g1 + 1/(50*g3^2) + 6/5*(g1^2 - g2^2)"),
         NU_1,
+        ELLIPTIC,
         "3.413231915305928034289635613636809859442",
         "-0.74",
         {
@@ -156,6 +173,7 @@ GOLDEN = (
         {"A": 3, "C": 1},
         expression("(3*g1^2+g3^2)*(g2^2-1/2+g2^3/5)"),
         {"type": "planar", "lambda": "4/5", "start": {"at": "rest", "g2_sign": -1}},
+        INTEGRATED,
         "6.55593813374157484500337478933646021",
         "0",
         {
@@ -187,6 +205,7 @@ GOLDEN = (
         {"A": 4, "C": 1},
         expression("-g1*(4*g1^2+3*g3^2) + (4*g1^2+g3^2)/10"),
         {"type": "planar", "lambda": "9/10"},
+        INTEGRATED,
         "9.76748931365426990174323773672862627",
         "0.32805",
         {

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.loop import Loop, make_loop
+from service.dynamics.reduction.geometry.loop import Loop, make_loop
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import PRECISION, find_windows
-from service.schemas.problem import read_problem
+from service.schemas.problem.problem import read_problem
 
 FloatArray = NDArray[np.float64]
 Document = dict[str, Any]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.jobs.job import Claim
+from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
 
 FloatArray = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def finish_chunk(
     outcomes = ["no_motion" if refused else SOLVED for refused in is_refused(indices)]
     numbers = {"period": period_of(indices), "energy": energy_of(indices)}
     points = ChunkPoints(outcomes, numbers, {name: of(indices) for name, of in series.items()})
-    assert jobs.finish_chunk(claim, chunk_outcome(points, seconds=0.05 * count))
+    assert jobs.finish(claim, chunk_outcome(points, seconds=0.05 * count))[0]
 
 
 def finish_sweep(jobs: SqlJobStore, chunks: int | None = None, **series: object) -> None:

@@ -6,8 +6,8 @@ import signal
 import threading
 from contextlib import suppress
 
-from service.schemas.faults import InvalidProblemError
-from service.schemas.problem import read_problem
+from service.schemas.problem.problem import read_problem
+from service.schemas.reading.faults import InvalidProblemError
 
 
 def read_quietly(document_json: str) -> None:

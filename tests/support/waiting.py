@@ -1,9 +1,10 @@
-"""Waiting for the doorbell from a test that has no event loop."""
+"""Waiting: for the doorbell from a test that has no event loop, and for what other processes do."""
 
 import asyncio
+import time
 from collections.abc import Callable
 
-from service.jobs.wakeup import Doorbell
+from service.local.wakeup import Doorbell
 
 
 def wait_for(doorbell: Doorbell, job_id: str, *, is_finished: Callable[[], bool], timeout: float) -> bool:
@@ -11,3 +12,13 @@ def wait_for(doorbell: Doorbell, job_id: str, *, is_finished: Callable[[], bool]
         return is_finished()
 
     return asyncio.run(doorbell.wait_for(job_id, is_finished=look, timeout=timeout))
+
+
+def wait_until(is_true: Callable[[], bool], *, seconds: float = 120.0) -> bool:
+    """Say whether it came true before the patience was at an end."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if is_true():
+            return True
+        time.sleep(0.05)
+    return False

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from service.jobs.outcome import ChunkOutcome, SolveOutcome
+from service.jobs.outcome import ChunkOutcome, Refused, Solved, SolveOutcome
 from service.jobs.states import JobKind
-from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
+from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
 
 SUMMARY: dict[str, object] = {
     "method": "quadrature",
@@ -38,10 +38,10 @@ def do_chore(document: str) -> SolveOutcome:
     elif chore == "raise":
         raise RuntimeError("a fault of ours")
     elif chore == "refuse":
-        return SolveOutcome(None, b"", b"", {"code": "no_motion", "detail": "there is none"})
+        return Refused({"code": "no_motion", "detail": "there is none"})
     elif chore == "nan":
-        return SolveOutcome({**SUMMARY, "error": float("nan")}, b"", b"", None)
-    return SolveOutcome(SUMMARY, b"dense", b"samples", None)
+        return Solved({**SUMMARY, "error": float("nan")}, b"", b"")
+    return Solved(SUMMARY, b"dense", b"samples")
 
 
 def do_chunk(document: str) -> ChunkOutcome:

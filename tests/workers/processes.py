@@ -15,9 +15,9 @@ from typing import TypeVar
 from sqlalchemy import select
 from sqlalchemy.exc import OperationalError
 
-from service.jobs.wakeup import Doorbell
-from service.storage.database import Database
-from service.storage.tables import JobRow
+from service.local.wakeup import Doorbell
+from service.storage.database.database import Database
+from service.storage.tables.jobs import JobRow
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 120.0

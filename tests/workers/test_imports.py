@@ -9,15 +9,15 @@ import sys
 
 CODE = """
 import sys
-import workers.__main__, workers.commands, workers.runner, workers.computation
+import workers.__main__, workers.cli.main, workers.process.runner, workers.computation.compute
 print(*{name.partition(".")[0] for name in sys.modules} & {"fastapi", "starlette", "uvicorn"})
 """
 
 COMPUTING = """
 import sys
-import workers.commands, workers.engines.worker
+import workers.cli.main, workers.process.worker
 names = {name.partition(".")[0] for name in sys.modules} & {"heyoka", "scipy", "sympy", "numba", "pyarrow"}
-print(*names, *({"workers.computation", "workers.solvers"} & set(sys.modules)))
+print(*names, *({"workers.computation.compute", "workers.solvers"} & set(sys.modules)))
 """
 
 
@@ -28,7 +28,7 @@ def test_a_worker_is_there_before_the_solvers_are_loaded():
 
 CALLING = """
 import contextlib, importlib, sys
-from workers import tasks
+from workers.process import tasks
 for name in tasks.PRELOAD:
     importlib.import_module(name)
 before = set(sys.modules)

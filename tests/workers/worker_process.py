@@ -22,7 +22,7 @@ def main() -> None:
     import logging  # noqa: PLC0415
 
     from service.settings import Settings  # noqa: PLC0415
-    from workers.engines.worker import run_worker  # noqa: PLC0415
+    from workers.process.worker import run_worker  # noqa: PLC0415
 
     shift_clock(float(os.environ["CLOCK_SHIFT"]))
     logging.basicConfig(level=logging.INFO)

@@ -1,1 +1,1 @@
-"""The table of accuracy and speed of this installation, measured."""
+"""Measures the table of accuracy and speed of this installation."""

@@ -1,4 +1,4 @@
-"""Seconds and errors of every tier on every problem."""
+"""Measures seconds and errors of every tier on every problem."""
 
 import os
 import platform
@@ -10,19 +10,19 @@ from pathlib import Path
 from statistics import median
 
 from service.dynamics.accuracy import TIERS, AccuracyRow, AccuracyTable, Machine, Source, Unavailable
-from service.dynamics.enclosure import RADIUS
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
-from service.jobs.outcome import SolveOutcome
-from service.schemas.faults import InvalidProblemError
-from service.storage.solutions.codec import decode_arrays
+from service.dynamics.solution.ball_columns import RADIUS
+from service.jobs.outcome import Refused, Solved
+from service.schemas.reading.faults import InvalidProblemError
+from service.storage.codecs.arrays import decode_arrays
 from workers.calibration.problems import CASES, SAMPLES, Case
 from workers.calibration.reference import ReferenceStates, reference_states, samples_of
 from workers.calibration.whole_jobs import SecondsOf
-from workers.computation import solve_document
+from workers.computation.compute import solve_document
 
 SLOW_SECONDS = 0.3
-"""What takes longer is measured once, and with 1000 samples more only."""
+"""Slower problems are measured once, and only with 1000 samples more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Effort:
     cases: tuple[Case, ...]
     repetitions: int
     many_samples: int
-    """What 1000 samples more take is the slope up to here."""
+    """The time of 1000 more samples is the slope up to this number."""
 
 
 FULL = Effort(CASES, 5, 10_990)
@@ -52,14 +52,14 @@ def calibrate(
 ) -> AccuracyTable:
     """Measure every tier on every problem; ``step`` is called before each of :func:`steps`.
 
-    ``seconds_of`` says what a problem takes: :func:`workers.calibration.whole_jobs.whole_jobs`.
+    ``seconds_of`` measures the time of a problem: :func:`workers.calibration.whole_jobs.whole_jobs`.
 
     Raises
     ------
     ClaimExceededError
-        An error is larger than it is said to be.
+        An error is larger than claimed.
     NoReferenceError
-        A motion has nothing to be held against.
+        A motion has no reference.
     ValueError
         No tier solved any of the problems.
     """
@@ -101,11 +101,11 @@ def _measure(
     except InvalidProblemError as refusal:
         fault = refusal.faults[0]
         return Unavailable(tier, case.kind, case.family, fault.code, fault.message)
-    if outcome.summary is None:
-        error = outcome.error or {}
-        return Unavailable(tier, case.kind, case.family, str(error.get("code")), str(error.get("detail")))
+    if isinstance(outcome, Refused):
+        code, detail = (str(outcome.error[name]) for name in ("code", "detail"))
+        return Unavailable(tier, case.kind, case.family, code, detail)
     claimed, reached = _errors(case, tier, outcome, reference)
-    # The first time of a structure compiles it, or fills caches.
+    # The first problem of a structure compiles code or fills caches.
     seconds_of(document)
     seconds = seconds_of(document)
     is_slow = seconds > SLOW_SECONDS
@@ -127,9 +127,8 @@ def _measure(
     )
 
 
-def _errors(case: Case, tier: Tier, outcome: SolveOutcome, reference: ReferenceStates) -> tuple[float, float]:
+def _errors(case: Case, tier: Tier, outcome: Solved, reference: ReferenceStates) -> tuple[float, float]:
     """Return the claimed error and the one that was reached; with radii, of all the proven digits."""
-    assert outcome.summary is not None
     columns = decode_arrays(outcome.samples)
     radii = [values.max() for name, values in columns.items() if name.endswith(f".{RADIUS}")]
     claimed = float(max(radii)) if radii else float(str(outcome.summary["error"]))
@@ -142,7 +141,7 @@ def _errors(case: Case, tier: Tier, outcome: SolveOutcome, reference: ReferenceS
 
 
 def this_machine() -> Machine:
-    """Return what is known of this machine."""
+    """Return the system, the processor and the number of processors of this machine."""
     return Machine(os.cpu_count() or 1, _processor(), f"{platform.system()} {platform.machine()}")
 
 

@@ -1,4 +1,4 @@
-"""The fixed set of problems that is measured: every kind of motion, every family."""
+"""The fixed set of measured problems: every kind of motion, every family."""
 
 import json
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ Document = Mapping[str, object]
 
 SAMPLES = 1000
 _REFERENCE_TOLERANCE = "1e-11"
-"""The integration comes closer, and says how close: 1e-14 where the potential has a formula."""
+"""The integration is more accurate than this and claims its error: 1e-14 if the potential has a formula."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What a computed motion is held against: the certified one, else an integration of the equations."""
+"""Computes the reference of a measurement: the certified motion, else an integration of the equations."""
 
 import json
 from collections.abc import Mapping
@@ -10,21 +10,22 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.accuracy import Reference
-from service.dynamics.enclosure import MAX_PARTS
 from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import Problem
-from service.dynamics.reduction.loop import ball
-from service.schemas.problem import read_problem
-from service.storage.solutions.codec import decode_arrays
+from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.solution.ball_columns import MAX_PARTS
+from service.jobs.outcome import Refused
+from service.schemas.problem.problem import read_problem
+from service.storage.codecs.arrays import decode_arrays
 from workers.calibration.problems import SAMPLES, Case
-from workers.computation import solve_document
-from workers.solvers.certified.certify import certify
+from workers.computation.compute import solve_document
 from workers.solvers.certified.errors import CertifiedUnavailableError
+from workers.solvers.planar.choose import enclose
 
 FloatArray = NDArray[np.float64]
 
 STRIDE = 9
-"""Of 1000 samples these are compared: the first, the last, and every ninth between."""
+"""The compared ones of 1000 samples: the first, the last, and every ninth in between."""
 BITS = 128
 
 
@@ -50,7 +51,7 @@ class ReferenceStates:
 
 
 def reference_states(case: Case) -> ReferenceStates:
-    """Return what the solutions of ``case`` are held against.
+    """Return the reference for the solutions of ``case``.
 
     Raises
     ------
@@ -67,7 +68,7 @@ def reference_states(case: Case) -> ReferenceStates:
 def _certified(problem: Problem, case: Case) -> ReferenceStates:
     step = Fraction(case.stop) / (SAMPLES - 1)
     times = [step * k for k in range(0, SAMPLES, STRIDE)]
-    found = certify(problem.body, problem.potential, problem.motion, times, BITS)
+    found = enclose(problem.body, problem.potential, problem.motion, times, BITS)
     with ctx.workprec(2 * BITS):
         high = np.array([[float(value.mid()) for value in state] for state in found.states])
         rest = [
@@ -82,7 +83,7 @@ def _certified(problem: Problem, case: Case) -> ReferenceStates:
 
 def _integrated(case: Case) -> ReferenceStates:
     outcome = solve_document(case.reference_document())
-    if outcome.summary is None:
+    if isinstance(outcome, Refused):
         raise NoReferenceError(f"no reference for {case.kind}, {case.family}: {outcome.error}")
     error = outcome.summary["error"]
     assert isinstance(error, float)

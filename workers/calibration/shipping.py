@@ -4,7 +4,7 @@ import json
 import sys
 from pathlib import Path
 
-from service.schemas.accuracy import AccuracyTableModel
+from service.schemas.replies.accuracy import AccuracyTableModel
 from service.storage.solutions.accuracy_store import SHIPPED
 from workers.calibration.measurement import FULL, calibrate
 from workers.calibration.whole_jobs import whole_jobs

@@ -1,4 +1,4 @@
-"""Whole jobs as a user pays for them, on a database of their own."""
+"""Times whole jobs, from submission to stored solution, on a temporary database."""
 
 import json
 import tempfile
@@ -8,32 +8,32 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from service.sandbox import Sandbox
-from service.storage.database import Database
-from service.storage.ids import new_id
+from service.storage.database.database import Database
+from service.storage.database.ids import new_id
+from service.storage.database.migration import migrate
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.migration import migrate
-from workers.computation import solve_document
+from workers.computation.compute import solve_document
 
 _LEASE_SECONDS = 3600.0
 
 SecondsOf = Callable[[str], float]
-"""What a problem, as JSON, takes."""
+"""Measures the seconds of a problem, given as JSON."""
 
 
 @contextmanager
 def whole_jobs() -> Iterator[SecondsOf]:
-    """Yield what measures a job: submitted, claimed, solved by a child process, and stored."""
+    """Yield a function that times a job: submitted, claimed, solved by a child process, and stored."""
     with tempfile.TemporaryDirectory(prefix="polhode-calibration-") as folder:
         url = f"sqlite:///{Path(folder) / 'jobs.db'}"
         migrate(url)
         database = Database(url)
-        sandbox = Sandbox(1, preload=["workers.computation"])
+        sandbox = Sandbox(1, preload=["workers.computation.compute"])
         jobs = SqlJobStore(database)
 
         def seconds_of(document: str) -> float:
             problem = json.loads(document)
             began = time.perf_counter()
-            # A digest of its own: nothing is reused.
+            # A digest of its own, so that nothing is reused.
             jobs.submit(problem, new_id())
             claim = jobs.claim("calibration", lease_seconds=_LEASE_SECONDS)
             assert claim is not None

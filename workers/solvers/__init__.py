@@ -1,1 +1,1 @@
-"""Pure mathematics: how a problem is solved."""
+"""The mathematics of solving a problem. No I/O."""

@@ -1,4 +1,4 @@
-"""The cross-check of a quadrature by integration, as far as integration can vouch for its own digits.
+"""Checks a quadrature by an integration, over the time that the integration is accurate.
 
 The orbit of a planar motion may be unstable across the plane: then every
 integrator leaves it after some periods, however good, because rounding grows
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
+from service.dynamics.defect.equations import Equations
 from service.dynamics.motion import CrossCheck, Motion
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.solve import IntegratorName, choose_integrator, tolerances
-from workers.solvers.integration.twin import Span, run_twin
+from workers.solvers.integration.twin import Span, Twin, run_twin
 
 FloatArray = NDArray[np.float64]
 
@@ -59,6 +60,7 @@ def compare(
     state = quadrature.dense(np.zeros(1))[0]
     twin = run_twin(
         chosen,
+        Equations.of(body, potential),
         state,
         _neighbour(state, quadrature.dense.error_at(np.zeros(1))),
         _span(quadrature.times, limit),
@@ -77,12 +79,26 @@ def compare(
     asked = float(np.abs(quadrature.times).max())
     allowed = quadrature.error + float(witness[-1]) + tolerance
     explained = isfinite(allowed) and is_within(disagreement, allowed)
+    # A comparison at t = 0 alone, where the witness starts, confirms nothing.
+    is_none = horizon == 0.0 and asked > 0.0
     return CrossCheck(
         method=f"integration ({chosen.name})",
         disagreement=disagreement,
         horizon=horizon,
-        # A comparison at t = 0 alone, where the witness starts, confirms nothing.
-        agrees=explained and (horizon > 0.0 or asked == 0.0),
+        agrees=explained and not is_none,
+        why_none=_why_none(chosen.name, twin, limit) if is_none else None,
+    )
+
+
+def _why_none(name: str, twin: Twin, limit: float | None) -> str:
+    """Return why the witness says nothing of any time but its start."""
+    text = f"there is no cross-check: the integration ({name}) "
+    if limit == 0.0:
+        return f"{text}cannot follow the motion from t = 0 on, where it passes a pole by a convention"
+    if twin.span.first == twin.span.last == 0.0 and twin.ending is not None:
+        return f"{text}could not follow the motion from t = 0 on: {twin.ending.message}"
+    return (
+        f"{text}does not know its own digits: two runs of it differ by more than the tolerance from t = 0 on"
     )
 
 

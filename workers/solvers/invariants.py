@@ -1,4 +1,4 @@
-"""How far the three integrals drift along a computed motion."""
+"""Measures the drift of the three integrals along a computed motion."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.euler_poisson import areas_integral, geometric_integral, kinetic_energy
+from service.dynamics.equations.euler_poisson import areas_integral, geometric_integral, kinetic_energy
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.potential import Potential
 

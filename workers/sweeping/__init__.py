@@ -1,1 +1,1 @@
-"""Chunks of sweeps: many points of one problem, each with the numbers of its own job."""
+"""Computes chunks of sweeps: each point gets the same numbers as a single job."""

@@ -1,4 +1,4 @@
-"""A block of points at once, by compiled doubles and by bounds; what is in the least doubt is left out."""
+"""Computes a block of points at once by compiled doubles with bounds; doubtful points are left out."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from service.dynamics.motion import COLUMNS
 from service.dynamics.sweep_axes import ListedAxis
-from service.schemas.numbers import LARGEST
-from service.schemas.pointers import with_values
-from service.schemas.sweep import Sweep, SweepAxis, json_number
-from workers.solvers.quadrature.periodic import compiled_grade
+from service.schemas.reading.numbers import LARGEST
+from service.schemas.reading.pointers import with_values
+from service.schemas.sweep.sweep import Sweep, SweepAxis, json_number
+from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.doubles import Sampling, Swept, sweep_sets
 from workers.sweeping.emptiness import have_no_motion_at
 from workers.sweeping.plan import Quick, Side
@@ -26,8 +26,8 @@ IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
-    """Some neighbouring points; those that are neither ``solved`` nor ``empty`` are not decided here."""
+class SolvedBlock:
+    """Some neighbouring points; those neither ``solved`` nor ``empty`` are left to single jobs."""
 
     solved: BoolArray
     """Shape (points,)."""
@@ -46,7 +46,7 @@ class BlockSolver:
         self._sweep = sweep
         self._quick = quick
         problem = quick.problem
-        grade = compiled_grade(problem.accuracy)
+        grade = compiled_tier(problem)
         assert grade is not None
         self._grade = grade
         names = [name for name in sweep.series_columns if name != "t"]
@@ -57,7 +57,7 @@ class BlockSolver:
         self._shared = affine_program(problem.body, quick.potential, quick.paths)
         self._known = [_listed_exactly(axis) for axis in sweep.axes]
 
-    def solve(self, first: int, count: int) -> Block:
+    def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
         points = _Points(self._sweep, self._known, first, count)
         found = _Found(self._sweep, self._names, count)
@@ -67,7 +67,7 @@ class BlockSolver:
             places = np.flatnonzero(usable & (signs == sign))
             for group in self._groups(points, places):
                 self._solve_group(found, points, side, group, squares)
-        return Block(found.solved, found.empty, found.numbers, found.series)
+        return SolvedBlock(found.solved, found.empty, found.numbers, found.series)
 
     def _solve_group(
         self,
@@ -86,6 +86,8 @@ class BlockSolver:
             return
         numbers, parameters = self._numbers(swept), points.doubles[list(self._quick.places)].T[places]
         decided = np.isfinite(swept.errors) & (swept.errors <= problem.tolerance)
+        # If only the period is asked for, its own error alone decides whether it is accurate enough.
+        decided &= swept.period_errors <= problem.tolerance * swept.periods
         decided &= np.isfinite(swept.samples).all(axis=(1, 2))
         decided &= ~swept.passes_pole | self._are_plain(parameters)
         decided &= self._quick.family.keeps_its_sign(parameters, swept.approaches)
@@ -101,7 +103,7 @@ class BlockSolver:
         found.empty[places[rest]] = have_no_motion_at(problem.body, side.motion, group, rest, curves)
 
     def _numbers(self, swept: Swept) -> dict[str, FloatArray]:
-        # Without functions of time a job claims nothing about them.
+        # Without functions of time a job claims no error of them.
         error = swept.errors if self._sampling.has_times else np.zeros(len(swept.errors))
         period_errors = np.nextafter(swept.period_errors, np.inf)
         return {"period": swept.periods, "period.error": period_errors, "error": error}
@@ -118,7 +120,7 @@ class BlockSolver:
         return [value * value for value in values], np.where(points.doubles[place] > 0.0, sign, 0)
 
     def _are_numbers(self, points: "_Points") -> BoolArray:
-        """Say which points have numbers that a document may have, away from the limits."""
+        """Tell which points have numbers that are safely within the limits of documents."""
         sizes = np.abs(points.doubles)
         limit = float(LARGEST) / 2.0
         usable: BoolArray = ((sizes == 0.0) | ((sizes > 1.0 / limit) & (sizes < limit))).all(axis=0)
@@ -129,7 +131,7 @@ class BlockSolver:
         return np.zeros(len(parameters), dtype=np.bool_) if poles is None else poles.are_plain(parameters)
 
     def _groups(self, points: "_Points", places: IntArray) -> list[Group]:
-        """Return the places by their programs; what has none is left out."""
+        """Return the places by their programs; points without a program are left out."""
         shared, groups = self._shared, list[Group]()
         if shared is not None and len(places):
             rows = self._shared_rows(shared, points, places)
@@ -171,7 +173,7 @@ class _Points:
         double = float(self.doubles[axis, place])
         known = self._known[axis]
         if double not in known:
-            # It stands for its shortest decimal.
+            # A double means its shortest decimal.
             return fmpq(*Decimal(repr(double)).as_integer_ratio())
         found = known[double]
         return _ratio(self._sweep.values(self._first + place)[axis]) if found is None else found
@@ -182,7 +184,7 @@ class _Points:
 
 
 class _Found:
-    """The answers to a block, filled in group by group."""
+    """The results of a block, filled in group by group."""
 
     def __init__(self, sweep: Sweep, names: Sequence[str], count: int) -> None:
         self.solved, self.empty = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_)
@@ -206,7 +208,7 @@ class _Found:
 
 
 def _listed_exactly(axis: SweepAxis) -> dict[float, fmpq | None]:
-    """Return the numbers their doubles may not stand for, listed ones and ends; None if two share one."""
+    """Return listed numbers and ends that their doubles may not equal; None if two share a double."""
     if isinstance(axis.axis, ListedAxis):
         given = axis.axis.listed
     else:

@@ -1,4 +1,4 @@
-"""A chunk of a sweep in, its points in columns out."""
+"""Computes a chunk of a sweep, and returns its points in columns."""
 
 import json
 import time
@@ -10,20 +10,21 @@ from numpy.typing import NDArray
 
 from service.dynamics.reduction.windows import NoMotionError
 from service.jobs.outcome import ChunkOutcome
-from service.schemas.sweep import Sweep
-from service.schemas.sweeps import read_sweep
-from service.storage.sweeps.chunk_codec import SOLVED, ChunkPoints, chunk_outcome
+from service.schemas.sweep.reading import read_sweep
+from service.schemas.sweep.sweep import Sweep
+from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
+from workers.computation.compiled_code import keep_compiled_code
 from workers.sweeping.plan import Plan, make_plan
-from workers.sweeping.pointwise import Point, solve_point
+from workers.sweeping.pointwise import SweepPoint, solve_point
 
 if TYPE_CHECKING:
-    from workers.sweeping.block import Block
+    from workers.sweeping.block import SolvedBlock
 
 FloatArray = NDArray[np.float64]
 
 NO_MOTION = NoMotionError.code
 ENOUGH_SECONDS = 2.0
-"""After which a chunk ends with the points it has."""
+"""Seconds after which a chunk ends with the points it has."""
 BLOCK_POINTS = 256
 BLOCK_NUMBERS = 400_000
 """Numbers of a block's series at most."""
@@ -32,7 +33,7 @@ _NOTHING = np.empty(0)
 
 
 def compute_chunk(document_json: str) -> ChunkOutcome:
-    """Solve neighbouring points of a sweep: of ``count`` from ``first`` the first so many as time allows.
+    """Solve ``count`` points of a sweep from ``first`` on, or as many of them as time allows.
 
     The document is ``{"sweep": …, "first": …, "count": …}``. The numbers and
     samples of a point are, to the last bit, those of the job of
@@ -55,7 +56,8 @@ class ChunkSolver:
         self._plan = plan
         self._blocks = None
         if plan.quick is not None:
-            # The compiler is loaded only by those who need it.
+            keep_compiled_code()
+            # The compiler is loaded only where it is needed.
             from workers.sweeping.block import BlockSolver  # noqa: PLC0415
 
             self._blocks = BlockSolver(plan.sweep, plan.quick)
@@ -79,7 +81,7 @@ class ChunkSolver:
         return max(1, min(BLOCK_POINTS, BLOCK_NUMBERS // max(sweep.samples * len(sweep.series_columns), 1)))
 
     def _solve_block(self, found: "_Chunk", first: int, count: int, until: float) -> bool:
-        """Add a block to what is found; False if time was up before its end."""
+        """Add a block to the results; False if time was up before its end."""
         open_points = np.ones(count, dtype=np.bool_)
         block = None if self._blocks is None else self._checked(self._blocks.solve(first, count), first)
         if block is not None:
@@ -93,10 +95,10 @@ class ChunkSolver:
         found.count += count
         return True
 
-    def _checked(self, block: "Block", first: int) -> "Block | None":
-        """Compare the first point of all that was solved, or found empty, with the same point alone.
+    def _checked(self, block: "SolvedBlock", first: int) -> "SolvedBlock | None":
+        """Compare the first point that was solved, and the first found empty, with single jobs.
 
-        Return None, for this block and all others, if they differ.
+        Return None, for this block and all later ones, if they differ.
         """
         for outcome, points in ((SOLVED, block.solved), (NO_MOTION, block.empty)):
             if outcome in self._compared or not points.any():
@@ -108,7 +110,7 @@ class ChunkSolver:
             self._compared.add(outcome)
         return block
 
-    def _is_the_same(self, block: "Block", place: int, outcome: str, alone: Point) -> bool:
+    def _is_the_same(self, block: "SolvedBlock", place: int, outcome: str, alone: SweepPoint) -> bool:
         if alone.outcome != outcome or outcome != SOLVED:
             return alone.outcome == outcome
         return all(
@@ -116,7 +118,7 @@ class ChunkSolver:
             for name, number in zip(self._plan.sweep.keep, alone.numbers, strict=True)
         ) and all(np.array_equal(rows[place], alone.series[name]) for name, rows in block.series.items())
 
-    def _alone(self, index: int) -> Point:
+    def _alone(self, index: int) -> SweepPoint:
         return solve_point(self._plan.sweep, index, is_judged=self._plan.is_judged)
 
 
@@ -129,8 +131,8 @@ class _Chunk:
         self._numbers = {name: np.full(size, np.nan) for name in sweep.keep}
         self._series = {name: np.full((size, sweep.samples), np.nan) for name in sweep.series_columns}
 
-    def add_block(self, block: "Block", count: int) -> None:
-        """Set the columns of the next ``count`` points; those that are not decided are set one by one."""
+    def add_block(self, block: "SolvedBlock", count: int) -> None:
+        """Set the columns of the next ``count`` points; undecided ones are solved one by one."""
         here = slice(self.count, self.count + count)
         for name, column in block.numbers.items():
             self._numbers[name][here] = np.where(block.solved, column, np.nan)
@@ -139,7 +141,7 @@ class _Chunk:
         for place in np.flatnonzero(block.empty).tolist():
             self._outcomes[self.count + place] = NO_MOTION
 
-    def set_point(self, place: int, point: Point) -> None:
+    def set_point(self, place: int, point: SweepPoint) -> None:
         """Set the columns of one point."""
         self._outcomes[place] = point.outcome
         for name, number in zip(self._numbers, point.numbers, strict=True):
@@ -150,7 +152,7 @@ class _Chunk:
             row[place, : len(samples)], row[place, len(samples) :] = samples, np.nan
 
     def points(self) -> ChunkPoints:
-        """Return what there is."""
+        """Return the columns filled so far."""
         return ChunkPoints(
             self._outcomes[: self.count],
             {name: column[: self.count] for name, column in self._numbers.items()},

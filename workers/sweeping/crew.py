@@ -1,4 +1,4 @@
-"""A sweep computed by child processes of this machine, its points handed out in the order of their index."""
+"""Computes a sweep in local child processes, and yields its points in the order of their index."""
 
 import heapq
 import json
@@ -10,16 +10,16 @@ import numpy as np
 from service.jobs.chunking import CHUNK_SECONDS, PARTS, PILOT_POINTS, Range, cut, largest_chunk, next_size
 from service.jobs.outcome import ChunkOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
-from service.schemas.sweep import Sweep
-from service.storage.sweeps.chunk_codec import ChunkPoints, decode_points
+from service.schemas.sweep.sweep import Sweep
+from service.storage.codecs.points import ChunkPoints, decode_points
 from workers.sweeping.chunk import compute_chunk
 
 LOOK_SECONDS = 0.1
-"""How often it is looked whether to stop."""
+"""How often to check whether to stop."""
 AHEAD = 16
 """Chunks for each child that may wait for an earlier one."""
 QUEUED = 2
-"""Chunks for each child that are under way, so that none waits for us."""
+"""Submitted chunks for each child, so that no child is ever idle."""
 
 
 class Crew:
@@ -28,17 +28,17 @@ class Crew:
     Parameters
     ----------
     document
-        The sweep's, which the children read.
+        The sweep document, which the children read.
     seconds
-        Limit of one chunk. A chunk that passes it, or kills its child, is cut
-        into parts; a single point that does has that as its outcome.
+        Time limit of one chunk. A chunk that exceeds it, or kills its child, is
+        split; for a single point this is the outcome.
     """
 
     def __init__(
         self, sweep: Sweep, document: object, sandbox: Sandbox, *, workers: int, seconds: float
     ) -> None:
         self.done: list[Range] = []
-        """What was handed out."""
+        """The points yielded so far."""
         self._sweep = sweep
         self._document = document
         self._sandbox = sandbox
@@ -54,14 +54,14 @@ class Crew:
 
     @property
     def computed(self) -> int:
-        """How many points are computed, the waiting ones among them."""
+        """Number of computed points, including those that wait for earlier ones."""
         waiting = sum(len(points.outcomes) for _, points in self._ready)
         return waiting + sum(each.count for each in self.done)
 
     def points(self, should_stop: Callable[[], bool]) -> Iterator[tuple[int, ChunkPoints] | None]:
-        """Yield points with the index of the first of them, and None now and then while there are none.
+        """Yield points with the index of the first of them, and None at intervals while there are none.
 
-        Told to stop, it yields what is computed, wherever it is, and ends.
+        After a stop it yields all computed points, also those behind a gap, and ends.
         """
         while len(self._ready) or self._under_way or self._rests or self._next < self._sweep.points:
             if should_stop():
@@ -74,7 +74,7 @@ class Crew:
             yield from self._handed_out(in_order=True)
 
     def missing(self) -> list[Range]:
-        """Return the points that were not handed out."""
+        """Return the points that were not yielded."""
         gaps, place = list[Range](), 0
         for each in [*sorted(self.done, key=lambda done: done.first), Range(self._sweep.points, 0)]:
             if each.first > place:
@@ -96,7 +96,7 @@ class Crew:
             self._under_way[future] = chunk
 
     def _next_chunk(self) -> Range | None:
-        """Return what is to be computed next: what was handed back comes first."""
+        """Return the next points to compute; returned ones come first."""
         if self._rests:
             return Range(*heapq.heappop(self._rests))
         left = self._sweep.points - self._next
@@ -129,7 +129,7 @@ class Crew:
                     heapq.heappush(self._rests, rest)
 
     def _give_up(self, chunk: Range, code: str) -> None:
-        """Cut what failed into parts; of a single point the reason is its outcome."""
+        """Split a failed chunk; for a single point the reason is its outcome."""
         if chunk.count > 1:
             for part in cut(chunk, PARTS):
                 heapq.heappush(self._rests, (part.first, part.count))

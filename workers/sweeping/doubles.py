@@ -1,24 +1,23 @@
-"""Many motions of one program in compiled doubles: the way of a single one, and its very numbers."""
+"""Computes many motions of one program in compiled doubles, bit for bit like single ones."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.dense_output import Period
 from service.dynamics.problem import PlanarMotion, TimePeriods, Times
-from service.dynamics.sampling import SampleTimes, sample_times
-from workers.solvers.spectral import curve, time_map
-from workers.solvers.spectral.frame import Frame, make_frame, primed_logarithm
-from workers.solvers.spectral.motion import Bounds
-from workers.solvers.spectral.program import Program
-from workers.solvers.spectral.sampling import sample
-from workers.solvers.spectral.solve import MATRIX, PLACES, POINTS, TOLERANCES, Tier
-from workers.solvers.spectral.solve_set import solve_sets
+from service.dynamics.sampling import sample_times
+from service.dynamics.solution.dense_output import Period
+from workers.solvers.compiled.batch import NO_TIMES, Batch, Tier, errors_of, solve_batch
+from workers.solvers.compiled.desk import DESK
+from workers.solvers.compiled.evaluation.program import Program
+from workers.solvers.compiled.frame import Frame, make_frame
+from workers.solvers.compiled.records import FOUND, Records, copied, new_records
+from workers.solvers.compiled.time_map.sampling import sample_one
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -69,126 +68,54 @@ def sweep_sets(
 ) -> Swept | None:
     """Solve the program with each of the ``rows`` of constants, on the curve of the same place's λ².
 
-    ``motion`` says everything but λ. None where no motion of its kind is solved here.
+    ``motion`` gives everything but λ. None if motions of its kind are not solved here.
     """
     frame = make_frame(body, motion)
     if frame is None:
         return None
+    batch = Batch(program, rows, _loops(frame, lambdas_squared), tier, columns=sampling.columns)
     if isinstance(sampling.time, TimePeriods) and len(sampling.columns):
-        return _each_with_its_times(frame, program, rows, lambdas_squared, sampling, tier)
+        return _each_with_its_times(batch, sampling.time)
     shared = not isinstance(sampling.time, TimePeriods) and sampling.has_times
-    nothing = SampleTimes(np.zeros(0), np.zeros(0))
-    asked = sample_times(sampling.time, None) if shared else nothing
-    times, wanted = asked.doubles, asked if len(sampling.columns) else nothing
-    run = _run(frame, program, rows, _given(frame, lambdas_squared), wanted, sampling.columns, tier)
-    latest = np.abs(times).max() if shared else _latest(sampling, run.about[:, 1])
-    errors = _errors(run.about, latest)
-    return _swept(frame, run.loops, run.about, errors, times, run.samples)
+    asked = sample_times(sampling.time, None) if shared else NO_TIMES
+    run = solve_batch(replace(batch, times=asked if len(sampling.columns) else NO_TIMES))
+    latest = np.abs(asked.doubles).max() if shared else _latest(sampling, run.found["period"])
+    return _swept(run.loops, run.found, run.errors_at(latest), asked.doubles, run.samples)
 
 
-@dataclass(frozen=True, slots=True)
-class _Run:
-    loops: FloatArray
-    about: FloatArray
-    samples: FloatArray
-    panels: FloatArray
-    """Of the last set."""
-
-
-def _run(
-    frame: Frame,
-    program: Program,
-    rows: FloatArray,
-    given: FloatArray,
-    times: SampleTimes,
-    columns: IntArray,
-    tier: Tier,
-) -> _Run:
-    sets = len(rows)
-    run = _Run(
-        np.repeat(frame.loop[None, :], sets, axis=0),
-        np.full((sets, 6), np.nan),
-        np.empty((sets, len(times.doubles), len(columns))),
-        np.empty((time_map.MAX_PANELS, time_map.COLUMNS)),
-    )
-    solve_sets(
-        program.code,
-        program.result,
-        rows,
-        run.loops,
-        given,
-        frame.half,
-        frame.window,
-        frame.wishes,
-        TOLERANCES[tier],
-        PLACES,
-        MATRIX,
-        POINTS,
-        times.doubles,
-        times.rests,
-        columns,
-        run.panels,
-        run.samples,
-        run.about,
-    )
-    return run
-
-
-def primed_logarithms(frame: Frame, lambdas_squared: Sequence[fmpq]) -> FloatArray:
+def logarithms_of(lambdas_squared: Sequence[fmpq]) -> list[float]:
     """Return the logarithms of λ as a single problem has them, to the last bit."""
     # Python divides integers of any size with one rounding, as a Fraction is turned into a double.
-    return np.array(
-        [
-            primed_logarithm(0.5 * math.log(int(square.p) / int(square.q)), frame.loop)
-            for square in lambdas_squared
-        ]
-    )
+    return [0.5 * math.log(int(square.p) / int(square.q)) for square in lambdas_squared]
 
 
-def _given(frame: Frame, lambdas_squared: Sequence[fmpq]) -> FloatArray:
-    given = np.zeros((len(lambdas_squared), 2))
-    given[:, 0] = primed_logarithms(frame, lambdas_squared)
-    return given
+def _loops(frame: Frame, lambdas_squared: Sequence[fmpq]) -> Records:
+    return frame.loops(logarithms_of(lambdas_squared))
 
 
-def _each_with_its_times(
-    frame: Frame,
-    program: Program,
-    rows: FloatArray,
-    lambdas_squared: Sequence[fmpq],
-    sampling: Sampling,
-    tier: Tier,
-) -> Swept:
+def _each_with_its_times(batch: Batch, time: TimePeriods) -> Swept:
     """Solve one after the other: in periods each motion has times of its own."""
-    assert isinstance(sampling.time, TimePeriods)
-    given = _given(frame, lambdas_squared)
-    shape = (len(rows), sampling.time.samples)
-    times, samples = np.full(shape, np.nan), np.full((*shape, len(sampling.columns)), np.nan)
-    loops, about = np.empty((len(rows), len(frame.loop))), np.full((len(rows), 6), np.nan)
-    nothing = SampleTimes(np.zeros(0), np.zeros(0))
-    for n in range(len(rows)):
+    sets = len(batch.loops)
+    times = np.full((sets, time.samples), np.nan)
+    samples = np.full((*times.shape, len(batch.columns)), np.nan)
+    loops, found, desk = copied(batch.loops), new_records(FOUND, sets), new_records(DESK)
+    for n in range(sets):
         one = slice(n, n + 1)
-        run = _run(frame, program, rows[one], given[one], nothing, sampling.columns, tier)
-        loops[n], about[n] = run.loops[0], run.about[0]
-        if about[n, 0]:
-            period = Period(float(about[n, 1]), 0.0, float(about[n, 2]))
-            asked = sample_times(sampling.time, period)
-            times[n], number = asked.doubles, int(about[n, 0])
-            sample(run.loops[0], run.panels, number, times[n], asked.rests, sampling.columns, samples[n])
-    errors = _errors(about, np.abs(times).max(axis=1))
-    return _swept(frame, loops, about, errors, times, samples)
+        run = solve_batch(replace(batch, constants=batch.constants[one], loops=batch.loops[one]))
+        loops[one], found[one] = run.loops, run.found
+        about = run.found[0]
+        if about.panels:
+            asked = sample_times(time, Period(float(about.period), 0.0, float(about.period_error)))
+            times[n] = asked.doubles
+            sample_one(run.loops, run.panels, times[n], asked.rests, batch.columns, desk, samples[n])
+    return _swept(loops, found, errors_of(found, np.abs(times).max(axis=1)), times, samples)
 
 
 def _swept(
-    frame: Frame,
-    loops: FloatArray,
-    about: FloatArray,
-    errors: FloatArray,
-    times: FloatArray,
-    samples: FloatArray,
+    loops: Records, found: Records, errors: FloatArray, times: FloatArray, samples: FloatArray
 ) -> Swept:
-    passes_pole, approaches = _pass_a_pole(loops, about), _approaches(frame, loops)
-    return Swept(about[:, 1], about[:, 2], errors, times, samples, passes_pole, approaches)
+    passes_pole, approaches = _pass_a_pole(loops, found), _approaches(loops)
+    return Swept(found["period"], found["period_error"], errors, times, samples, passes_pole, approaches)
 
 
 def _latest(sampling: Sampling, periods: FloatArray) -> FloatArray:
@@ -205,28 +132,22 @@ def _latest(sampling: Sampling, periods: FloatArray) -> FloatArray:
     )
 
 
-def _errors(about: FloatArray, latest: FloatArray | float) -> FloatArray:
-    bounds = Bounds(about[:, 2], about[:, 3], about[:, 5], about[:, 4])
-    errors = bounds.error_at(latest, about[:, 1], about[:, 2])  # type: ignore[arg-type]
-    decided = (about[:, 0] > 0.0) & ~np.isnan(errors)
-    return np.where(decided, errors, np.inf)
-
-
-def _pass_a_pole(loops: FloatArray, about: FloatArray) -> BoolArray:
-    """Say which motions pass a pole, where v is a multiple of π, as :attr:`SpectralMotion.ends` does."""
-    middle = np.arctan2(loops[:, curve.S_MIDDLE], loops[:, curve.C_MIDDLE])
-    lower = np.floor((middle - loops[:, curve.HALF]) / np.pi)
-    upper = np.floor((middle + loops[:, curve.HALF]) / np.pi)
+def _pass_a_pole(loops: Records, found: Records) -> BoolArray:
+    """Tell which motions pass a pole, where v is a multiple of π, as :attr:`SpectralMotion.ends` does."""
+    middle = np.arctan2(loops["s_middle"], loops["c_middle"])
+    lower = np.floor((middle - loops["half_width"]) / np.pi)
+    upper = np.floor((middle + loops["half_width"]) / np.pi)
     with np.errstate(invalid="ignore"):
-        passes: BoolArray = (about[:, 0] > 0.0) & ((loops[:, curve.ROTATES] != 0.0) | (lower != upper))
+        passes: BoolArray = (found["panels"] > 0) & (loops["rotates"] | (lower != upper))
     return passes
 
 
-def _approaches(frame: Frame, loops: FloatArray) -> FloatArray:
+def _approaches(loops: Records) -> FloatArray:
     """Return the points with |sin v| = ``DEPTHS`` on the half of the loop where the motion is asked."""
     depths = np.array(DEPTHS)
-    first = loops[:, curve.SIGN1, None] * loops[:, curve.G, None] * depths ** loops[:, curve.ALPHA, None]
-    third = frame.half * loops[:, curve.Z, None] * depths
+    first = (loops["sign1"] * loops["g"])[:, None] * depths ** loops["alpha"][:, None]
+    third = loops["half"][:, None] * loops["z"][:, None] * depths
     second = np.sqrt(1.0 - first * first - third * third)
-    g1, g3 = (third, first) if frame.loop[curve.MIRRORED] else (first, third)
+    mirrored = loops["mirrored"][:, None]
+    g1, g3 = np.where(mirrored, third, first), np.where(mirrored, first, third)
     return np.stack([np.stack([g1, sign * second, g3], axis=-1) for sign in (1.0, -1.0)], axis=1)

@@ -1,4 +1,4 @@
-"""Points of a sweep where it is proved that there is no motion: their jobs end with ``no_motion``."""
+"""Proves points of a sweep to have no motion; they end with ``no_motion``, like single jobs."""
 
 from collections.abc import Sequence
 
@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.enclosure import Loops, have_no_motion, shape_of
-from service.dynamics.reduction.equators import equators
-from workers.solvers.spectral.frame import make_frame
-from workers.sweeping.doubles import primed_logarithms
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, have_no_motion, shape_of
+from service.dynamics.reduction.sign_proofs.equators import equators
+from workers.solvers.compiled.frame import make_frame
+from workers.sweeping.doubles import logarithms_of
 from workers.sweeping.programs import Group
 
 BoolArray = NDArray[np.bool_]
@@ -28,15 +28,15 @@ def have_no_motion_at(
     chosen: IntArray,
     lambdas_squared: Sequence[fmpq],
 ) -> BoolArray:
-    """Say of the ``chosen`` points of a group, on the curves of these λ², whether they have no motion.
+    """Tell which ``chosen`` points of a group, on the curves of these λ², are proved to have no motion.
 
-    ``motion`` says everything but λ. False is no claim.
+    ``motion`` gives everything but λ. False means not proved.
     """
     frame = make_frame(body, motion)
     if frame is None or not len(chosen):
         return np.zeros(len(chosen), dtype=np.bool_)
     shape = shape_of(body, motion)
-    logarithms = primed_logarithms(frame, lambdas_squared)
+    logarithms = frame.primed(np.array(logarithms_of(lambdas_squared)))
     errors = LOGARITHM * (1.0 + np.abs(logarithms))
     Z, G = equators(shape.alpha, logarithms - errors, logarithms + errors)
     inputs = tuple(column[chosen] for column in group.inputs())

@@ -1,8 +1,8 @@
-"""The energy of every point from the formulas that the proofs of a family came with.
+"""Computes the energy of every point from the formulas of the family's proofs.
 
 A job encloses the energy in a ball of 160 bits and rounds it once. Here it is
 enclosed by another formula in as many bits; both round to the same double
-unless the ball has a boundary of rounding in it, and then nothing is said.
+unless the ball contains a rounding boundary, and then the point is left to a single job.
 """
 
 import math
@@ -15,14 +15,14 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.potentials.general_solution import Quadrant
+from service.dynamics.potentials.families.general_solution import Quadrant
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import PRECISION
 from service.dynamics.verdict.verdict import Verdict
-from workers.sweeping.family import Family
+from workers.sweeping.family import SweepFamily
 
 KNOWN_BITS = 110
-"""A ball that is known so well has lost no more than 50 bits by cancellation."""
+"""A ball of this relative accuracy has lost no more than 50 bits by cancellation."""
 TINY = 2.0**-30
 """Share of the parameters below which an energy is the rest of a cancellation."""
 
@@ -63,7 +63,7 @@ class Energies:
         return found
 
 
-def energies_of(body: RigidBody, family: Family, motion: PlanarMotion) -> Energies | None:
+def energies_of(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> Energies | None:
     """Return the energies on the quadrant of ``motion``, None if a member's energy has no formula."""
     in_nu = body.A == 2 * body.C
     quadrant = _quadrant(motion)

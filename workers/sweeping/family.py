@@ -1,4 +1,4 @@
-"""One proof for all potentials of a sweep: what is linear in its parameters is admissible if its terms are.
+"""Proves all potentials of a sweep at once: linear in the parameters, so admissible if the terms are.
 
 The compatibility operator L is linear in V. Where V = V_0 + Σ p_k V_k is affine
 in the numbers p_k that a sweep varies, L(V_0) = 0 and L(V_0 + V_k) = 0 for every
@@ -22,11 +22,11 @@ from service.dynamics.formula.traversal import fold_tree
 from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.loop import make_loop
+from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import PRECISION
 from service.dynamics.verdict.verdict import Verdict, decide
-from service.schemas.pointers import with_values
-from service.schemas.potentials import MODELS
+from service.schemas.problem.potentials import MODELS
+from service.schemas.reading.pointers import with_values
 
 FloatArray = NDArray[np.float64]
 Path = tuple[str, ...]
@@ -52,7 +52,7 @@ class Member:
 
 
 @dataclass(frozen=True, slots=True)
-class Family:
+class SweepFamily:
     """V_0 + Σ p_k V_k, all admissible: ``origin`` is V_0, ``units`` are V_0 + V_k in the order of the p_k."""
 
     origin: Member
@@ -82,7 +82,9 @@ class Family:
         return same & np.abs(begun).all(axis=(1, 2)) & ~np.isnan(begun).any(axis=(1, 2))
 
 
-def prove_family(body: RigidBody, document: Mapping[str, object], paths: Sequence[Path]) -> Family | None:
+def prove_family(
+    body: RigidBody, document: Mapping[str, object], paths: Sequence[Path]
+) -> SweepFamily | None:
     """Return the potentials that ``document`` states when the numbers at ``paths`` vary, None if not proved.
 
     Without paths there is one potential, and its verdict may be any that says admissible.
@@ -95,7 +97,7 @@ def prove_family(body: RigidBody, document: Mapping[str, object], paths: Sequenc
         units = tuple(_member(body, with_values(document, {**zeros, path: 1})) for path in paths)
     except (DynamicsError, ValueError):
         return None
-    family = Family(origin, units)
+    family = SweepFamily(origin, units)
     proved = all(member.verdict.verdict == "admissible" for member in family.members) and (
         not paths or all(member.verdict.proof == "symbolic" for member in family.members)
     )
@@ -124,7 +126,7 @@ class Poles:
         return plain
 
 
-def smooth_poles(body: RigidBody, family: Family, motion: PlanarMotion) -> Poles | None:
+def smooth_poles(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> Poles | None:
     """Return the second derivatives at the poles if every member is smooth there, else None."""
     with ctx.workprec(PRECISION):
         for member in family.members:
@@ -141,7 +143,7 @@ def _member(body: RigidBody, document: object) -> Member:
 
 
 def _is_linear_in(document: Mapping[str, object], path: Path) -> bool:
-    """Say whether the place is that of a parameter or a coefficient; a formula is looked at besides."""
+    """Tell whether the place is that of a parameter or a coefficient; a formula is looked at besides."""
     match (document.get("type"), path):
         case ("expression", ("parameters", _)):
             return True

@@ -1,4 +1,4 @@
-"""Files of points, written as they come: Parquet, Arrow and CSV."""
+"""Writes points to Parquet, Arrow and CSV files as they arrive."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -11,8 +11,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv, ipc, parquet
 
-from service.schemas.sweep import Sweep
-from service.storage.sweeps.chunk_codec import ChunkPoints
+from service.schemas.sweep.sweep import Sweep
+from service.storage.codecs.points import ChunkPoints
 from service.terminal import STANDARD_STREAM, OutputFile
 
 FloatArray = NDArray[np.float64]
@@ -21,7 +21,7 @@ INDEX, OUTCOME = "index", "outcome"
 
 
 class PointFile(Protocol):
-    """A file that is whole once it is closed, however many points it got."""
+    """A file that is valid once it is closed, however many points were written."""
 
     def write_table(self, table: pa.Table) -> None:
         """Add points."""
@@ -41,7 +41,7 @@ WITH_LISTS = (".parquet", ".arrow")
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix that says the format; stdout gets CSV."""
+    """Return the suffix that selects the format; stdout gets CSV."""
     return ".csv" if path == STANDARD_STREAM else path.suffix
 
 
@@ -49,12 +49,12 @@ def suffix_of(path: Path) -> str:
 def opened_points(path: Path, sweep: Sweep) -> Iterator[PointFile]:
     """Open a new file in the format of the path's suffix, one of ``SUFFIXES``.
 
-    It is closed at the end in any case, so that what is in it can be read.
+    It is always closed at the end, so that it can be read.
 
     Raises
     ------
     FileFaultError
-        It cannot be opened; so every method, if it cannot be written.
+        It cannot be opened; every method raises it if the file cannot be written.
     """
     with OutputFile(path) as output:
         points = _OPENERS[suffix_of(path)](output, schema_of(sweep))

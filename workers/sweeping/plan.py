@@ -1,15 +1,14 @@
-"""What can be said of all points of a sweep at once, found out once."""
+"""Finds once what holds for all points of a sweep."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from service.dynamics.problem import PlanarMotion, Problem, StartAtPoint
-from service.schemas.problem import read_problem
-from service.schemas.sweep import Sweep, SweepAxis
-from workers.solvers.quadrature.periodic import compiled_grade
+from service.schemas.sweep.sweep import Sweep, SweepAxis
+from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.energies import Energies, energies_of
-from workers.sweeping.family import Family, Path, Poles, prove_family, smooth_poles
+from workers.sweeping.family import Path, Poles, SweepFamily, prove_family, smooth_poles
 
 _CURVE_FIELDS = ("lambda", "nu")
 _PLAIN_OUTPUTS = {"period", "gamma", "omega"}
@@ -17,7 +16,7 @@ _PLAIN_OUTPUTS = {"period", "gamma", "omega"}
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """The motions with one sign of g1; λ is another one at every point."""
+    """The motions with one sign of g1; λ differs from point to point."""
 
     motion: PlanarMotion
     energies: Energies | None
@@ -25,7 +24,7 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Quick:
-    """What points in compiled doubles need."""
+    """The data for solving points in compiled doubles."""
 
     problem: Problem
     """The first point's."""
@@ -39,7 +38,7 @@ class Quick:
     """Of the axis of λ or nu."""
     sides: Mapping[int, Side]
     """By the sign of g1."""
-    family: Family
+    family: SweepFamily
     poles: Poles | None
 
 
@@ -65,7 +64,7 @@ def make_plan(sweep: Sweep) -> Plan:
     * by the tier ``draft`` or a tolerance looser than that of ``standard``,
     * and do not start at a given g1.
     """
-    problem, potential = read_problem(sweep.document(0)), sweep.base["potential"]
+    problem, potential = sweep.first_problem, sweep.base["potential"]
     moves_body = any(axis.path[0] == "body" for axis in sweep.axes)
     if moves_body or not isinstance(problem.motion, PlanarMotion) or not isinstance(potential, dict):
         return Plan(sweep, is_judged=False, quick=None)
@@ -87,14 +86,16 @@ def _is_quick(sweep: Sweep, problem: Problem) -> bool:
     return (
         problem.method == "auto"
         and set(problem.outputs) <= _PLAIN_OUTPUTS
-        and compiled_grade(problem.accuracy) in ("draft", "standard")
+        and compiled_tier(problem) in ("draft", "standard")
         and isinstance(problem.motion, PlanarMotion)
         and not isinstance(problem.motion.start, StartAtPoint)
         and all(_is_of_curve(axis) or _is_of_potential(axis) for axis in sweep.axes)
     )
 
 
-def _sides(sweep: Sweep, problem: Problem, motion: PlanarMotion, family: Family) -> dict[int, Side] | None:
+def _sides(
+    sweep: Sweep, problem: Problem, motion: PlanarMotion, family: SweepFamily
+) -> dict[int, Side] | None:
     """Return the sides the sweep is on, None if energies are kept and have no formula there."""
     motions = [motion]
     if motion.nu is not None and any(_is_of_curve(axis) for axis in sweep.axes):

@@ -1,4 +1,4 @@
-"""The constants of a formula's program at every point of a sweep, without compiling the formula anew.
+"""Evaluates the constants of a formula's program at every point, without recompiling the formula.
 
 A formula affine in its parameters compiles to one program whose constants are
 affine in them too, with exact coefficients: they are read off from a few
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.tape import Instruction, Tape, with_inputs
-from service.schemas.pointers import with_values
-from workers.solvers.spectral.program import Program, make_program
+from service.schemas.reading.pointers import with_values
+from workers.solvers.compiled.evaluation.program import Program, make_program
 from workers.sweeping.family import Path, potential_of
 
 FloatArray = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Affine:
 
     @property
     def is_constant(self) -> bool:
-        """Say whether no parameter is in it."""
+        """Tell whether no parameter is in it."""
         return not any(self.slopes)
 
     @property
@@ -94,7 +94,7 @@ class AffineProgram:
 
     @property
     def needs_exact(self) -> bool:
-        """Say whether doubles of the parameters do not tell the constants."""
+        """Tell whether doubles of the parameters do not tell the constants."""
         return any(affine.sign_and_place is None for affine in self.varying.values())
 
     def are_generic(self, rows: FloatArray) -> BoolArray:

@@ -1,1 +1,1 @@
-"""The formula language of clients: own tokens, tree, limits and evaluators."""
+"""The formula language of clients: tokens, parser, tree, size limits and evaluators."""

@@ -1,4 +1,4 @@
-"""What a formula can be evaluated in: numbers, arrays, balls, jets, expressions."""
+"""The interface of the number types in which a formula is evaluated: numbers, arrays, balls, jets."""
 
 from fractions import Fraction
 from typing import Protocol, TypeVar

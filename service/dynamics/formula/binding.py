@@ -1,4 +1,4 @@
-"""Giving names their meaning: parameters and moments become exact numbers."""
+"""Replaces the names of parameters and moments in a formula by exact numbers."""
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
@@ -26,7 +26,7 @@ def bind(
     """Return ``tree`` with every name of ``constants`` replaced by its number.
 
     Only ``variables`` and ``pi`` remain as symbols. All parts without variables
-    are worked out once, so that whatever cannot be computed is refused here,
+    are computed once, so that a constant without a value is refused here,
     where the place in the text is known.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What can be wrong with a formula: every error says where."""
+"""Errors of formulas, each with its position in the text."""
 
 from typing import ClassVar, Self
 

@@ -1,4 +1,4 @@
-"""Arithmetic with exact constants inside a formula, bounded before it is done."""
+"""Evaluates exact constants inside a formula, and bounds their size before computing."""
 
 from fractions import Fraction
 from math import isqrt
@@ -8,12 +8,14 @@ from service.dynamics.formula.limits import MAX_BITS, MAX_EXPONENT
 from service.dynamics.formula.tree import BinaryOperator, FunctionName
 
 
-def fold_binary(operator: BinaryOperator, left: Fraction | None, right: Fraction | None) -> Fraction | None:
+def fold_binary(
+    operator: BinaryOperator, left: Fraction | None, right: Fraction | None, *, formally: bool = True
+) -> Fraction | None:
     """Return the exact value of ``left operator right``, or None if it is not a rational constant.
 
     An operand that is not constant is None. The formal rules 0·x = 0, 0/x = 0,
     x^0 = 1 and 1^x = 1 are used: a parameter that is zero takes its term away,
-    also where the rest of the term is infinite.
+    also where the rest of the term is infinite. Not so if ``formally`` is false.
 
     Raises
     ------
@@ -27,7 +29,7 @@ def fold_binary(operator: BinaryOperator, left: Fraction | None, right: Fraction
     if operator == "/" and right == 0:
         raise UndefinedConstantError("a division by zero")
     if left is None or right is None:
-        return _fold_formally(operator, left, right)
+        return _fold_formally(operator, left, right) if formally else None
     if operator == "+":
         return _bounded(left + right)
     if operator == "-":

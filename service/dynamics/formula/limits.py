@@ -1,4 +1,4 @@
-"""How large a formula may be. Each limit is checked before the work it bounds."""
+"""Limits of a formula's size, each checked before the work that it bounds."""
 
 from service.dynamics.formula.errors import FormulaLimitError
 

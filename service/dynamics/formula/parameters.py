@@ -1,4 +1,4 @@
-"""A formula as a polynomial in its parameters: which terms each of them carries."""
+"""Splits a formula that is polynomial in its parameters into the terms of each of them."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -55,6 +55,17 @@ def split_by_parameters(tree: Tree, values: Mapping[str, Fraction]) -> tuple[Par
             return None
         return tuple(Part(_text(free, product), part) for product, part in found.items())
     return None
+
+
+def coefficients_of(tree: Tree, names: Sequence[str]) -> dict[Product, Tree] | None:
+    """Return the coefficient of every product of ``names``, whose values do not matter.
+
+    None if the tree is no polynomial in them (negative powers are fine), or one of too many terms.
+    """
+    try:
+        return _expand(tree, names, {})
+    except _InseparableError:
+        return None
 
 
 def _expand(tree: Tree, free: Sequence[str], constants: Mapping[str, Fraction]) -> _Sum:

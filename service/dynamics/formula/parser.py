@@ -1,4 +1,4 @@
-"""From tokens to a tree: precedence climbing, bounded in depth.
+"""Parses tokens to a tree by precedence climbing, with bounded depth.
 
 Binding from loose to tight: ``+ -``, then ``* /``, then the sign, then ``^``
 (also written ``**``), which groups to the right and whose exponent may carry a

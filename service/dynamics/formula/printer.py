@@ -1,4 +1,4 @@
-"""From a tree to the shortest readable text that parses back to it."""
+"""Prints a tree as the shortest readable text that parses back to it."""
 
 from fractions import Fraction
 

@@ -1,7 +1,7 @@
-"""A formula as a list of instructions: shared parts once, constants exact, no recursion."""
+"""Compiles a formula to a list of instructions: shared parts once, exact constants, no recursion."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Literal, NamedTuple, TypeVar
 
@@ -9,6 +9,7 @@ from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.binding import PI
 from service.dynamics.formula.errors import UnknownNameError
 from service.dynamics.formula.folding import fold_binary, fold_call
+from service.dynamics.formula.programs import Programs, Run, Way
 from service.dynamics.formula.traversal import fold_tree
 from service.dynamics.formula.tree import (
     VARIABLES,
@@ -51,6 +52,7 @@ class Tape:
     variables: tuple[str, ...]
     instructions: tuple[Instruction, ...]
     result: int
+    programs: Programs = field(default_factory=Programs, init=False, compare=False, repr=False)
 
     def evaluate(self, algebra: Algebra[T], inputs: Sequence[T]) -> T:
         """Return the value at ``inputs``, one per variable, computed in ``algebra``."""
@@ -78,12 +80,18 @@ class Tape:
             registers.append(value)
         return registers[self.result]
 
+    def program(self, name: object, way: Way) -> Run | None:
+        """Return a compiled way to ask this tape, None until it is asked often: :meth:`.Programs.find`."""
+        return self.programs.find(self, name, way)
 
-def compile_tape(tree: Tree, variables: Sequence[str] = VARIABLES) -> Tape:
+
+def compile_tape(tree: Tree, variables: Sequence[str] = VARIABLES, *, formally: bool = True) -> Tape:
     """Return the tape of ``tree``, whose symbols must be ``variables`` or ``pi``.
 
     Constant parts become exact numbers, by the rules of
-    :func:`~service.dynamics.formula.folding.fold_binary`; x + 0, 1·x and x^1 are x.
+    :func:`~service.dynamics.formula.folding.fold_binary`; x + 0, 1·x and x^1 are x. If not ``formally``,
+    what is multiplied by 0, divides 0 or has the exponent 0 stays: the tape has a value only where all
+    parts of the formula have one.
 
     Raises
     ------
@@ -92,7 +100,34 @@ def compile_tape(tree: Tree, variables: Sequence[str] = VARIABLES) -> Tape:
     UndefinedConstantError, FormulaLimitError
         A constant part has no value, or is too large.
     """
-    return _Compiler(tuple(variables)).compile(tree)
+    return _Compiler(tuple(variables), formally).compile(tree)
+
+
+class Recorder:
+    """Instructions appended one by one, equal ones once; registers are numbers, the variables' first."""
+
+    def __init__(self, variables: tuple[str, ...]) -> None:
+        self._variables = variables
+        self._instructions: list[Instruction] = []
+        self._registers: dict[Instruction, int] = {}
+
+    def emit(self, instruction: Instruction) -> int:
+        """Return the register of an instruction, which is appended unless it is there."""
+        register = self._registers.get(instruction)
+        if register is None:
+            register = len(self._variables) + len(self._instructions)
+            self._instructions.append(instruction)
+            self._registers[instruction] = register
+        return register
+
+    def instruction(self, register: int) -> Instruction | None:
+        """Return what made a register, None for a variable."""
+        place = register - len(self._variables)
+        return None if place < 0 else self._instructions[place]
+
+    def whole(self, result: int) -> Tape:
+        """Return the tape of a register beside all the others, numbered as here."""
+        return Tape(self._variables, tuple(self._instructions), result)
 
 
 _Operand = Fraction | int
@@ -100,14 +135,14 @@ _Operand = Fraction | int
 
 
 class _Compiler:
-    def __init__(self, variables: tuple[str, ...]) -> None:
+    def __init__(self, variables: tuple[str, ...], formally: bool) -> None:
         self._variables = variables
-        self._instructions: list[Instruction] = []
-        self._registers: dict[Instruction, int] = {}
+        self._formally = formally
+        self._recorder = Recorder(variables)
 
     def compile(self, tree: Tree) -> Tape:
         result = self._register(fold_tree(tree, self._node))
-        return _without_unused(Tape(self._variables, tuple(self._instructions), result))
+        return without_unused(self._recorder.whole(result))
 
     def _node(self, index: int, node: Tree, operands: Sequence[_Operand]) -> _Operand:
         if isinstance(node, Number):
@@ -144,10 +179,14 @@ class _Compiler:
         return self._emit(Instruction("negate", operand))
 
     def _binary(self, operator: BinaryOperator, left: _Operand, right: _Operand) -> _Operand:
-        value = fold_binary(operator, _constant(left), _constant(right))
+        value = fold_binary(operator, _constant(left), _constant(right), formally=self._formally)
         if value is not None:
             return value
         if operator == "^":
+            if left == 1 and isinstance(left, Fraction):
+                return self._one_where_defined(right)
+            if right == 0 and isinstance(right, Fraction):
+                return self._one_where_defined(left)
             if isinstance(right, Fraction):
                 return self._power(left, right)
             return self._emit(Instruction("general_power", self._register(left), self._register(right)))
@@ -155,6 +194,10 @@ class _Compiler:
         if simple is not None:
             return simple
         return self._emit(Instruction(_ARITHMETIC[operator], self._register(left), self._register(right)))
+
+    def _one_where_defined(self, operand: _Operand) -> _Operand:
+        """Return 1 + 0·x."""
+        return self._binary("+", Fraction(1), self._binary("*", Fraction(0), operand))
 
     def _without_neutral(self, operator: BinaryOperator, left: _Operand, right: _Operand) -> _Operand | None:
         """Return what is left of an operation with a constant 0, 1 or -1, None if all of it is."""
@@ -182,13 +225,7 @@ class _Compiler:
         return operand
 
     def _emit(self, instruction: Instruction) -> int:
-        """Append the instruction unless the same one is there already; return its register."""
-        register = self._registers.get(instruction)
-        if register is None:
-            register = len(self._variables) + len(self._instructions)
-            self._instructions.append(instruction)
-            self._registers[instruction] = register
-        return register
+        return self._recorder.emit(instruction)
 
 
 def with_inputs(tape: Tape, places: Sequence[int]) -> Tape:
@@ -212,7 +249,7 @@ def _constant(operand: _Operand) -> Fraction | None:
     return operand if isinstance(operand, Fraction) else None
 
 
-def _without_unused(tape: Tape) -> Tape:
+def without_unused(tape: Tape) -> Tape:
     """Return the tape without the instructions its result does not need."""
     inputs = len(tape.variables)
     needed = {tape.result}

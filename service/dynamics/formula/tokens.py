@@ -1,4 +1,4 @@
-"""From a text to tokens: ASCII only, every token knows its place."""
+"""Splits a formula's text into tokens with their positions; ASCII only."""
 
 import re
 from typing import Literal, NamedTuple

@@ -1,4 +1,4 @@
-"""Walking a tree without recursion: a sum of 1000 terms is 1000 levels deep on its left side."""
+"""Walks a tree without recursion, since a sum of 1000 terms is 1000 levels deep."""
 
 from collections.abc import Callable, Sequence
 from typing import TypeVar

@@ -1,4 +1,4 @@
-"""The tree of a formula: five kinds of nodes, immutable and comparable."""
+"""The tree of a formula: five kinds of immutable, comparable nodes."""
 
 from dataclasses import dataclass
 from fractions import Fraction

@@ -21,18 +21,18 @@ from math import gcd
 
 from flint import fmpq, fmpq_mat, fmpz_mat, fmpz_mpoly_ctx
 
-from service.dynamics.compatibility import pde_residual
+from service.dynamics.equations.compatibility import pde_residual
 from service.dynamics.inverse.polynomials import PolynomialSum
 from service.dynamics.inverse.sphere_means import odd_factorial
-from service.dynamics.potentials.monomials import Exponents
-from service.dynamics.verdict.factors import as_fraction
+from service.dynamics.potentials.terms.monomials import Exponents
+from service.dynamics.verdict.exact_ring.factors import as_fraction
 
 Parities = tuple[int, int, int]
 """Of the exponents of g1, g2, g3."""
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class PolynomialBlock:
     """The admissible homogeneous polynomials of one degree with given parities of the exponents.
 
     ``rows`` has one of a basis in every row: the coefficients of ``monomials``.
@@ -46,12 +46,6 @@ class Block:
     def dimension(self) -> int:
         """The number of polynomials in a basis."""
         return int(self.rows.nrows())
-
-    def basis(self) -> Iterator[dict[Exponents, Fraction]]:
-        """Yield the polynomials of a basis."""
-        for row in self.rows.tolist():
-            pairs = zip(self.monomials, row, strict=True)
-            yield {exponents: Fraction(int(value)) for exponents, value in pairs if value}
 
     def project(self, polynomial: PolynomialSum) -> tuple[dict[Exponents, Fraction], Fraction]:
         """Return the nearest polynomial of the block, and the mean of its square."""
@@ -75,17 +69,12 @@ class AdmissibleSpace:
 
     alpha: Fraction
     degree: int
-    blocks: tuple[tuple[Block, ...], ...]
+    blocks: tuple[tuple[PolynomialBlock, ...], ...]
 
     @property
     def dimension(self) -> int:
         """The number of polynomials in a basis."""
         return sum(block.dimension for block in self._up_to(self.degree))
-
-    def basis(self) -> Iterator[dict[Exponents, Fraction]]:
-        """Yield the polynomials of a basis, each homogeneous of one of the two largest degrees."""
-        for block in self._up_to(self.degree):
-            yield from block.basis()
 
     def nearest_to(self, polynomial: PolynomialSum) -> dict[Exponents, Fraction]:
         """Return the nearest to ``polynomial``, whose degree may be larger than that of the space."""
@@ -103,7 +92,7 @@ class AdmissibleSpace:
         # Those of even and of odd degrees are orthogonal.
         return [square + (homogeneous[n - 1] if n else 0) for n, square in enumerate(homogeneous)]
 
-    def _up_to(self, n: int) -> Iterator[Block]:
+    def _up_to(self, n: int) -> Iterator[PolynomialBlock]:
         """Yield the blocks that together have all polynomials of degree ≤ n."""
         for blocks in self.blocks[max(n - 1, 0) : n + 1]:
             yield from blocks
@@ -114,26 +103,26 @@ def admissible_space(alpha: Fraction, degree: int) -> AdmissibleSpace:
     return AdmissibleSpace(alpha, degree, tuple(_blocks(alpha, n) for n in range(degree + 1)))
 
 
-def _blocks(alpha: Fraction, n: int) -> tuple[Block, ...]:
+def _blocks(alpha: Fraction, n: int) -> tuple[PolynomialBlock, ...]:
     return tuple(
         _block(alpha, n, (a, b, c)) for a, b, c in pairs_of((0, 1), repeat=3) if (n - a - b - c) % 2 == 0
     )
 
 
-def _block(alpha: Fraction, n: int, parities: Parities) -> Block:
+def _block(alpha: Fraction, n: int, parities: Parities) -> PolynomialBlock:
     a, b, c = parities
     monomials = tuple(
         (i, j, n - i - j) for i in range(a, n + 1, 2) for j in range(b, n + 1 - i, 2) if n - i - j >= c
     )
     images = [_residual(alpha, monomial) for monomial in monomials]
     places = sorted({exponents for image in images for exponents in image})
-    # One row more, of zeros: a matrix without rows has no kernel to ask for.
+    # One extra row of zeros: the kernel of a matrix without rows is not defined.
     entries = [image.get(place, 0) for place in places for image in images]
     matrix = fmpz_mat(len(places) + 1, len(monomials), [*entries, *([0] * len(monomials))])
     kernel, dimension = matrix.nullspace()
     columns = kernel.transpose().tolist()[:dimension]
     primitive = [value for column in columns for value in _primitive([int(value) for value in column])]
-    return Block(parities, monomials, fmpz_mat(dimension, len(monomials), primitive))
+    return PolynomialBlock(parities, monomials, fmpz_mat(dimension, len(monomials), primitive))
 
 
 def _residual(alpha: Fraction, exponents: Exponents) -> dict[Exponents, int]:

@@ -1,4 +1,4 @@
-"""F from the energy: F(w) = -h on the curve with w = |A - C|^(α-1) λ^(2α), quadrant by quadrant."""
+"""Finds F from the energy: F(w) = -h on the curve with w = |A - C|^(α-1) λ^(2α), for each quadrant."""
 
 from collections.abc import Iterable
 from fractions import Fraction
@@ -17,8 +17,8 @@ from service.dynamics.formula.tape import compile_tape
 from service.dynamics.inverse.enclosures import BallFunction
 from service.dynamics.inverse.section import formula_text
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.verdict.energy_terms import EnergyTerms, power_text, sum_text, term_text
-from service.dynamics.verdict.points import Point
+from service.dynamics.verdict.proofs.energy_terms import EnergyTerms, power_text, sum_text, term_text
+from service.dynamics.verdict.sphere.points import Point
 
 _CHECK_BITS = 128
 _LATITUDES = tuple(

@@ -6,7 +6,7 @@ the reference angle phi0 = pi/4 both are determined by V in each quadrant of
 section phi = phi0, where V1 is zero (H. M. Yehia, (V1) and (V2) of the paper).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.algebras.real import RealAlgebra
-from service.dynamics.formula.algebras.scalar import ScalarAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import compile_tape
@@ -31,12 +29,11 @@ from service.dynamics.inverse.enclosures import BallFunction, Values, enclose
 from service.dynamics.inverse.monomial_sums import Expansion, expand_in_quadrant
 from service.dynamics.inverse.section import G_on_section, is_G_confirmed, section, substituted_formula
 from service.dynamics.inverse.terms import Terms, read_terms
-from service.dynamics.potentials.angular import angular_part
-from service.dynamics.potentials.general_solution import SIGNS, GeneralPotential, Quadrant
+from service.dynamics.potentials.families.general_solution import SIGNS, GeneralPotential, Quadrant
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.verdict.energy_terms import EnergyTerms, energy_terms
-from service.dynamics.verdict.points import Point, fine_sphere_points, sphere_points
-from service.dynamics.verdict.proof import Signs, prove
+from service.dynamics.verdict.proofs.energy_terms import EnergyTerms, energy_terms
+from service.dynamics.verdict.proofs.proof import Signs, prove
+from service.dynamics.verdict.sphere.points import Point, fine_sphere_points, sphere_points
 
 FloatArray = NDArray[np.float64]
 
@@ -88,34 +85,6 @@ class Decomposition:
         if formula is not None:
             return enclose(_in_balls(formula, "g2"), g2)
         return enclose(G_on_section(self.body, self.potential, SIGNS[quadrant]), g2)
-
-    def reconstruct(self, gamma: FloatArray) -> Values:
-        """Return V1[F] + Q G at ``gamma`` of shape (..., 3), shape (...); the error is the departure from V.
-
-        NaN where g1 g3 = 0 and outside the quadrants where V has values.
-        """
-        gamma = np.asarray(gamma, dtype=np.float64)
-        value = np.full(gamma.shape[:-1], np.nan)
-        for quadrant in self.F:
-            first, third = SIGNS[quadrant]
-            inside = (first * gamma[..., 0] > 0.0) & (third * gamma[..., 2] > 0.0)
-            if inside.any():
-                value[inside] = self._reconstruct_in(quadrant, gamma[inside])
-        return Values(value, np.abs(value - self.potential.value(gamma)))
-
-    def _reconstruct_in(self, quadrant: Quadrant, gamma: FloatArray) -> FloatArray:
-        Q = float(self.body.A) * gamma[:, 0] ** 2 + float(self.body.C) * gamma[:, 2] ** 2
-        angle = float(compile_tape(parse(self.reference_angle), ()).evaluate(ScalarAlgebra(), ()))
-        V1 = angular_part(self.body, self._F_in_doubles(quadrant), gamma, angle)
-        result: FloatArray = V1 + Q * self.G_at(quadrant, gamma[:, 1]).value
-        return result
-
-    def _F_in_doubles(self, quadrant: Quadrant) -> Callable[[FloatArray], FloatArray]:
-        formula = self.F[quadrant]
-        if formula is None:
-            return lambda w: self.F_at(quadrant, w).value
-        tape = compile_tape(parse(formula), ("w",))
-        return lambda w: tape.evaluate(RealAlgebra(), (w,))
 
 
 def decompose(body: RigidBody, potential: Potential) -> Decomposition:

@@ -1,4 +1,4 @@
-"""Functions of one variable enclosed in balls until doubles lose nothing, and returned with their errors."""
+"""Tabulates functions of one variable as doubles with errors, from balls of sufficient precision."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,12 +1,14 @@
-"""Formulas expanded into sums of monomials in g1, g2, g3, rho, logarithms and functions of g2."""
+"""Expands formulas into sums of monomials in g1, g2, g3, rho, logarithms and functions of g2."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import chain
 
 from service.dynamics.formula.folding import fold_power
 from service.dynamics.formula.tape import Tape
-from service.dynamics.verdict.energy_terms import power_text, sum_text, term_text
+from service.dynamics.term_sums import added_up, without_zeros
+from service.dynamics.verdict.proofs.energy_terms import power_text, sum_text, term_text
 
 MAX_TERMS = 500
 """Terms of any sum on the way."""
@@ -36,7 +38,7 @@ _RHO = 3
 _LOGARITHM_OF = {0: 4, 2: 5, _RHO: 6}
 """Positions of the logarithms of the generators that may have one."""
 _OF_G2 = {1: "g2", _RHO: "(1 - g2^2)", 6: "log(1 - g2^2)"}
-"""What is a function of g2, as text."""
+"""A function of g2, as text."""
 
 
 class NotAMonomialSumError(Exception):
@@ -81,7 +83,7 @@ def _expand(tape: Tape, signs: Sequence[int], positive: frozenset[int]) -> Expan
 
 
 class MonomialAlgebra:
-    """Exact sums of monomials; whatever leads out of them raises NotAMonomialSumError.
+    """Exact sums of monomials; other results raise NotAMonomialSumError.
 
     ``positive`` are the positions of the generators that are known to be so.
     """
@@ -93,7 +95,7 @@ class MonomialAlgebra:
 
     @property
     def atoms(self) -> tuple[str, ...]:
-        """What the atoms are, in the order of their positions."""
+        """The atoms, in the order of their positions."""
         return tuple(self._atoms)
 
     def constant(self, value: Fraction) -> MonomialSum:
@@ -107,10 +109,7 @@ class MonomialAlgebra:
     def add(self, left: MonomialSum, right: MonomialSum) -> MonomialSum:
         """Return left + right."""
         self._spend(len(left) + len(right))
-        total = dict(left)
-        for powers, coefficient in right.items():
-            total[powers] = total.get(powers, _ZERO) + coefficient
-        return _bounded(total)
+        return _bounded(added_up(chain(left.items(), right.items())))
 
     def subtract(self, left: MonomialSum, right: MonomialSum) -> MonomialSum:
         """Return left - right."""
@@ -119,12 +118,13 @@ class MonomialAlgebra:
     def multiply(self, left: MonomialSum, right: MonomialSum) -> MonomialSum:
         """Return left · right."""
         self._spend(len(left) * len(right))
-        total: MonomialSum = {}
-        for one, first in left.items():
-            for other, second in right.items():
-                powers = tuple(a + b if a and b else a or b for a, b in zip(one, other, strict=True))
-                total[powers] = total.get(powers, _ZERO) + first * second
-        return _bounded(total)
+        return _bounded(
+            added_up(
+                (tuple(a + b if a and b else a or b for a, b in zip(one, other, strict=True)), first * second)
+                for one, first in left.items()
+                for other, second in right.items()
+            )
+        )
 
     def divide(self, left: MonomialSum, right: MonomialSum) -> MonomialSum:
         """Return left / right."""
@@ -253,4 +253,4 @@ def _bounded(total: MonomialSum) -> MonomialSum:
     for value in total.values():
         if max(value.numerator.bit_length(), value.denominator.bit_length()) > MAX_COEFFICIENT_BITS:
             raise NotAMonomialSumError
-    return {powers: value for powers, value in total.items() if value}
+    return without_zeros(total)

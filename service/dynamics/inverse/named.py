@@ -1,4 +1,4 @@
-"""h, F, G and the nearest potential with the names of the client's parameters in them.
+"""Writes h, F, G and the nearest potential with the names of the client's parameters.
 
 All four are linear in V. A potential Σ factor · part, the factors being products
 of parameters, has the sums of what its parts have, if every part is admissible
@@ -28,12 +28,12 @@ from service.dynamics.inverse.monomial_sums import expand_in_quadrant
 from service.dynamics.inverse.polynomials import as_polynomial
 from service.dynamics.inverse.projection import Nearest, nearest_expression
 from service.dynamics.inverse.section import formula_text, is_G_confirmed
-from service.dynamics.potentials.general_solution import QUADRANTS, SIGNS, Quadrant
+from service.dynamics.potentials.families.general_solution import QUADRANTS, SIGNS, Quadrant
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.verdict.energy_formula import OctantTerms, formula_of, signed_formulas_of
-from service.dynamics.verdict.energy_terms import EnergyTerms, energy_terms, sum_text
-from service.dynamics.verdict.general_energy import energy_text
-from service.dynamics.verdict.proof import Signs, prove
+from service.dynamics.verdict.proofs.energy_formula import OctantTerms, formula_of, signed_formulas_of
+from service.dynamics.verdict.proofs.energy_terms import EnergyTerms, energy_terms, sum_text
+from service.dynamics.verdict.proofs.general_energy import energy_text
+from service.dynamics.verdict.proofs.proof import Signs, prove
 
 CURVE_NAMES = frozenset(("lambda", "nu", "w"))
 """What the formulas are functions of: a parameter with such a name could not be told from it."""

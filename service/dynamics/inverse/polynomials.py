@@ -5,10 +5,12 @@ Potentials that agree on the sphere |g|² = 1 are the same.
 
 from collections.abc import Mapping
 from fractions import Fraction
+from itertools import chain
 
 from service.dynamics.inverse.monomial_sums import expand
-from service.dynamics.potentials.monomials import Exponents
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
+from service.dynamics.potentials.terms.monomials import Exponents
+from service.dynamics.term_sums import added_up, scaled_terms, without_zeros
 
 MAX_DEGREE = 12
 
@@ -47,7 +49,7 @@ def on_sphere(polynomial: PolynomialSum) -> dict[Exponents, Fraction]:
             _add(reduced, (i, j, power - 2), coefficient)
             _add(reduced, (i + 2, j, power - 2), -coefficient)
             _add(reduced, (i, j + 2, power - 2), -coefficient)
-    return {exponents: coefficient for exponents, coefficient in reduced.items() if coefficient}
+    return without_zeros(reduced)
 
 
 def homogeneous_on_sphere(polynomial: PolynomialSum) -> dict[Exponents, Fraction]:
@@ -65,7 +67,7 @@ def homogeneous_on_sphere(polynomial: PolynomialSum) -> dict[Exponents, Fraction
             coefficient = total.pop((i, j, k))
             for raised in ((i + 2, j, k), (i, j + 2, k), (i, j, k + 2)):
                 _add(total, raised, coefficient)
-    return {exponents: coefficient for exponents, coefficient in total.items() if coefficient}
+    return without_zeros(total)
 
 
 def degree(polynomial: PolynomialSum) -> int:
@@ -75,19 +77,18 @@ def degree(polynomial: PolynomialSum) -> int:
 
 def product(left: PolynomialSum, right: PolynomialSum) -> dict[Exponents, Fraction]:
     """Return left · right."""
-    total: dict[Exponents, Fraction] = {}
-    for (a, b, c), first in left.items():
-        for (d, e, f), second in right.items():
-            _add(total, (a + d, b + e, c + f), first * second)
-    return {exponents: coefficient for exponents, coefficient in total.items() if coefficient}
+    return without_zeros(
+        added_up(
+            ((a + d, b + e, c + f), first * second)
+            for (a, b, c), first in left.items()
+            for (d, e, f), second in right.items()
+        )
+    )
 
 
 def difference(left: PolynomialSum, right: PolynomialSum) -> dict[Exponents, Fraction]:
     """Return left - right."""
-    total = dict(left)
-    for exponents, coefficient in right.items():
-        _add(total, exponents, -coefficient)
-    return {exponents: coefficient for exponents, coefficient in total.items() if coefficient}
+    return without_zeros(added_up(chain(left.items(), scaled_terms(right, Fraction(-1)))))
 
 
 def quadratic(alpha: Fraction) -> dict[Exponents, Fraction]:

@@ -1,4 +1,4 @@
-"""The nearest admissible potential of a polynomial: its projection in the mean square over the sphere.
+"""Finds the nearest admissible potential of a polynomial, by projection in the mean square on the sphere.
 
 All means of polynomials over the sphere are rational, and so is everything here.
 """
@@ -24,11 +24,11 @@ from service.dynamics.inverse.polynomials import (
 )
 from service.dynamics.inverse.section import formula_text
 from service.dynamics.inverse.sphere_means import mean_product
-from service.dynamics.potentials.monomials import monomial_sum
 from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.terms.monomials import monomial_sum
 
 MORE_DEGREES = 6
-"""By so much the degree that is searched up to exceeds that of V, if none is asked for."""
+"""Default excess of the search degree over the degree of V."""
 
 MAX_RATIO_BITS = 1024
 """Of numerator and denominator of A/C, about 300 digits: beyond it the answers are too long to be written."""
@@ -102,7 +102,7 @@ def _are_short(values: Iterable[Fraction], *, bits: int = MAX_COEFFICIENT_BITS) 
 def _formula(alpha: Fraction, polynomial: PolynomialSum) -> Tree:
     """Return a polynomial on the sphere as a formula, with what is Q G(g2) in one piece."""
     even = {e: value for e, value in polynomial.items() if not (e[0] % 2 or e[2] % 2)}
-    # On the sphere Q/C = (α - 1) g1² + 1 - g2², so that G is seen at g1².
+    # On the sphere Q/C = (α - 1) g1² + 1 - g2², so that G is the coefficient of g1².
     G = {(0, j, 0): value / (alpha - 1) for (i, j, _), value in on_sphere(even).items() if i == 2}
     product_with_G = product(quadratic(alpha), G)
     rest = homogeneous_on_sphere(difference(polynomial, product_with_G))

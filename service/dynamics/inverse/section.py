@@ -1,4 +1,4 @@
-"""G as a formula: V on the section phi = pi/4 of a quadrant, where V1 is zero.
+"""Finds G as a formula from V on the section phi = pi/4 of a quadrant, where V1 is zero.
 
 With |g1| = |g3| = (rho/2)^(1/2) and rho = 1 - g2² there,
 
@@ -24,7 +24,7 @@ from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol
 from service.dynamics.inverse.enclosures import BallFunction
 from service.dynamics.inverse.monomial_sums import Expansion
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.verdict.energy_terms import power_text, sum_text, term_text
+from service.dynamics.verdict.proofs.energy_terms import power_text, sum_text, term_text
 
 MAX_EXPANDED = 60
 """Largest power of 1 - g2² that is multiplied out."""
@@ -40,7 +40,7 @@ Polynomial = dict[Fraction, Fraction]
 
 @dataclass(frozen=True, slots=True)
 class _Factor:
-    """What the sum of monomials of G with the same irrational factors is multiplied by."""
+    """The irrational factor of a sum of monomials of G."""
 
     g2: Fraction
     rho: Fraction

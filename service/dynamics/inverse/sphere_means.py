@@ -1,4 +1,4 @@
-"""Means of polynomials over the unit sphere, exact.
+"""Computes exact means of polynomials over the unit sphere.
 
 The mean of g1^i g2^j g3^k is (i-1)!! (j-1)!! (k-1)!! / (i+j+k+1)!! if i, j, k are
 even and 0 otherwise.
@@ -9,7 +9,7 @@ from functools import cache
 from math import prod
 
 from service.dynamics.inverse.polynomials import PolynomialSum, product
-from service.dynamics.potentials.monomials import Exponents
+from service.dynamics.potentials.terms.monomials import Exponents
 
 
 def mean_product(left: PolynomialSum, right: PolynomialSum) -> Fraction:

@@ -1,4 +1,4 @@
-"""The coefficients of the known terms in a potential, read off its energy.
+"""Reads the coefficients of the known terms of a potential from its energy.
 
 Powers of λ in H belong to the B_n, C_n and logarithmic terms, each with its own
 power; what is left beside them is a constant and Q times a function of g2.
@@ -7,15 +7,17 @@ power; what is left beside them is a constant and Q times a function of g2.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import chain
 
 from service.dynamics.body import RigidBody
 from service.dynamics.inverse.monomial_sums import GENERATORS, Expansion, MonomialSum, Powers, unit
 from service.dynamics.inverse.section import section
-from service.dynamics.potentials.coefficients import MAX_TERMS
-from service.dynamics.potentials.homogeneous import B_term, C_term, energy_of_B, energy_of_C
-from service.dynamics.potentials.logarithmic import energy_of_log, log_term, multiplicity
-from service.dynamics.potentials.powers import PowerSum
-from service.dynamics.verdict.energy_terms import EnergyTerms
+from service.dynamics.potentials.families.homogeneous import B_term, C_term, energy_of_B, energy_of_C
+from service.dynamics.potentials.terms.coefficients import MAX_TERMS
+from service.dynamics.potentials.terms.logarithmic import energy_of_log, log_term, multiplicity
+from service.dynamics.potentials.terms.powers import PowerSum
+from service.dynamics.term_sums import added_up, scaled_terms
+from service.dynamics.verdict.proofs.energy_terms import EnergyTerms
 
 _ZERO = Fraction(0)
 _G1, _G3, _RHO, _LOG_G1, _LOG_G3, _LOG_RHO = (unit(position) for position in (0, 2, 3, 4, 5, 6))
@@ -25,7 +27,7 @@ _G1, _G3, _RHO, _LOG_G1, _LOG_G3, _LOG_RHO = (unit(position) for position in (0,
 class Terms:
     """V = constant + Q Σ A_n g2^n + Σ B_n-terms + Σ C_n-terms + Σ log_n-terms, in one quadrant.
 
-    The terms are those of :mod:`service.dynamics.potentials.homogeneous`,
+    The terms are those of :mod:`service.dynamics.potentials.families.homogeneous`,
     functions of |g1| and |g3|; the lists begin with n = 0.
     """
 
@@ -41,13 +43,14 @@ def read_terms(body: RigidBody, expansion: Expansion | None, energy: EnergyTerms
     if expansion is None or energy is None:
         return None
     weights: dict[str, dict[int, Fraction]] = {"B": {}, "C": {}, "log": {}}
-    rest, constant = dict(expansion.terms), _ZERO
+    taken: list[tuple[Powers, Fraction]] = []
+    constant = _ZERO
     for (power, factor), value in energy.items():
         if factor:
             return None
         if power == 0:
             constant = value
-            _subtract(rest, {(_ZERO,) * GENERATORS: value})
+            taken.append(((_ZERO,) * GENERATORS, -value))
             continue
         index = _index(body.alpha, power)
         if index is None:
@@ -55,8 +58,9 @@ def read_terms(body: RigidBody, expansion: Expansion | None, energy: EnergyTerms
         name, n = index
         weight, monomials = value / _energy(body.alpha, name, n), _monomials(body.alpha, name, n)
         weights[name][n] = weight
-        _subtract(rest, {powers: weight * coefficient for powers, coefficient in monomials.items()})
+        taken.extend(scaled_terms(monomials, -weight))
     # H of the rest is zero: it is Q G(g2), and its values on one section are enough.
+    rest = added_up(chain(expansion.terms.items(), taken))
     G = section(body, Expansion(rest, expansion.atoms))
     A = None if G is None else G.polynomial()
     if A is None or len(A) > MAX_TERMS:
@@ -102,11 +106,6 @@ def _from_power_sum(terms: PowerSum) -> MonomialSum:
         tuple(first * a + third * b for a, b in zip(_G1, _G3, strict=True)): factor
         for (first, third), factor in terms.items()
     }
-
-
-def _subtract(total: dict[Powers, Fraction], terms: Mapping[Powers, Fraction]) -> None:
-    for powers, value in terms.items():
-        total[powers] = total.get(powers, _ZERO) - value
 
 
 def _listed(weights: Mapping[int, Fraction]) -> tuple[Fraction, ...]:

@@ -1,1 +1,1 @@
-"""Potentials V(g1, g2, g3), one file per family."""
+"""Potentials V(g1, g2, g3): their families, terms and recognition."""

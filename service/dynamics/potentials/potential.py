@@ -1,4 +1,4 @@
-"""A potential of the field as a function of the Poisson variables: doubles and balls, derivatives too."""
+"""The interface of a potential: value and derivatives in the Poisson variables, in doubles and balls."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -17,7 +17,8 @@ from service.dynamics.formula.algebras.scalar import ScalarAlgebra
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import Tree
-from service.dynamics.potentials.notice import Notice
+from service.dynamics.potentials.warning import Notice
+from service.dynamics.potentials.ways import TURN, VALUE, VALUE_AND_TURN
 
 FloatArray = NDArray[np.float64]
 BallRow = tuple[arb, arb, arb]
@@ -26,7 +27,7 @@ BallJet = tuple[arb, BallRow, tuple[BallRow, BallRow, BallRow]]
 
 
 class NoClosedFormError(DynamicsError):
-    """A formula was asked of a potential that is given by an integral."""
+    """The potential is given by an integral and has no formula."""
 
     code = "no_closed_form"
 
@@ -55,6 +56,14 @@ class Potential(ABC):
     @abstractmethod
     def tape(self) -> Tape:
         """Return V as a tape over g1, g2, g3; raises NoClosedFormError."""
+
+    @property
+    def has_formula(self) -> bool:
+        """Tell whether there is a tape."""
+        try:
+            return len(self.tape.variables) > 0
+        except NoClosedFormError:
+            return False
 
     @abstractmethod
     def formula(self) -> str:
@@ -146,7 +155,7 @@ class FormulaPotential(Potential):
     their tapes are: what is computed is the same.
     """
 
-    # Each field says that it has no default: it would get the property of the base class.
+    # Each field is declared without a default: otherwise the property of the base class would be its default.
     tree: Tree = field(compare=False, repr=False)
     tape: Tape = field()
     family: str = field()
@@ -203,10 +212,25 @@ class FormulaPotential(Potential):
 
     def value_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
         """See Potential.value_ball."""
-        return self.tape.evaluate(BallAlgebra(), (g1, g2, g3))
+        run = self.tape.program("V", VALUE)
+        value: arb = self.tape.evaluate(BallAlgebra(), (g1, g2, g3)) if run is None else run(g1, g2, g3)[0]
+        return value
+
+    def D_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
+        """See Potential.D_ball."""
+        run = self.tape.program("D", TURN)
+        D: arb = self._value_and_D_ball(g1, g2, g3)[1] if run is None else run(g1, g2, g3)[0]
+        return D
 
     def value_and_D_ball(self, g1: arb, g2: arb, g3: arb) -> tuple[arb, arb]:
         """See Potential.value_and_D_ball."""
+        run = self.tape.program("V, D", VALUE_AND_TURN)
+        if run is None:
+            return self._value_and_D_ball(g1, g2, g3)
+        value, D = run(g1, g2, g3)
+        return value, D
+
+    def _value_and_D_ball(self, g1: arb, g2: arb, g3: arb) -> tuple[arb, arb]:
         jets = _ball_jets()
         inputs = (jets.seed(g1, (-g3,)), jets.seed(g2, (None,)), jets.seed(g3, (g1,)))
         jet = self.tape.evaluate(jets, inputs)

@@ -1,1 +1,1 @@
-"""Planar motions reduced to one variable: curve, radicand, turning points, windows."""
+"""Reduces planar motions to one variable: curve, radicand, turning points, windows."""

@@ -1,11 +1,12 @@
-"""An arc of the loop on which p² > 0, and what happens at its ends."""
+"""An arc of the loop on which p² > 0, and the kinds of its two ends."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
-from flint import arb
+from flint import arb, ctx
 
-from service.dynamics.reduction.loop import Loop
+from service.dynamics.reduction.geometry.loop import Loop
+from service.dynamics.reduction.root_finding.gap import NearRest
 
 ArcEnd = Literal["rest", "double", "flat", "collision", "pole", "edge"]
 """A simple zero of P; a zero of order two or more; one of no order that is known; P → ∞ at a pole;
@@ -22,10 +23,12 @@ class Arc:
     lower_end: ArcEnd | None
     """None, with ``upper_end``, if the arc is the whole loop: p never vanishes."""
     upper_end: ArcEnd | None
+    slow: tuple[NearRest, ...] = field(default=(), compare=False, repr=False)
+    """Places of the whole loop, −π < v < π, where P nearly touches 0."""
 
     @property
     def is_whole_loop(self) -> bool:
-        """Say whether the motion goes round the loop."""
+        """Tell whether the motion goes round the loop."""
         return self.lower_end is None
 
     @property
@@ -41,5 +44,7 @@ class Arc:
     def _inside(self, parity: int) -> list[arb]:
         # An arc lies within −2π ≤ v ≤ 2π.
         quarters = (k for k in range(-4, 5) if k % 2 == parity)
-        places = (arb.pi() * k / 2 for k in quarters)
-        return [v for v in places if self.lower < v and v < self.upper]
+        # An end next to one of them may be known to many more bits than the current precision.
+        with ctx.workprec(max(ctx.prec, self.lower.bits(), self.upper.bits())):
+            places = [arb.pi() * k / 2 for k in quarters]
+            return [v for v in places if self.lower < v and v < self.upper]

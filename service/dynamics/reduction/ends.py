@@ -1,11 +1,11 @@
-"""Ends of motions that quadrature does not know the way to, and their names."""
+"""Names and errors for ends of motions that the quadrature cannot handle."""
 
 from flint import arb
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.reduction.arc import Arc
-from service.dynamics.reduction.loop import Loop
-from service.dynamics.reduction.orders import HIGHEST_ORDER
+from service.dynamics.reduction.geometry.loop import Loop
+from service.dynamics.reduction.root_finding.orders import HIGHEST_ORDER
 from service.dynamics.reduction.window import Window
 
 

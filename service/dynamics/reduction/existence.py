@@ -1,4 +1,4 @@
-"""For which λ there are motions: a proof for every stretch of λ, with the ends enclosed.
+"""Proves for which λ motions exist: stretch by stretch of λ, with enclosed ends.
 
 The half line of λ is cut into stretches; of each it is proved that there is a motion for every λ in
 it (p² > 0 at one place v for all of them), or for none (p² < 0 for all of them on the whole curve,
@@ -18,7 +18,8 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.enclosure import (
+from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
     NARROWEST,
     QUARTER,
     Cells,
@@ -28,8 +29,7 @@ from service.dynamics.reduction.enclosure import (
     radicand_bounds,
     shape_of,
 )
-from service.dynamics.reduction.equators import loops_of_stretches
-from service.dynamics.reduction.loop import ball
+from service.dynamics.reduction.sign_proofs.equators import loops_of_stretches
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -55,7 +55,7 @@ State = Literal["motions", "none", "unknown"]
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class CurveRange:
     """All λ between two ends; None is the end of the half line, 0 or ±∞."""
 
     lower: arb | None
@@ -67,12 +67,12 @@ class Existence:
     """Where in λ, or nu, there are motions on the half of the curve that was asked.
 
     On all of ``motions`` there are some, outside of them and of ``undecided`` there are none. The
-    ends are balls: what is said holds up to them.
+    ends are balls: the statements hold up to them.
     """
 
     name: Literal["lambda", "nu"]
-    motions: tuple[Stretch, ...]
-    undecided: tuple[Stretch, ...]
+    motions: tuple[CurveRange, ...]
+    undecided: tuple[CurveRange, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ class _Piece:
 
     @property
     def is_small(self) -> bool:
-        """Say whether it is not to be cut."""
+        """Tell whether it is not to be cut."""
         return self.high < NEAREST if self.low == 0.0 else self.high - self.low < NARROW * self.high
 
 
@@ -104,7 +104,7 @@ def find_existence(
     motion: PlanarMotion,
     is_late: Callable[[], bool] = lambda: False,
 ) -> Existence | None:
-    """Return where motions are; ``motion`` says everything but λ. None for a V without a formula; A ≠ C.
+    """Return the λ with motions; ``motion`` gives everything but λ. None for a V without a formula; A ≠ C.
 
     What is still open when it ``is_late`` is left undecided.
     """
@@ -157,7 +157,7 @@ def _states(tape: Tape, shape: Shape, pieces: Sequence[_Piece], is_late: Callabl
 
 
 def _have_motions(tape: Tape, loops: Loops) -> BoolArray:
-    """Say of each loop whether a place with p² > 0 was found: one for all λ of its stretch."""
+    """Tell for each loop whether a place with p² > 0 for all λ of its stretch was found."""
     count = len(loops.Z[0])
     low, high = _places()
     both = np.concatenate([low, low]), np.concatenate([high, high])
@@ -253,7 +253,7 @@ def _runs(pieces: Sequence[_Run]) -> list[_Run]:
 
 def _read(runs: Sequence[_Run], name: Literal["lambda", "nu"]) -> Existence:
     """Return what the runs say; a narrow unknown one between motions and none is the ball of an end."""
-    motions, undecided, ends = list[Stretch](), list[Stretch](), dict[int, arb]()
+    motions, undecided, ends = list[CurveRange](), list[CurveRange](), dict[int, arb]()
     for k, (state, lower, upper) in enumerate(runs):
         if state != "unknown":
             continue
@@ -263,8 +263,8 @@ def _read(runs: Sequence[_Run], name: Literal["lambda", "nu"]) -> Existence:
             if enclosing.rad() < END * abs(enclosing.mid()):
                 ends[k] = enclosing
                 continue
-        undecided.append(Stretch(lower, upper))
+        undecided.append(CurveRange(lower, upper))
     for k, (state, lower, upper) in enumerate(runs):
         if state == "motions":
-            motions.append(Stretch(ends.get(k - 1, lower), ends.get(k + 1, upper)))
+            motions.append(CurveRange(ends.get(k - 1, lower), ends.get(k + 1, upper)))
     return Existence(name, tuple(motions), tuple(undecided))

@@ -1,4 +1,4 @@
-"""Where on its arc a planar motion starts, and which way it goes."""
+"""Finds where on its arc a planar motion starts, and in which direction it moves."""
 
 from dataclasses import dataclass
 
@@ -12,15 +12,15 @@ from service.dynamics.problem import (
     StartAtRest,
 )
 from service.dynamics.reduction.arc import Arc
-from service.dynamics.reduction.loop import ball, start_g3_sign
+from service.dynamics.reduction.geometry.loop import ball, start_g3_sign
 from service.dynamics.reduction.window import Window
 
 EQUILIBRIUM = 1e-12
-"""Distance within which a start that is asked for is the equilibrium itself."""
+"""A requested start within this distance of the equilibrium is the equilibrium."""
 
 
 class StartOutsideWindowError(DynamicsError):
-    """The start asked for is not in the window."""
+    """The requested start is not in the window."""
 
     code = "start_outside_window"
 
@@ -78,7 +78,7 @@ def starting_point(window: Window, motion: PlanarMotion) -> StartingPoint:
 
 
 def _at_equilibrium(window: Window, motion: PlanarMotion) -> StartingPoint:
-    """Return the equilibrium in the hemisphere that is asked for, the northern if none is."""
+    """Return the equilibrium in the requested hemisphere, by default the northern."""
     wanted = motion.start.g2_sign if isinstance(motion.start, StartAtRest | StartAtPoint) else 1
     arc = window.arcs[0] if len(window.arcs) == 1 or wanted > 0 else window.arcs[1]
     if isinstance(motion.start, StartAtRest) or motion.start is None:

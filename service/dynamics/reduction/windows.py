@@ -1,26 +1,35 @@
-"""Every admissible window of a planar motion, its type, and the choice among several."""
+"""Finds every admissible window of a planar motion, its type, and the chosen one among several."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
-from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc, ArcEnd
-from service.dynamics.reduction.ends import height
-from service.dynamics.reduction.loop import Loop, make_loop, start_g3_sign
-from service.dynamics.reduction.radicand import HalfLoop, precise_radicand, scan_half
-from service.dynamics.reduction.window import EndKind, Window, WindowKind
-from service.dynamics.reduction.zeros import Place, PoleKind, Region, ZeroKind
+from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
+from service.dynamics.reduction.root_finding.radicand import HalfLoop
+from service.dynamics.reduction.root_finding.zeros import PoleKind, Region, ZeroKind
+from service.dynamics.reduction.separatrices import resolved
+from service.dynamics.reduction.sides import has_one_limit
+from service.dynamics.reduction.structure import proved_half
+from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.windows_of_arcs import windows_of
 
 PRECISION = 160
 """Bits of the balls the reduction works in: 2^-160 of room below a double's 2^-53."""
 
-CONFIRMED = (640, 2560)
-"""Bits, in turn, in which a double zero is looked at again: 2560 tell a gap of 2^-1600, beyond any decimal's
-400 digits, from none."""
+CONFIRMED = 640
+"""Bits in which what looks like a double zero is looked at again, before it is proved to be one."""
+
+
+KEPT = 8
+"""Answers that are remembered: a job asks for its windows when it is judged, when it is solved, and for
+enclosures, and what proves them takes longer than many a motion."""
 
 
 class NoMotionError(DynamicsError):
@@ -71,29 +80,60 @@ def find_windows(
 ) -> tuple[Window, ...]:
     """Return all admissible windows on the half of the curve that ``motion`` names.
 
-    Zeros of the radicand are enclosed in balls of ``precision`` bits. A double
-    zero is believed only if it stays one in many more: coefficients are exact,
-    and a gap too narrow for these bits makes a motion periodic all the same.
+    Zeros of the radicand are enclosed in balls of ``precision`` bits. A zero of
+    order two or more is proved to be one: coefficients are exact, and a gap too
+    narrow for these bits makes a motion periodic all the same.
 
     Raises
     ------
+    SeparatrixUndecidedError
+        A zero is neither proved to be of order two or more, nor distinguished from others next to it.
+    PassageUndecidedError
+        It is neither proved nor disproved that p² has one limit at a pole it is positive at.
     EqualMomentsError, NuNeedsDoubleMomentError
         The curve does not exist.
     """
-    finer = (bits for bits in CONFIRMED if bits > precision)
+    # Neither the window that is chosen nor the start has a say in it.
+    curve = replace(motion, window=None, start=None)
+    if not isinstance(potential, FormulaPotential):
+        return _all_windows(body, potential, curve, precision)
+    found = _known_windows(body, potential, curve, precision)
+    if isinstance(found, DynamicsError):
+        raise found.with_traceback(None)
+    return found
+
+
+@lru_cache(maxsize=KEPT)
+def _known_windows(
+    body: RigidBody, potential: FormulaPotential, motion: PlanarMotion, precision: int
+) -> tuple[Window, ...] | DynamicsError:
+    try:
+        return _all_windows(body, potential, motion, precision)
+    except DynamicsError as refusal:
+        return refusal
+
+
+def _all_windows(
+    body: RigidBody, potential: Potential, motion: PlanarMotion, precision: int
+) -> tuple[Window, ...]:
     while True:
         with ctx.workprec(precision):
             loop = make_loop(body, potential, motion)
             g3_sign = start_g3_sign(loop, motion)
-            arcs = _arcs(loop, g3_sign)
-            following = next(finer, None)
-            if following is None or not any("double" in (arc.lower_end, arc.upper_end) for arc in arcs):
-                return _numbered(arcs, g3_sign)
-        precision = following
+            # With fewer bits two zeros that are merely close look like a double one.
+            is_last = precision >= CONFIRMED
+            arcs = _arcs(loop, g3_sign, _resolved_half if is_last else proved_half)
+            if is_last or not any("double" in (arc.lower_end, arc.upper_end) for arc in arcs):
+                return windows_of(arcs, g3_sign, potential)
+        precision = CONFIRMED
+
+
+def _resolved_half(loop: Loop, g3_sign: int) -> HalfLoop:
+    return resolved(loop, proved_half(loop, g3_sign))
 
 
 def choose_window(windows: tuple[Window, ...], motion: PlanarMotion) -> Window:
-    """Return the window that ``motion`` asks for.
+    """Return the window that ``motion`` chooses.
 
     Raises
     ------
@@ -114,22 +154,21 @@ def choose_window(windows: tuple[Window, ...], motion: PlanarMotion) -> Window:
     return windows[motion.window]
 
 
-def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
+def _arcs(loop: Loop, g3_sign: int, scan: Callable[[Loop, int], HalfLoop]) -> list[Arc]:
     """Return the arcs that meet the half of the loop where g3 has ``g3_sign``."""
-    half = scan_half(loop, g3_sign)
+    half = scan(loop, g3_sign)
     base = arb(0) if g3_sign > 0 else -arb.pi()
     breaks = [_Break(zero.v, _ENDS[zero.kind]) for zero in half.zeros]
     first_open = half.signs[0] > 0 and half.first_pole == "passable"
     last_open = half.signs[-1] > 0 and half.last_pole == "passable"
     signs = list(half.signs)
-    other = scan_half(loop, -g3_sign) if first_open or last_open else None
+    other = scan(loop, -g3_sign) if first_open or last_open else None
     if other is not None:
-        north, south = (_is_the_same_from_both_sides(loop, side) for side in ("north", "south"))
-        first, last = (north, south) if g3_sign > 0 else (south, north)
-        first_open = first_open and other.last_pole == "passable" and first
-        last_open = last_open and other.first_pole == "passable" and last
+        poles: tuple[Region, Region] = ("north", "south") if g3_sign > 0 else ("south", "north")
+        first_open = first_open and other.last_pole == "passable" and has_one_limit(loop, poles[0])
+        last_open = last_open and other.first_pole == "passable" and has_one_limit(loop, poles[1])
     if first_open and last_open and not breaks and other is not None and not other.zeros:
-        return [Arc(loop, base, base + 2 * arb.pi(), None, None)]
+        return [Arc(loop, base, base + 2 * arb.pi(), None, None, half.slow + other.slow)]
     lower = (
         _beyond(other, base, before=True)
         if first_open and other
@@ -140,8 +179,9 @@ def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
         _beyond(other, top, before=False) if last_open and other else _Break(top, _pole_end(half.last_pole))
     )
     edges = [lower, *breaks, upper]
+    slow = half.slow + (other.slow if other else ())
     arcs = [
-        Arc(loop, left.v, right.v, left.end, right.end)
+        Arc(loop, left.v, right.v, left.end, right.end, slow)
         for left, right, sign in zip(edges, edges[1:], signs, strict=False)
         if sign > 0
     ]
@@ -151,14 +191,6 @@ def _arcs(loop: Loop, g3_sign: int) -> list[Arc]:
         if at.end in ("double", "flat") and left < 0 and right < 0
     ]
     return sorted(arcs + isolated, key=lambda arc: float(arc.lower))
-
-
-def _is_the_same_from_both_sides(loop: Loop, side: Region) -> bool:
-    """Say whether p² has one limit at a pole: with another F beyond it no motion with q = 0 goes on."""
-    at = Place(side, arb(2) ** -352)
-    here, there = (precise_radicand(loop, g3_sign)(at) for g3_sign in (1, -1))
-    # Both are known to 32 bits at least.
-    return bool(abs(here - there) < abs(here) * arb(2) ** -24)
 
 
 def _beyond(other: HalfLoop, pole: arb, *, before: bool) -> _Break:
@@ -173,12 +205,13 @@ def _beyond(other: HalfLoop, pole: arb, *, before: bool) -> _Break:
         kind = other.first_pole if before else other.last_pole
         return _Break(pole - arb.pi() if before else pole + arb.pi(), _pole_end(kind))
     zero = zeros[-1] if before else zeros[0]
-    turn = 2 * arb.pi()
     v = zero.v
-    while before and v > pole:
-        v = v - turn
-    while not before and v < pole:
-        v = v + turn
+    with ctx.workprec(max(ctx.prec, v.bits() + 64)):
+        turn = 2 * arb.pi()
+        while before and v > pole:
+            v = v - turn
+        while not before and v < pole:
+            v = v + turn
     return _Break(v, _ENDS[zero.kind])
 
 
@@ -188,88 +221,3 @@ def _pole_end(kind: PoleKind) -> ArcEnd:
     if kind == "flat":
         return "flat"
     return "collision" if kind == "collision" else "pole"
-
-
-def _numbered(arcs: list[Arc], g3_sign: int) -> tuple[Window, ...]:
-    """Join mirror images, order by largest |g1|, describe."""
-    joined: list[tuple[Arc, ...]] = []
-    rest = list(arcs)
-    while rest:
-        arc = rest.pop(0)
-        twin = next((other for other in rest if _are_mirror_images(arc, other)), None)
-        if twin is None:
-            joined.append((arc,))
-        else:
-            rest.remove(twin)
-            joined.append(_northern_first(arc, twin))
-    described = sorted((_describe(group, g3_sign) for group in joined), key=lambda w: abs(w.g1[1]))
-    return tuple(Window(index, w.kind, w.ends, w.g1, w.g2, w.arcs) for index, w in enumerate(described))
-
-
-def _are_mirror_images(one: Arc, two: Arc) -> bool:
-    """Say whether v → π − v (modulo a turn) maps one arc onto the other."""
-    if one.is_whole_loop or (one.lower_end, one.upper_end) != (two.upper_end, two.lower_end):
-        return False
-    gap = one.lower + two.upper - arb.pi()
-    turns = (gap / (2 * arb.pi())).mid()
-    whole = 2 * arb.pi() * arb(round(float(turns)))
-    close = arb(2) ** -40  # both arcs are kept as they are: nothing is lost by counting them as one
-    return bool(abs(gap - whole) < close and abs(one.upper + two.lower - arb.pi() - whole) < close)
-
-
-def _northern_first(one: Arc, two: Arc) -> tuple[Arc, Arc]:
-    return (one, two) if one.lower.cos() + one.upper.cos() > 0 else (two, one)
-
-
-def _describe(arcs: tuple[Arc, ...], g3_sign: int) -> Window:
-    arc = arcs[0]
-    ends_v = [arc.lower, arc.upper]
-    sizes = [_absolute_g1(arc.loop, v) for v in ends_v]
-    lo_v, hi_v = (arc.lower, arc.upper) if sizes[0] < sizes[1] else (arc.upper, arc.lower)
-    lo_end: EndKind = (
-        "pole" if arc.is_whole_loop or arc.poles or _ends_at_pole(arc, lo_v) else _stop(arc, lo_v)
-    )
-    hi_end: EndKind = "equator" if arc.is_whole_loop or arc.equators else _stop(arc, hi_v)
-    loop = arc.loop
-    sign = g3_sign if loop.mirrored else loop.g1_sign
-    lo = 0.0 if lo_end == "pole" else min(sizes)
-    hi = _absolute_g1(loop, arb.pi() / 2) if hi_end == "equator" else max(sizes)
-    heights = [height(loop, v) for v in (lo_v, hi_v)]
-    for pole in [*arc.poles, *([arb(0), arb.pi()] if arc.is_whole_loop else [])]:
-        heights.append(float(pole.cos()))
-    return Window(
-        0, _kind(arc), (lo_end, hi_end), (sign * lo + 0.0, sign * hi), (min(heights), max(heights)), arcs
-    )
-
-
-def _stop(arc: Arc, v: arb) -> EndKind:
-    end = arc.lower_end if v is arc.lower else arc.upper_end
-    return "equilibrium" if end in ("double", "flat") else "edge" if end == "edge" else "rest"
-
-
-def _ends_at_pole(arc: Arc, v: arb) -> bool:
-    end = arc.lower_end if v is arc.lower else arc.upper_end
-    return end in ("pole", "collision")
-
-
-def _kind(arc: Arc) -> WindowKind:
-    ends = {arc.lower_end, arc.upper_end}
-    if arc.lower is arc.upper:
-        return "equilibrium"
-    if "edge" in ends:
-        return "edge"
-    if "collision" in ends:
-        return "collision"
-    if "double" in ends or "flat" in ends:
-        return "separatrix"
-    return "pole" if "pole" in ends else "periodic"
-
-
-def _absolute_g1(loop: Loop, v: arb) -> float:
-    """Return the client's |g1| at v."""
-    sine = abs(v.sin())
-    if loop.mirrored:
-        return float(loop.Z * sine)
-    if sine.contains(arb(0)):
-        return 0.0
-    return float(loop.G * (sine.log() * loop.alpha.numerator / loop.alpha.denominator).exp())

@@ -1,1 +1,1 @@
-"""The verdict on a potential: proved, refuted by a point, or undecided with the evidence."""
+"""Decides whether a potential is admissible: proved, refuted by a point, or undecided with evidence."""

@@ -1,26 +1,32 @@
-"""Is L(V) = 0? Proved, refuted by a point, or undecided with the evidence."""
+"""Decides whether L(V) = 0: proved, refuted by a point, or undecided with the evidence."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
-from math import ldexp
-from typing import ClassVar, Literal
+from typing import Literal
 
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
-from service.dynamics.compatibility import residual_of
-from service.dynamics.errors import DynamicsError
-from service.dynamics.potentials.general_solution import GeneralPotential, Quadrant
+from service.dynamics.equations.compatibility import residual_of
+from service.dynamics.potentials.families.general_solution import GeneralPotential, Quadrant
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.verdict.counterexample import Counterexample, Survey, decimal_ball, survey
-from service.dynamics.verdict.energy_formula import energy_formula, signed_energy_formulas
-from service.dynamics.verdict.general_energy import energy_defect, energy_formulas
-from service.dynamics.verdict.points import Point, fine_sphere_points, sphere_points
-from service.dynamics.verdict.proof import prove
+from service.dynamics.verdict.definedness import UndefinedPotentialError, defined_points, require_all_parts
+from service.dynamics.verdict.piecewise import examine_pieces, lines_of
+from service.dynamics.verdict.proofs.energy_formula import (
+    OctantTerms,
+    formula_of,
+    signed_formulas_of,
+)
+from service.dynamics.verdict.proofs.energy_terms import energy_terms
+from service.dynamics.verdict.proofs.general_energy import energy_defect, energy_formulas
+from service.dynamics.verdict.proofs.proof import prove
+from service.dynamics.verdict.refutations.counterexample import Counterexample, Survey, decimal_ball, survey
+from service.dynamics.verdict.refutations.jumps import Jump
+from service.dynamics.verdict.sphere.points import Point, fine_sphere_points, sphere_points
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)
-"""Bits of the enclosures, in turn: each doubling squares the smallest residual that is told from zero."""
+"""Successive bits of the enclosures: each doubling squares the smallest residual distinguished from zero."""
 LADDER_POINTS = 8
 """Points tried at each precision between the lowest and the highest: one in every octant."""
 FIRST_POINTS = 2
@@ -30,34 +36,29 @@ ENERGY_POINTS = 16
 """Points, two in every octant, where the energy of a potential given by an integral is checked."""
 
 
-class UndefinedPotentialError(DynamicsError):
-    """A potential without a value at any of the points tried."""
-
-    code: ClassVar[str] = "undefined_potential"
-
-
 @dataclass(frozen=True, slots=True)
 class NumericEvidence:
     """L(V) was enclosed at ``points`` points with ``bits`` bits, and every enclosure has zero in it.
 
     ``largest_enclosure`` is the enclosure with the greatest absolute value, as
-    ``"mid ± rad"`` in decimals.
+    ``"mid ± rad"`` in decimals; ``doubt`` is what is not proved.
     """
 
     points: int
     bits: int
     largest_enclosure: str
+    doubt: str
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What is known of L(V) = 0, and from what.
+    """The verdict on L(V) = 0, with its proof or evidence.
 
-    ``admissible`` with proof ``symbolic``: L(V) vanishes identically, wherever
-    V has a value and two derivatives; ``energy_formula`` is then h in
-    ``lambda`` (in ``nu`` for A = 2C), if it has a formula. ``admissible`` with
-    proof ``numeric``: enclosed in tiny balls about zero everywhere tried, which
-    is evidence and no proof. ``inadmissible``: a counterexample, rigorous.
+    ``admissible`` means proved: L(V) vanishes identically, wherever V has a value and two derivatives, and
+    where curves cross a kink of V, V and the energy are the same on both sides. ``energy_formula`` is then h
+    in ``lambda`` (in ``nu`` for A = 2C), if it has a formula. ``inadmissible``: refuted by
+    ``counterexample``, a point where L(V) ≠ 0, or by ``jump``, a kink where V or the energy jumps; both are
+    rigorous. ``undecided``: ``evidence`` has what is not proved, and how closely zero was enclosed.
 
     ``energy_formulas``: h on each quadrant (signs of g1 and g3), for a
     potential whose energy depends on the quadrant; otherwise None.
@@ -68,73 +69,117 @@ class Verdict:
     energy_formula: str | None = None
     energy_formulas: Mapping[Quadrant, str] | None = None
     counterexample: Counterexample | None = None
+    jump: Jump | None = None
     evidence: NumericEvidence | None = None
 
 
-def decide(body: RigidBody, potential: Potential) -> Verdict:
+def _never() -> bool:
+    return False
+
+
+def decide(body: RigidBody, potential: Potential, is_late: Callable[[], bool] = _never) -> Verdict:
     """Return the verdict on ``potential`` for ``body``; B plays no part.
 
     Only the values on the unit sphere matter: potentials that agree there get
-    the same verdict.
+    the same verdict. When it ``is_late``, what is not decided stays undecided.
 
     Raises
     ------
     EqualMomentsError
         A = C, where the equation loses its meaning.
     UndefinedPotentialError
-        V has no finite value and derivatives at any of the points tried.
+        V, or a part of its formula, has no finite value and derivatives at any of the points tried.
     """
     body.require_planar()
     points: Sequence[Point] = tuple(sphere_points())
     if isinstance(potential, GeneralPotential):
-        return _decide_general(body, potential, points)
+        return _decide_general(body, potential, points, is_late)
+    require_all_parts(body, potential, is_late)
     first = survey(body, potential.tape, islice(points, FIRST_POINTS), bits=PRECISIONS[0])
     if first.counterexample is not None:
         return _refuted(first.counterexample)
     proof = prove(body, potential.tape)
-    if proof is not None:
+    found = examine_pieces(body, potential.tape, proof, is_late)
+    if found is not None and found.is_refuted:
+        return Verdict("inadmissible", "counterexample", counterexample=found.counterexample, jump=found.jump)
+    terms = energy_terms(body, proof) if proof is not None else found.terms if found is not None else None
+    if terms is not None and (found is None or found.doubt is None):
         if not first.defined:
-            _require_defined(body, potential, points)
-        formula = energy_formula(body, potential, proof)
-        formulas = None if formula is not None else signed_energy_formulas(body, potential, proof)
-        return Verdict("admissible", "symbolic", energy_formula=formula, energy_formulas=formulas)
-    return _decide_numerically(body, potential, points)
+            defined_points(body, potential.tape, PRECISIONS, is_late)
+        return _proved(body, potential, terms)
+    doubt = "that the compatibility equation holds identically"
+    if found is not None:
+        points, doubt = (*points, *found.points), found.doubt or doubt
+    return _decide_numerically(body, potential, points, doubt, is_late)
 
 
-def _decide_numerically(body: RigidBody, potential: Potential, points: Sequence[Point]) -> Verdict:
-    """Climb the precisions until a point refutes, or zero is enclosed tightly all over."""
+def _proved(body: RigidBody, potential: Potential, terms: OctantTerms) -> Verdict:
+    formula = formula_of(body, potential, terms)
+    formulas = None if formula is not None else signed_formulas_of(body, potential, terms)
+    return Verdict("admissible", "symbolic", energy_formula=formula, energy_formulas=formulas)
+
+
+def _decide_numerically(
+    body: RigidBody, potential: Potential, points: Sequence[Point], doubt: str, is_late: Callable[[], bool]
+) -> Verdict:
+    """Climb the precisions until a point refutes, or time is over."""
     first, *middle, last = PRECISIONS
-    if not survey(body, potential.tape, points, bits=first).defined:
-        points = _require_defined(body, potential, points)
+    found = survey(body, potential.tape, points, bits=first)
+    if not found.defined:
+        points = defined_points(body, potential.tape, PRECISIONS, is_late)
+        found = survey(body, potential.tape, points, bits=first)
     # All points at the ends of the ladder, a few on the way.
-    stages = [(first, points), *((bits, points[:LADDER_POINTS]) for bits in middle), (last, points)]
+    stages = [*((bits, points[:LADDER_POINTS]) for bits in middle), (last, points)]
     for bits, chosen in stages:
-        found = survey(body, potential.tape, chosen, bits=bits)
         if found.counterexample is not None:
             return _refuted(found.counterexample)
-    # Half of the bits may be lost to cancellation before the enclosures stop being evidence.
-    # In doubles both sides are 0 at the highest precision: as strict as they can be.
-    is_tiny = bool(found.defined) and found.relative <= ldexp(1.0, -last // 2)
-    return Verdict("admissible" if is_tiny else "undecided", "numeric", evidence=_evidence(found))
+        further = survey(body, potential.tape, chosen, bits=bits, is_late=is_late)
+        if is_late() and further.counterexample is None:
+            break
+        found = further
+    if found.counterexample is not None:
+        return _refuted(found.counterexample)
+    return Verdict("undecided", "numeric", evidence=_evidence(found, doubt))
 
 
-def _decide_general(body: RigidBody, potential: GeneralPotential, points: Sequence[Point]) -> Verdict:
-    """Confirm H = −F(w), which is proved for all F and G in :mod:`.general_energy`, by the values of V."""
+def _decide_general(
+    body: RigidBody, potential: GeneralPotential, points: Sequence[Point], is_late: Callable[[], bool]
+) -> Verdict:
+    """Confirm H = −F(w), which is proved for all F and G in :mod:`.general_energy`, by the values of V.
+
+    F is a function of the curve, whose kinks no curve crosses; those of G are circles of g2, where V must
+    be continuous.
+    """
     defects = (energy_defect(body, potential, point) for point in chain(points, fine_sphere_points()))
-    defined = list(islice((defect for defect in defects if defect.is_finite()), ENERGY_POINTS))
+    defined: list[arb] = []
+    for defect in defects:
+        if defect.is_finite():
+            defined.append(defect)
+        if len(defined) == ENERGY_POINTS or is_late():
+            break
+    if not defined and is_late():
+        evidence = NumericEvidence(0, PRECISIONS[0], "0 ± 0", "that the potential has a value anywhere")
+        return Verdict("undecided", "numeric", evidence=evidence)
     if not defined:
         raise UndefinedPotentialError(
             "the potential has no finite value at any of the points tried all over the unit sphere",
             pointer="/potential",
         )
-    if all(defect.contains(0) for defect in defined):
-        formulas = energy_formulas(body, potential)
-        if formulas is None:
-            return Verdict("admissible", "symbolic")
-        if len(set(formulas.values())) > 1:
-            return Verdict("admissible", "symbolic", energy_formulas=formulas)
-        return Verdict("admissible", "symbolic", energy_formula=formulas["pp"])
-    return _refute_general(body, potential, points)
+    if not all(defect.contains(0) for defect in defined):
+        return _refute_general(body, potential, points)
+    for tape in dict.fromkeys(piece.even.tape for piece in potential.pieces):
+        jump, doubt = lines_of(body, tape, is_late)
+        if jump is not None:
+            return Verdict("inadmissible", "counterexample", jump=jump)
+        if doubt is not None:
+            evidence = NumericEvidence(len(defined), PRECISIONS[0], "0 ± 0", doubt)
+            return Verdict("undecided", "numeric", evidence=evidence)
+    formulas = energy_formulas(body, potential)
+    if formulas is None:
+        return Verdict("admissible", "symbolic")
+    if len(set(formulas.values())) > 1:
+        return Verdict("admissible", "symbolic", energy_formulas=formulas)
+    return Verdict("admissible", "symbolic", energy_formula=formulas["pp"])
 
 
 def _refute_general(body: RigidBody, potential: GeneralPotential, points: Sequence[Point]) -> Verdict:
@@ -151,32 +196,19 @@ def _refute_general(body: RigidBody, potential: GeneralPotential, points: Sequen
                 return _refuted(Counterexample(point, residual))
             largest = ball.residual if ball.residual.abs_upper() > largest.abs_upper() else largest
         found = decimal_ball(largest)
-    evidence = NumericEvidence(count, PRECISIONS[0], f"{found.mid} ± {found.rad}")
+    doubt = "that the energy is the function of the curve that F says"
+    evidence = NumericEvidence(count, PRECISIONS[0], f"{found.mid} ± {found.rad}", doubt)
     return Verdict("undecided", "numeric", evidence=evidence)
-
-
-def _require_defined(body: RigidBody, potential: Potential, points: Sequence[Point]) -> Sequence[Point]:
-    """Return points where V is defined, looking closer if there are none among ``points``."""
-    fine = tuple(fine_sphere_points())
-    for bits in (PRECISIONS[0], PRECISIONS[-1]):
-        for candidates in (points, fine):
-            defined = survey(body, potential.tape, candidates, bits=bits).defined
-            if defined:
-                return defined
-    raise UndefinedPotentialError(
-        "the potential has no finite value and derivatives at any of "
-        f"{len(points) + len(fine)} points all over the unit sphere",
-        pointer="/potential",
-    )
 
 
 def _refuted(counterexample: Counterexample) -> Verdict:
     return Verdict("inadmissible", "counterexample", counterexample=counterexample)
 
 
-def _evidence(found: Survey) -> NumericEvidence:
+def _evidence(found: Survey, doubt: str) -> NumericEvidence:
     return NumericEvidence(
         points=len(found.defined),
         bits=found.bits,
         largest_enclosure=f"{found.largest.mid} ± {found.largest.rad}",
+        doubt=doubt,
     )

@@ -1,1 +1,1 @@
-"""What must hold in every database, and how it is mended."""
+"""Checks the invariants of a database, and repairs violations."""

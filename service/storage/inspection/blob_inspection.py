@@ -1,20 +1,20 @@
-"""The arrays of a database: whether every packet can be read and says what its row says."""
+"""Checks that every stored packet of arrays can be decoded and agrees with its row."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from random import Random
-from typing import Any  # a row has whatever columns its kind needs
+from typing import Any  # the columns depend on the kind
 
 from sqlalchemy import ColumnElement, Select, and_, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute
 
-from service.storage.base import Base
-from service.storage.database import Database
+from service.storage.codecs.arrays import CodecError, decode_arrays, decode_dense
+from service.storage.codecs.points import SOLVED, bounds_of, decode_points
+from service.storage.database.database import Database
 from service.storage.inspection.inspect import EXAMPLES, Finding
-from service.storage.solutions.codec import CodecError, decode_arrays, decode_dense
-from service.storage.sweep_tables import SweepChunkRow
-from service.storage.sweeps.chunk_codec import SOLVED, bounds_of, decode_points
-from service.storage.tables import DenseOutputRow, SamplesRow
+from service.storage.tables.base import Base
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow
+from service.storage.tables.sweeps import SweepChunkRow
 
 Fields = tuple[Any, ...]
 
@@ -24,14 +24,14 @@ _PAGE = 50
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """A table with packets."""
+    """A table whose rows hold packets."""
 
     code: str
     says: str
     table: type[Base]
     key: tuple[InstrumentedAttribute[Any], ...]
     columns: tuple[InstrumentedAttribute[Any], ...]
-    """The key first."""
+    """Columns to read; the first is the primary key."""
     read: Callable[[Fields], object]
     """Raises CodecError."""
 

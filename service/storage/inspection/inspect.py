@@ -1,4 +1,4 @@
-"""The examination of a whole database: every law, and what the database says of itself."""
+"""Checks a whole database: every invariant, and the database's own integrity check."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -6,39 +6,39 @@ from dataclasses import dataclass, replace
 from sqlalchemy import func, select, text
 from sqlalchemy.orm import Session
 
-from service.storage.database import Database
+from service.storage.database.database import Database
+from service.storage.database.revisions import fault_of, newest_revision, stored_revision
 from service.storage.inspection.invariants import Invariant, invariants_of_jobs
 from service.storage.inspection.key_invariants import invariants_of_keys
 from service.storage.inspection.sweep_invariants import invariants_of_sweeps
-from service.storage.revisions import fault_of, newest_revision, stored_revision
 
 EXAMPLES = 5
-"""Ids that are told of the rows that break a law."""
+"""At most so many ids of violating rows are listed for each invariant."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was found out about one law."""
+    """The result of checking one invariant."""
 
     code: str
     says: str
     broken: int = 0
-    """Rows that break it."""
+    """Number of rows that violate it."""
     examples: tuple[str, ...] = ()
     """The ids of some of them."""
     is_warning: bool = False
     remedy: str | None = None
-    """What mending it does; None if only a person can."""
+    """What the repair does; None if only a person can repair it."""
     mended: int = 0
 
     @property
     def is_clean(self) -> bool:
-        """Nothing is wrong, even if something may stand still."""
+        """Nothing is wrong, though work may have stalled."""
         return self.is_warning or self.broken == 0
 
 
 def inspect(database: Database) -> Iterator[Finding]:
-    """Yield what is found about the schema, and if it is the one of this version about every law."""
+    """Yield the finding about the schema and, if it is that of this version, one for every invariant."""
     schema = check_schema(database)
     yield schema
     if not schema.is_clean:
@@ -49,12 +49,12 @@ def inspect(database: Database) -> Iterator[Finding]:
 
 
 def invariants() -> Sequence[Invariant]:
-    """Return every law: those of references first, since mending them breaks others that are mended later."""
+    """Return every invariant: references first, since their repair violates others, repaired later."""
     return [*invariants_of_jobs(), *invariants_of_sweeps(), *invariants_of_keys()]
 
 
-def mend(database: Database) -> Iterator[Finding]:
-    """Mend what can be mended; yield each law that was broken, with how many rows were mended."""
+def repair(database: Database) -> Iterator[Finding]:
+    """Repair what can be repaired; yield each violated invariant with the number of repaired rows."""
     for invariant in invariants():
         finding = check(database, invariant)
         if finding.broken and invariant.remedy is not None:
@@ -62,7 +62,7 @@ def mend(database: Database) -> Iterator[Finding]:
 
 
 def check(database: Database, invariant: Invariant) -> Finding:
-    """Count the rows that break a law."""
+    """Count the rows that violate an invariant."""
     finding = Finding(
         invariant.code,
         invariant.says,
@@ -70,7 +70,7 @@ def check(database: Database, invariant: Invariant) -> Finding:
         remedy=None if invariant.remedy is None else invariant.remedy.says,
     )
     with database.read() as session:
-        # Almost always there are none, and then they need no counting.
+        # Almost always there are none; then the count is not needed.
         examples = session.scalars(invariant.broken.limit(EXAMPLES)).all()
         if not examples:
             return finding
@@ -79,7 +79,7 @@ def check(database: Database, invariant: Invariant) -> Finding:
 
 
 def check_schema(database: Database) -> Finding:
-    """Say whether the tables are those of this version."""
+    """Return the finding about the schema version."""
     with database.read() as session:
         stored = stored_revision(session.connection())
     law, fault = f"the schema is that of this version, {newest_revision()}", fault_of(stored)
@@ -89,7 +89,7 @@ def check_schema(database: Database) -> Finding:
 
 
 def _check_file(database: Database) -> Iterator[Finding]:
-    """Let SQLite examine its pages and indexes; Postgres has checksums for that."""
+    """Run SQLite's own integrity check; Postgres has page checksums instead."""
     if database.engine.dialect.name != "sqlite":
         return
     with database.read() as session:

@@ -1,18 +1,18 @@
-"""What must hold in the database at any instant, whatever was killed: jobs, attempts, solutions.
+"""The invariants of jobs, attempts and solutions, which hold at any instant even after a kill.
 
-Each law comes with a query for the rows that break it. A query is one
-statement, hence judges one state of the database even while others write; it
+Each invariant comes with a query for the rows that violate it. A query is one
+statement, so it sees one state of the database even while others write; it
 counts and compares inside the database, whatever its size.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from sqlalchemy import CheckConstraint, and_, exists, func, not_, or_, select, text
+from sqlalchemy import CheckConstraint, ColumnElement, and_, exists, func, not_, or_, select, text
 from sqlalchemy.orm import aliased
 
 from service.jobs.states import FINISHED, JobKind, JobState
-from service.storage.clock import DatabaseNow
+from service.storage.database.clock import DatabaseNow
 from service.storage.inspection.repairs import (
     Broken,
     Repair,
@@ -23,36 +23,37 @@ from service.storage.inspection.repairs import (
     open_attempts,
     release_leases,
 )
-from service.storage.schema import METADATA, TABLES
-from service.storage.tables import AttemptRow, DenseOutputRow, JobRow, SolutionRow
+from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.schema import METADATA, TABLES
+from service.storage.tables.solutions import DenseOutputRow, SolutionRow
 
 SILENT_SECONDS = 60.0
-"""A lease that ended so long ago says that no worker is alive: any one would have taken the job over."""
+"""If a lease ended so long ago, no worker is alive: any would have taken the job over."""
 
 
 @dataclass(frozen=True, slots=True)
 class Remedy:
-    """How a broken law can be mended without losing anything."""
+    """How a violated invariant is repaired without losing anything."""
 
     says: str
-    """What it does to a row."""
+    """The effect on a row, in words."""
     apply: Repair
 
 
 @dataclass(frozen=True, slots=True)
 class Invariant:
-    """One law of the database."""
+    """One invariant of the database, with the query for its violations."""
 
     code: str
     says: str
     broken: Broken
     remedy: Remedy | None = None
     is_warning: bool = False
-    """Broken, it says that something stands still, not that something is wrong."""
+    """A violation means that work has stalled, not that data are wrong."""
 
 
 def invariants_of_jobs() -> Iterator[Invariant]:
-    """Yield the laws of all tables, and those of jobs, their attempts and solutions."""
+    """Yield the invariants of all tables, then those of jobs, attempts and solutions."""
     yield from _checks()
     yield from _references()
     yield from _lives()
@@ -60,8 +61,13 @@ def invariants_of_jobs() -> Iterator[Invariant]:
     yield from _solutions()
 
 
+def differ(left: ColumnElement[bool], right: ColumnElement[bool]) -> ColumnElement[bool]:
+    """Return the condition that exactly one of two conditions holds, neither of which is ever null."""
+    return or_(and_(left, not_(right)), and_(not_(left), right))
+
+
 def _checks() -> Iterator[Invariant]:
-    """Yield the constraints of every table, asked anew: a damaged or patched file may break them."""
+    """Yield the check constraints of every table: a damaged or patched file may violate them."""
     for name in (row.__tablename__ for row in TABLES):
         table = METADATA.tables[name]
         conditions = [check.sqltext for check in table.constraints if isinstance(check, CheckConstraint)]
@@ -74,7 +80,7 @@ def _checks() -> Iterator[Invariant]:
 
 
 def _references() -> Iterator[Invariant]:
-    """Yield that whatever is referred to exists."""
+    """Yield one invariant for every reference: the row referred to exists."""
     for name in (row.__tablename__ for row in TABLES):
         table = METADATA.tables[name]
         for constraint in table.foreign_key_constraints:
@@ -99,14 +105,14 @@ def _lives() -> Iterator[Invariant]:
     yield Invariant(
         "finished_at",
         "a job has the instant of its end exactly if it has ended",
-        select(JobRow.id).where(or_(and_(ended, not_(is_dated)), and_(not_(ended), is_dated))),
+        select(JobRow.id).where(differ(ended, is_dated)),
         Remedy("it gets the instant at which its last attempt ended, or loses it", date_ends),
     )
     failed, has_error = JobRow.state == JobState.FAILED.value, JobRow.error.is_not(None)
     yield Invariant(
         "error",
         "a job has an error exactly if it has failed",
-        select(JobRow.id).where(or_(and_(failed, not_(has_error)), and_(not_(failed), has_error))),
+        select(JobRow.id).where(differ(failed, has_error)),
     )
     yield Invariant(
         "stale_lease",

@@ -1,33 +1,35 @@
-"""What must hold for keys: they are charged for what is stored on their account, no more and no less."""
+"""The invariant of API keys: a key is charged for exactly the bytes stored for it."""
 
 from collections.abc import Iterator
 
 from sqlalchemy import ColumnElement, func, select, update
 
-from service.storage.database import Database
+from service.storage.database.database import Database
 from service.storage.inspection.invariants import Invariant, Remedy
 from service.storage.inspection.repairs import Broken
-from service.storage.operation_tables import ApiKeyRow
-from service.storage.sweep_tables import SweepChunkRow, SweepRow
-from service.storage.tables import DenseOutputRow, JobRow, SamplesRow, SolutionRow
+from service.storage.tables.jobs import JobRow
+from service.storage.tables.operations import ApiKeyRow
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
+from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
 
 def invariants_of_keys() -> Iterator[Invariant]:
-    """Yield the laws of keys."""
+    """Yield the invariants of keys."""
     yield Invariant(
         "stored_bytes",
         "a key is charged for the arrays of its results that are stored",
         select(ApiKeyRow.id).where(ApiKeyRow.stored_bytes != _stored()),
-        Remedy("they are counted anew", _charge_anew),
+        Remedy("the bytes are counted again", _recharge),
     )
 
 
-def _charge_anew(database: Database, broken: Broken) -> int:
+def _recharge(database: Database, broken: Broken) -> int:
     with database.read() as session:
         found = session.scalars(broken).all()
     for key_id in found:
         with database.write() as session:
-            # Held first: whoever stores for the key charges it at last, and waits, or has been counted.
+            # Lock the key first: a transaction that stores for it charges the key last, so it waits here
+            # or was committed before the count.
             session.scalar(select(ApiKeyRow.id).where(ApiKeyRow.id == key_id).with_for_update())
             statement = update(ApiKeyRow).where(ApiKeyRow.id == key_id).values(stored_bytes=_stored())
             session.execute(statement.execution_options(synchronize_session=False))

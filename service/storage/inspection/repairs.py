@@ -1,11 +1,11 @@
-"""How broken laws of jobs and their results are mended without losing anything.
+"""Repairs violated invariants of jobs and results without losing anything.
 
-A repair is given the query for the rows that break the law, and judges by it
-again inside its own transaction: what has changed since it was found stays.
+A repair is given the query for the violating rows and runs it again inside its own
+transaction, so that rows which are valid by then are left alone.
 """
 
 from collections.abc import Callable
-from typing import Any  # what a statement returns is nothing to its counting
+from typing import Any  # the row type does not matter for a count
 
 from sqlalchemy import (
     ColumnElement,
@@ -25,26 +25,26 @@ from sqlalchemy import (
 from sqlalchemy.orm import Session
 
 from service.jobs.states import AttemptOutcome, JobState
-from service.storage.clock import DatabaseNow
-from service.storage.database import Database
+from service.storage.database.clock import DatabaseNow
+from service.storage.database.database import Database
 from service.storage.jobs.moves import end_attempt, move
-from service.storage.tables import AttemptRow, JobRow
+from service.storage.tables.jobs import AttemptRow, JobRow
 
 Broken = Select[str]
-"""Selects the ids of the rows that break a law."""
+"""Selects the ids of the rows that violate an invariant."""
 Repair = Callable[[Database, Broken], int]
-"""Mends them; returns how many it mended."""
+"""Repairs them; returns how many."""
 
 _OUTCOME = {
     JobState.SUCCEEDED: AttemptOutcome.SUCCEEDED,
     JobState.FAILED: AttemptOutcome.FAILED,
     JobState.CANCELLED: AttemptOutcome.CANCELLED,
 }
-"""How the last attempt at a finished job has ended."""
+"""The outcome of the last attempt, by the state of a finished job."""
 
 
 def delete_orphans(table: Table, reference: ColumnElement[str]) -> Repair:
-    """Return a repair that deletes the rows whose ``reference`` is found to lead nowhere."""
+    """Return a repair that deletes the rows whose ``reference`` points to a missing row."""
 
     def repair(database: Database, broken: Broken) -> int:
         with database.write() as session:
@@ -54,7 +54,7 @@ def delete_orphans(table: Table, reference: ColumnElement[str]) -> Repair:
 
 
 def compute_again(database: Database, broken: Broken) -> int:
-    """Queue again the jobs that have succeeded with solutions that are not there."""
+    """Requeue the jobs that have succeeded but whose solutions are missing."""
     values = {"state": JobState.QUEUED.value, "solution_id": None, "reused": False, "progress": 0.0}
     statement = update(JobRow).where(JobRow.solution_id.in_(broken)).values(**values, finished_at=None)
     with database.write() as session:
@@ -62,7 +62,7 @@ def compute_again(database: Database, broken: Broken) -> int:
 
 
 def date_ends(database: Database, broken: Broken) -> int:
-    """Give jobs that have ended the instant of their last attempt's end, and take it from the others."""
+    """Set the end of finished jobs to that of their last attempt, and clear it for the others."""
     last = select(func.max(AttemptRow.ended_at)).where(AttemptRow.job_id == JobRow.id).scalar_subquery()
     ended = case((JobRow.finished_at.is_(None), func.coalesce(last, DatabaseNow())), else_=None)
     with database.write() as session:
@@ -70,7 +70,7 @@ def date_ends(database: Database, broken: Broken) -> int:
 
 
 def open_attempts() -> ColumnElement[bool]:
-    """Return the condition that an attempt has no end and is not the one that its job is at."""
+    """Return the condition that an attempt has no end and is not the current one of its job."""
     is_present = and_(
         JobRow.id == AttemptRow.job_id,
         JobRow.state == JobState.RUNNING.value,
@@ -80,7 +80,7 @@ def open_attempts() -> ColumnElement[bool]:
 
 
 def end_attempts(database: Database, broken: Broken) -> int:
-    """End the attempts that nobody is at any more: the last ones as their jobs, the others as lost."""
+    """End abandoned attempts: the last one of a job with the job's outcome, the others as lost."""
     outcome = case(
         *(
             (exists().where(_is_last(), JobRow.state == state.value), outcome.value)
@@ -95,7 +95,7 @@ def end_attempts(database: Database, broken: Broken) -> int:
 
 
 def release_leases(database: Database, broken: Broken) -> int:
-    """Queue again the jobs whose workers are gone."""
+    """Requeue the jobs whose workers are gone."""
     with database.read() as session:
         found = session.execute(select(JobRow.id, JobRow.attempt).where(JobRow.id.in_(broken))).all()
     released = 0

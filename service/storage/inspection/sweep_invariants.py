@@ -1,21 +1,21 @@
-"""What must hold for sweeps at any instant, whatever was killed: no point twice, none forgotten."""
+"""The invariants of sweeps, even after a kill: every point is in exactly one chunk."""
 
 from collections.abc import Iterator
 
 from sqlalchemy import CTE, BigInteger, and_, cast, exists, func, not_, or_, select, union_all
 
 from service.jobs.states import FINISHED, JobKind, JobState
-from service.storage.inspection.invariants import Invariant, Remedy
-from service.storage.inspection.sweep_repairs import cancel_chunks, mend_sweeps
-from service.storage.sweep_tables import SweepChunkRow, SweepRow
-from service.storage.tables import JobRow
+from service.storage.inspection.invariants import Invariant, Remedy, differ
+from service.storage.inspection.sweep_repairs import cancel_chunks, repair_sweeps
+from service.storage.tables.jobs import JobRow
+from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
 _LIVE = [state.value for state in JobState if state not in FINISHED]
 
 
 def invariants_of_sweeps() -> Iterator[Invariant]:
-    """Yield the laws of sweeps and their chunks."""
-    mend = Remedy("it is counted anew, and what is missing is queued", mend_sweeps)
+    """Yield the invariants of sweeps and their chunks."""
+    remedy = Remedy("it is recounted, and missing points are queued", repair_sweeps)
     pieces = _pieces()
     before = func.lag(pieces.c.end).over(partition_by=pieces.c.sweep_id, order_by=pieces.c.first)
     places = select(pieces.c.sweep_id, pieces.c.first, func.coalesce(before, 0).label("before")).subquery()
@@ -24,7 +24,7 @@ def invariants_of_sweeps() -> Iterator[Invariant]:
         "no point of a sweep is in two chunks, stored or to be computed",
         select(places.c.sweep_id).where(places.c.first < places.c.before).distinct(),
     )
-    # Chunks of a cancelled sweep are gone with it.
+    # The chunks of a cancelled sweep are cancelled with it.
     is_whole = SweepRow.state != JobState.CANCELLED.value
     yield Invariant(
         "sweep_gaps",
@@ -33,7 +33,7 @@ def invariants_of_sweeps() -> Iterator[Invariant]:
         .join(places, places.c.sweep_id == SweepRow.id)
         .where(is_whole, places.c.first > places.c.before)
         .distinct(),
-        mend,
+        remedy,
     )
     ends = (
         select(pieces.c.sweep_id, func.max(pieces.c.end).label("end")).group_by(pieces.c.sweep_id).subquery()
@@ -44,12 +44,12 @@ def invariants_of_sweeps() -> Iterator[Invariant]:
         select(SweepRow.id)
         .outerjoin(ends, ends.c.sweep_id == SweepRow.id)
         .where(is_whole, SweepRow.next_index != func.coalesce(ends.c.end, 0)),
-        mend,
+        remedy,
     )
-    yield from _counts(mend)
+    yield from _counts(remedy)
 
 
-def _counts(mend: Remedy) -> Iterator[Invariant]:
+def _counts(remedy: Remedy) -> Iterator[Invariant]:
     counted = (
         select(
             SweepChunkRow.sweep_id,
@@ -70,7 +70,7 @@ def _counts(mend: Remedy) -> Iterator[Invariant]:
                 SweepRow.refused != func.coalesce(counted.c.refused, 0),
             )
         ),
-        mend,
+        remedy,
     )
     is_live = SweepRow.state.in_(_LIVE)
     is_done = SweepRow.done == SweepRow.points
@@ -79,7 +79,7 @@ def _counts(mend: Remedy) -> Iterator[Invariant]:
         "sweep_success",
         "a sweep has succeeded exactly if all of its points are done",
         select(SweepRow.id).where(or_(and_(succeeded, not_(is_done)), and_(is_live, is_done))),
-        mend,
+        remedy,
     )
     its_chunks = and_(
         JobRow.sweep_id == SweepRow.id, JobRow.kind == JobKind.CHUNK.value, JobRow.state.in_(_LIVE)
@@ -88,7 +88,7 @@ def _counts(mend: Remedy) -> Iterator[Invariant]:
         "sweep_stands_still",
         "a sweep that is not finished has chunks to be computed",
         select(SweepRow.id).where(is_live, not_(is_done), not_(exists().where(its_chunks))),
-        mend,
+        remedy,
     )
     yield Invariant(
         "sweep_leftovers",
@@ -100,7 +100,7 @@ def _counts(mend: Remedy) -> Iterator[Invariant]:
     yield Invariant(
         "sweep_finished_at",
         "a sweep has the instant of its end exactly if it has ended",
-        select(SweepRow.id).where(or_(and_(ended, not_(is_dated)), and_(not_(ended), is_dated))),
+        select(SweepRow.id).where(differ(ended, is_dated)),
     )
 
 

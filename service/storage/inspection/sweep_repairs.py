@@ -1,4 +1,4 @@
-"""How a sweep is mended that does not add up: it is counted anew, and what is missing is queued."""
+"""Repairs sweeps with wrong counters or missing chunks: recounts them and queues what is missing."""
 
 from collections.abc import Iterator, Sequence
 
@@ -7,19 +7,19 @@ from sqlalchemy.orm import Session
 
 from service.jobs.chunking import PILOT_POINTS, Range, cut
 from service.jobs.states import FINISHED, AttemptOutcome, JobKind, JobState
-from service.storage.clock import DatabaseNow
-from service.storage.database import Database
+from service.storage.database.clock import DatabaseNow
+from service.storage.database.database import Database
 from service.storage.inspection.repairs import Broken
+from service.storage.jobs.chunks import hold, queue_chunks
 from service.storage.jobs.moves import end_attempt, move
-from service.storage.sweep_tables import SweepChunkRow, SweepRow
-from service.storage.sweeps.sweep_moves import hold, queue_chunks
-from service.storage.tables import JobRow
+from service.storage.tables.jobs import JobRow
+from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
 _LIVE = [state.value for state in JobState if state not in FINISHED]
 
 
-def mend_sweeps(database: Database, broken: Broken) -> int:
-    """Mend sweeps one by one; whatever is stored of them stays."""
+def repair_sweeps(database: Database, broken: Broken) -> int:
+    """Repair sweeps one by one; stored points are kept."""
     with database.read() as session:
         found = session.scalars(broken).all()
     for sweep_id in found:
@@ -51,7 +51,7 @@ def _mend(session: Session, sweep: SweepRow) -> None:
     sweep.next_index = max(sweep.next_index, end)
     missing = list(_missing(covered, sweep.next_index))
     if not missing and sweep.done == sum(piece.count for piece in covered) < sweep.points:
-        # Nothing is under way that would make further chunks.
+        # No running chunk is left that would make further ones.
         missing = [Range(sweep.next_index, min(PILOT_POINTS, sweep.points - sweep.next_index))]
         sweep.next_index += missing[0].count
     if sweep.done < sweep.points:
@@ -91,7 +91,7 @@ def _missing(covered: Sequence[Range], end: int) -> Iterator[Range]:
 
 
 def _most(session: Session, sweep: SweepRow) -> int:
-    """Return how large a chunk may be, by what the jobs of the sweep say, or by the last that was made."""
+    """Return the largest chunk size that the sweep's jobs record, else the size of the last chunk made."""
     problem = session.scalar(select(JobRow.problem).where(JobRow.sweep_id == sweep.id).limit(1))
     return _number(problem["most"]) if problem is not None else max(sweep.chunk_points, 1)
 

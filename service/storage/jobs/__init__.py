@@ -1,1 +1,1 @@
-"""Jobs in SQL: how they come, pass into hands, move and end; who delivers them."""
+"""Jobs in SQL: submitting, claiming, state changes, finishing, and delivery to workers."""

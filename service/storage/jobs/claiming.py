@@ -1,4 +1,4 @@
-"""How jobs pass into the hands of a worker, within somebody's transaction."""
+"""Gives queued jobs to a worker, within the caller's transaction."""
 
 from collections.abc import Sequence
 from typing import Any  # of a row that the statement describes
@@ -9,14 +9,14 @@ from service.jobs.dispatch import Dispatcher
 from service.jobs.job import Claim, Taken
 from service.jobs.lanes import Lane
 from service.jobs.states import JobKind, JobState
-from service.storage.base import table_of
-from service.storage.clock import DatabaseNow
-from service.storage.database import is_postgres
+from service.storage.database.clock import DatabaseNow
+from service.storage.database.database import is_postgres
+from service.storage.jobs import chunks
 from service.storage.jobs.finishing import solved, succeed
 from service.storage.jobs.joint_statements import claim_and_begin
 from service.storage.jobs.moves import may_become
-from service.storage.sweeps import sweep_moves
-from service.storage.tables import AttemptRow, JobRow
+from service.storage.tables.base import table_of
+from service.storage.tables.jobs import AttemptRow, JobRow
 
 _JOBS = table_of(JobRow)
 _CLAIMABLE = (
@@ -26,7 +26,7 @@ _CLAIMABLE = (
         may_become(JobState.RUNNING),
         _JOBS.c.ready_at <= DatabaseNow(),
     )
-    # Whoever holds the row makes an end of the job; waiting for several could wait in a circle.
+    # Skip locked rows: their holder is finishing the job, and waiting on several could deadlock.
     .with_for_update(skip_locked=True)
 )
 _CLAIM = (
@@ -63,9 +63,9 @@ def take_jobs(
     lease_seconds: float,
     owed: Sequence[Lane] = (),
 ) -> Taken | None:
-    """Claim the next jobs, and finish at once those whose problems have been solved meanwhile.
+    """Claim the next jobs; finish at once those whose problem has a stored solution by now.
 
-    None if nothing is delivered; what is delivered may all be out of date.
+    None if nothing was delivered. The claims may be empty: every delivered job may be out of date.
     """
     ids = dispatcher.take(connection, count, owed[:count]) if count else None
     if ids is None:
@@ -111,7 +111,7 @@ def _claim(
             digest=row.digest,
             key_id=row.key_id,
             kind=JobKind(row.kind),
-            sweep=None if row.sweep_id is None else sweep_moves.begin(connection, row.sweep_id),
+            sweep=None if row.sweep_id is None else chunks.begin(connection, row.sweep_id),
             sweep_id=row.sweep_id,
             lane=Lane(row.lane),
         )

@@ -1,4 +1,4 @@
-"""Which dispatcher an installation has."""
+"""Chooses the dispatcher by the setting POLHODE_ENGINE."""
 
 from sqlalchemy import Connection
 

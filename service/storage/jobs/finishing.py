@@ -1,4 +1,4 @@
-"""How jobs succeed, within somebody's transaction."""
+"""Stores solutions and marks their jobs succeeded, within the caller's transaction."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,14 +6,15 @@ from sqlalchemy import Connection, bindparam, insert, select, update
 
 from service.jobs.job import Claim
 from service.jobs.states import AttemptOutcome, JobState
-from service.storage.base import table_of
-from service.storage.clock import DatabaseNow
-from service.storage.database import is_postgres
-from service.storage.ids import new_id
+from service.storage.codecs.summary import summary_columns
+from service.storage.database.clock import DatabaseNow
+from service.storage.database.database import is_postgres
+from service.storage.database.ids import new_id
 from service.storage.jobs.joint_statements import NEW, insert_solution, store_and_succeed
 from service.storage.jobs.moves import may_become
-from service.storage.solutions.summary import summary_columns
-from service.storage.tables import AttemptRow, DenseOutputRow, JobRow, SamplesRow, SolutionRow
+from service.storage.tables.base import table_of
+from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 
 _JOBS, _ATTEMPTS, _SOLUTIONS = table_of(JobRow), table_of(AttemptRow), table_of(SolutionRow)
 
@@ -52,7 +53,7 @@ _SOLVED = (
     .order_by(_SOLUTIONS.c.id.desc())
 )
 _DIGESTS = 500
-"""Looked up by one statement: databases limit its parameters."""
+"""Digests looked up by one statement: databases limit its parameters."""
 
 
 def store_solution(
@@ -75,7 +76,7 @@ def store_solution(
     if is_postgres(connection):
         given |= {"dense": dense, "samples": samples}
         return connection.scalar(_STORE_AND_SUCCEED, given) is not None
-    # One writer at a time: the claim that holds here still holds below.
+    # SQLite has one writer at a time: a claim that holds here still holds below.
     if connection.scalar(_INSERT_SOLUTION, given) is None:
         return False
     connection.execute(_INSERT_DENSE, {"solution_id": solution_id, "data": dense})
@@ -96,7 +97,7 @@ def solved(connection: Connection, digests: Sequence[str]) -> dict[str, str]:
     """Return the first solution of each digest that has one: then a job of it succeeded."""
     found: dict[str, str] = {}
     for start in range(0, len(digests), _DIGESTS):
-        # The first comes last, and stays.
+        # In descending order, so that the first solution is the one that is kept.
         found.update(
             (row.digest, row.id)
             for row in connection.execute(_SOLVED, {"digests": digests[start : start + _DIGESTS]})

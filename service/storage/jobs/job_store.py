@@ -1,4 +1,4 @@
-"""Jobs in SQL. One method is one transaction; its moves are those of :mod:`service.storage.jobs.moves`."""
+"""The store of jobs in SQL; one method is one transaction."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,23 +9,23 @@ from service.jobs.dispatch import Dispatcher
 from service.jobs.errors import JobFinishedError, JobNotFoundError
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
-from service.jobs.outcome import ChunkOutcome, Outcome, SolveOutcome
+from service.jobs.outcome import ChunkOutcome, Outcome, Refused, Solved
 from service.jobs.states import AttemptOutcome, JobKind, JobState
-from service.storage.base import table_of
-from service.storage.clock import DatabaseNow
-from service.storage.database import Database
-from service.storage.ids import is_id
+from service.storage.database.clock import DatabaseNow
+from service.storage.database.database import Database
+from service.storage.database.ids import is_id
+from service.storage.database.paging import rows_of_page
+from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
 from service.storage.jobs.finishing import store_solution
 from service.storage.jobs.moves import end_attempt, fence, history, lose, move
 from service.storage.jobs.records import delivery_of, job_of
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
-from service.storage.key_store import charge
-from service.storage.paging import rows_of_page
-from service.storage.sweep_tables import SweepRow
-from service.storage.sweeps import sweep_moves
-from service.storage.tables import JobRow
+from service.storage.keys.key_store import charge
+from service.storage.tables.base import table_of
+from service.storage.tables.jobs import JobRow
+from service.storage.tables.sweeps import SweepRow
 
 _JOBS = table_of(JobRow)
 _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
@@ -37,14 +37,14 @@ class SqlJobStore:
     """The :class:`~service.jobs.store.JobStore` in SQLite or Postgres."""
 
     def __init__(self, database: Database, dispatcher: Dispatcher[Connection] | None = None) -> None:
-        """Without a dispatcher, workers look at the table."""
+        """Without a dispatcher, workers poll the table."""
         self._database = database
         self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
 
     def submit(
         self, problem: Mapping[str, object], digest: str, *, priority: int = 0, key_id: str | None = None
     ) -> Job:
-        """Store a job; born succeeded if an equal problem has been solved."""
+        """Store a job; it has succeeded already if an equal problem has been solved."""
         (job,) = self.submit_many([(problem, digest)], priority=priority, key_id=key_id)
         return job
 
@@ -83,7 +83,7 @@ class SqlJobStore:
             return history(session, _row(session, job_id).id)
 
     def cancel(self, job_id: str) -> Job:
-        """Cancel a live job at once, whoever runs it; its claim is void from now on."""
+        """Cancel an unfinished job at once, even while it runs; its claim no longer holds."""
         with self._database.write() as session:
             row = _row(session, job_id)
             if row.state == JobState.CANCELLED.value:
@@ -146,31 +146,21 @@ class SqlJobStore:
         if isinstance(outcome, ChunkOutcome):
             with self._database.write() as session:
                 return self._finish_chunk(session, claim, outcome), take(session.connection())
-        if outcome.error is not None:
+        if isinstance(outcome, Refused):
             with self._database.write() as session:
                 return self._fail(session, claim, outcome.error), take(session.connection())
         with self._database.write_rows() as connection:
             return _succeed(connection, claim, outcome), take(connection)
 
-    def finish_success(
-        self, claim: Claim, summary: Mapping[str, object], *, dense: bytes, samples: bytes
-    ) -> bool:
-        """Store the solution and the success together, or neither."""
-        return self.finish(claim, SolveOutcome(dict(summary), dense, samples, None))[0]
-
-    def finish_chunk(self, claim: Claim, outcome: ChunkOutcome) -> bool:
-        """Store the points, the success and the further chunks together, or none of them."""
-        return self.finish(claim, outcome)[0]
-
     def finish_failure(self, claim: Claim, error: Mapping[str, object]) -> bool:
-        """Mark the job failed for good; the points of a chunk are tried in smaller ones."""
+        """Mark the job failed for good; a chunk is split into smaller ones."""
         with self._database.write() as session:
             return self._fail(session, claim, error)
 
     def lose(self, claim: Claim, detail: str, *, max_attempts: int, retry_seconds: float = 0.0) -> bool:
         """Queue the job again after the loss of its child, or give it up."""
         with self._database.write() as session:
-            sweep = sweep_moves.hold(session, claim.sweep_id)
+            sweep = chunks.hold(session, claim.sweep_id)
             attempt = claim.job_id, claim.attempt
             if not lose(session, fence(claim), attempt, detail, max_attempts, retry_seconds):
                 return False
@@ -187,23 +177,23 @@ class SqlJobStore:
             return True
 
     def repair(self) -> int:
-        """Deliver anew the jobs that are due and whose delivery was lost."""
+        """Deliver again the due jobs whose delivery was lost."""
         with self._database.write_rows() as connection:
             return self._dispatcher.repair(connection)
 
     def reconcile(self, *, max_attempts: int, retry_seconds: float = 0.0) -> tuple[str, ...]:
-        """Queue again, or give up, every job whose lease has ended."""
+        """Requeue, or fail, every job whose lease has ended."""
         expired = JobRow.state == JobState.RUNNING.value, JobRow.lease_until < DatabaseNow()
-        # Look first without the writer's lock: almost always nothing is found.
+        # Look first without the write lock: almost always nothing is found.
         with self._database.read() as session:
             columns = JobRow.id, JobRow.attempt, JobRow.sweep_id
             found = session.execute(select(*columns).where(*expired)).all()
         changed: list[str] = []
         for job_id, attempt, sweep_id in found:
-            # A transaction each; the conditions are judged again inside it.
+            # One transaction for each; the conditions are checked again inside it.
             still = (JobRow.id == job_id, JobRow.attempt == attempt, *expired)
             with self._database.write() as session:
-                sweep = sweep_moves.hold(session, sweep_id)
+                sweep = chunks.hold(session, sweep_id)
                 detail = "the lease ended without a heartbeat"
                 if lose(session, still, (job_id, attempt), detail, max_attempts, retry_seconds):
                     self._deliver_after_loss(session, sweep, job_id)
@@ -211,17 +201,17 @@ class SqlJobStore:
         return tuple(changed)
 
     def _finish_chunk(self, session: Session, claim: Claim, outcome: ChunkOutcome) -> bool:
-        queued = sweep_moves.finish(session, claim, outcome)
+        queued = chunks.finish(session, claim, outcome)
         self._deliver(session, queued or ())
         return queued is not None
 
     def _fail(self, session: Session, claim: Claim, error: Mapping[str, object]) -> bool:
-        sweep = sweep_moves.hold(session, claim.sweep_id)
+        sweep = chunks.hold(session, claim.sweep_id)
         if not move(session, JobState.FAILED, *fence(claim), error=dict(error)):
             return False
         code = str(error.get("code", ""))
         end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.FAILED, code)
-        self._deliver(session, sweep_moves.replace_failed(session, sweep, claim.job_id))
+        self._deliver(session, chunks.replace_failed(session, sweep, claim.job_id))
         return True
 
     def _deliver(self, session: Session, queued: Sequence[JobRow]) -> None:
@@ -229,15 +219,13 @@ class SqlJobStore:
         self._dispatcher.dispatch(session.connection(), [delivery_of(row) for row in queued])
 
     def _deliver_after_loss(self, session: Session, sweep: SweepRow | None, job_id: str) -> None:
-        """Deliver the job that is queued again, or what takes the place of a chunk that is given up."""
-        further = sweep_moves.replace_failed(session, sweep, job_id)
+        """Deliver the requeued job, or the jobs that replace a failed chunk."""
+        further = chunks.replace_failed(session, sweep, job_id)
         job = session.get_one(JobRow, job_id, populate_existing=True)
         self._deliver(session, [job, *further] if job.state == JobState.QUEUED.value else further)
 
 
-def _succeed(connection: Connection, claim: Claim, outcome: SolveOutcome) -> bool:
-    if outcome.summary is None:
-        raise ValueError("the computation returned neither a summary nor an error")
+def _succeed(connection: Connection, claim: Claim, outcome: Solved) -> bool:
     if not store_solution(connection, claim, outcome.summary, outcome.dense, outcome.samples):
         return False
     charge(connection, claim.key_id, len(outcome.dense) + len(outcome.samples))
@@ -246,7 +234,7 @@ def _succeed(connection: Connection, claim: Claim, outcome: SolveOutcome) -> boo
 
 def _row(session: Session, job_id: str) -> JobRow:
     row = session.get(JobRow, job_id) if is_id(job_id) else None
-    # A chunk is its sweep's affair: cancelled by itself, it would leave a gap.
+    # A chunk is cancelled only with its sweep: alone, it would leave a gap.
     if row is None or row.kind != JobKind.SOLVE.value:
         raise JobNotFoundError(job_id)
     return row

@@ -1,7 +1,7 @@
-"""Several moves by one statement: on Postgres each statement is a journey.
+"""Joins several state changes into one statement: on Postgres each statement costs a round trip.
 
-SQLite has no INSERT or UPDATE within a WITH, and no journeys: there
-:mod:`.finishing` and :mod:`.claiming` take one step after the other.
+SQLite has no INSERT or UPDATE inside a WITH, and no round trips: there
+:mod:`.finishing` and :mod:`.claiming` run one statement after the other.
 """
 
 from collections.abc import Iterable
@@ -9,19 +9,20 @@ from collections.abc import Iterable
 from sqlalchemy import Column, FromClause, Insert, Select, Update, bindparam, insert, literal_column, select
 from sqlalchemy.sql import ColumnElement
 
-from service.storage.base import table_of
-from service.storage.clock import DatabaseNow
-from service.storage.tables import AttemptRow, DenseOutputRow, SamplesRow, SolutionRow
+from service.storage.database.clock import DatabaseNow
+from service.storage.tables.base import table_of
+from service.storage.tables.jobs import AttemptRow
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 
 _ATTEMPTS, _SOLUTIONS = table_of(AttemptRow), table_of(SolutionRow)
 _DENSE, _SAMPLES = table_of(DenseOutputRow), table_of(SamplesRow)
 
 NEW = "new_"
-"""Before the names of parameters for columns: SQLAlchemy would set the columns of every table so called."""
+"""Prefix of parameter names: without it SQLAlchemy would set the columns of that name in every table."""
 
 
 def insert_solution(source: FromClause, *conditions: ColumnElement[bool]) -> Insert:
-    """Return the statement that inserts a solution if there is such a row in ``source``.
+    """Return the statement that inserts a solution if ``source`` has a row.
 
     Its parameters are the columns of a solution with NEW before their names.
     """

@@ -1,8 +1,8 @@
-"""The guarded UPDATEs by which a job moves, within somebody's transaction.
+"""The guarded UPDATEs that change a job's state, within the caller's transaction.
 
-The guard of a move is read from the table of legal moves, and a worker's move
-is fenced by its claim besides. Whether the UPDATE changed a row decides what
-happened; nothing is read first and written afterwards.
+The guard comes from the table of legal moves; a worker's UPDATE also requires its
+claim. The number of changed rows tells whether the move happened: nothing is read
+first and written afterwards.
 """
 
 import random
@@ -13,22 +13,22 @@ from sqlalchemy.orm import Session
 
 from service.jobs.job import Attempt, Claim
 from service.jobs.states import FINISHED, AttemptOutcome, JobState, after_loss, pause_after, sources
-from service.storage.base import table_of
-from service.storage.clock import DatabaseNow, database_now
+from service.storage.database.clock import DatabaseNow, database_now
 from service.storage.jobs.records import attempt_of
-from service.storage.tables import AttemptRow, JobRow
+from service.storage.tables.base import table_of
+from service.storage.tables.jobs import AttemptRow, JobRow
 
 _JOBS = table_of(JobRow)
 
 
 def may_become(target: JobState) -> ColumnElement[bool]:
     """Return the guard of every move to ``target``."""
-    # Not by IN, whose list SQLAlchemy writes anew at each execution.
+    # OR instead of IN: SQLAlchemy expands the list of an IN at each execution.
     return or_(*(_JOBS.c.state == state.value for state in sources(target)))
 
 
 def fence(claim: Claim) -> tuple[ColumnElement[bool], ...]:
-    """Return what must hold for a worker to write: the job still runs, by its claim."""
+    """Return the condition for a worker's write: the job still runs under its claim."""
     return (
         JobRow.id == claim.job_id,
         JobRow.state == JobState.RUNNING.value,
@@ -81,7 +81,7 @@ def lose(
     max_attempts: int,
     retry_seconds: float,
 ) -> bool:
-    """Queue again a job whose worker or child died, or give it up with its history as the error.
+    """Requeue a job whose worker or child died, or fail it with its history as the error.
 
     ``attempt`` is the job's id and the number of the attempt; ``guard`` says
     when it is lost. It waits ``retry_seconds`` after the first loss.

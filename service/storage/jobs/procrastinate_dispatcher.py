@@ -1,14 +1,13 @@
-"""Jobs delivered by Procrastinate, whose tables lie beside ours in the same Postgres.
+"""Delivers jobs through Procrastinate, whose tables are in the same Postgres database.
 
-A delivery is a row of its queue and is written, and used up, by the
-transaction that queues, or claims, the job: there is no moment at which one
-has happened without the other. Hence no delivery is ever seen at work, and
-none is left behind by a worker that died.
+A delivery is a row of Procrastinate's queue. The transaction that queues a job inserts
+it, and the transaction that claims the job finishes it, so neither happens without
+the other. Hence no delivery is ever in progress, and a worker that dies leaves none
+behind.
 
-Procrastinate's queue knows an order by priority and age, and ours is fair
-besides. So a delivery says that there is work; which job is next is read from
-the jobs table, in the order of every engine, and that job's own delivery is
-used up.
+Procrastinate orders its queue by priority and age; ours is also fair between keys. So
+a delivery only says that there is work: the next job is read from the jobs table, in
+the order that all engines use, and the delivery of that job is finished.
 """
 
 from collections.abc import Sequence
@@ -42,18 +41,18 @@ from sqlalchemy import cast as sql_cast
 
 from service.jobs.dispatch import Delivery
 from service.jobs.lanes import Lane
-from service.storage.base import table_of
 from service.storage.jobs.table_dispatcher import first_jobs, in_order, is_ready, take_in_order
-from service.storage.tables import JobRow
+from service.storage.tables.base import table_of
+from service.storage.tables.jobs import JobRow
 
 QUEUE, TASK = "polhode", "claim"
 (CHANNEL,) = get_channel_for_queues([QUEUE])
 """On which Postgres tells listeners that something was put into the queue."""
 
 _REPAIRED = 100
-"""Jobs at the head of the queue whose deliveries are looked for. One behind them is not due yet."""
+"""Jobs at the head of the queue whose deliveries are looked for; later jobs are not due yet."""
 _EXAMINED = 1000
-"""Deliveries of which it is examined at a time whether they are still of use."""
+"""Deliveries that are checked at a time for being out of date."""
 _JOBS = table_of(JobRow)
 _DELIVERIES = table(
     "procrastinate_jobs",
@@ -76,21 +75,21 @@ class ProcrastinateDispatcher:
         """The last delivery that was examined."""
 
     def dispatch(self, connection: Connection, deliveries: Sequence[Delivery]) -> None:
-        """Put rows into Procrastinate's queue; its trigger notifies whoever listens after the commit."""
+        """Put rows into Procrastinate's queue; its trigger notifies listeners after the commit."""
         if deliveries:
             self._manager.batch_defer_jobs(
                 [_queued(delivery) for delivery in deliveries], connection=_driver(connection)
             )
 
     def take(self, connection: Connection, count: int, owed: Sequence[Lane] = ()) -> Sequence[str] | None:
-        """Return the first jobs of the queue that are ready, and use up their deliveries."""
+        """Return the first jobs of the queue that are ready, and finish their deliveries."""
         return take_in_order(connection, _TAKE, _TAKE_OF_LANE, count, owed)
 
     def repair(self, connection: Connection) -> int:
-        """Deliver the jobs at the head of our queue that are not in Procrastinate's.
+        """Deliver the jobs at the head of our queue that Procrastinate's queue lacks.
 
-        What is there and is of no use is removed, some at a time: deliveries
-        of jobs that were cancelled, say.
+        Out-of-date deliveries, such as those of cancelled jobs, are removed a few
+        at a time.
         """
         self._remove_useless(connection)
         lost = connection.execute(_without_delivery()).all()
@@ -155,7 +154,7 @@ _REMOVE = delete(_DELIVERIES).where(
         select(_DELIVERIES.c.id)
         .where(_DELIVERIES.c.queue_name == QUEUE, _WAITS)
         .where(_DELIVERIES.c.id > bindparam("after"), _DELIVERIES.c.id <= bindparam("last"), ~_USEFUL)
-        # One that is locked is being used up, or removed by another worker.
+        # A locked delivery is being finished or removed by another worker.
         .with_for_update(skip_locked=True)
         .scalar_subquery()
     )
@@ -175,7 +174,7 @@ def _without_delivery() -> Select[str, int, int, float]:
 
 
 def _queued(delivery: Delivery) -> Job:
-    # To the microsecond, upwards: not delivered before it can be claimed.
+    # Rounded up to the microsecond: not delivered before it can be claimed.
     ready_at = _EPOCH + timedelta(microseconds=int(delivery.ready_at * 1e6) + 1)
     return Job(
         id=None,

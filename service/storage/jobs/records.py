@@ -1,21 +1,10 @@
-"""From rows to the records that the rest of the program sees."""
-
-from datetime import UTC, datetime
+"""Converts rows of jobs and attempts to the records of service.jobs."""
 
 from service.jobs.dispatch import Delivery
 from service.jobs.job import Attempt, Job
 from service.jobs.states import AttemptOutcome, JobState
-from service.storage.tables import AttemptRow, JobRow
-
-
-def instant(seconds: float) -> datetime:
-    """Return the UTC instant of a stored number of seconds."""
-    return datetime.fromtimestamp(seconds, UTC)
-
-
-def optional_instant(seconds: float | None) -> datetime | None:
-    """Return :func:`instant` of what may be missing."""
-    return None if seconds is None else instant(seconds)
+from service.storage.database.clock import instant, optional_instant
+from service.storage.tables.jobs import AttemptRow, JobRow
 
 
 def job_of(row: JobRow) -> Job:
@@ -39,7 +28,7 @@ def job_of(row: JobRow) -> Job:
 
 
 def delivery_of(row: JobRow) -> Delivery:
-    """Return what says that a queued job may be claimed."""
+    """Return the delivery of a queued job, from which it may be claimed."""
     return Delivery(row.id, row.attempt, row.priority, row.ready_at)
 
 

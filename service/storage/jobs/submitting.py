@@ -1,4 +1,4 @@
-"""How jobs come into being, within somebody's transaction."""
+"""Inserts new jobs, within the caller's transaction."""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,12 +7,12 @@ from sqlalchemy.orm import Session
 
 from service.jobs.lanes import Lane
 from service.jobs.states import JobKind, JobState
-from service.storage.base import table_of
-from service.storage.clock import database_now
-from service.storage.ids import new_id
+from service.storage.database.clock import database_now
+from service.storage.database.ids import new_id
 from service.storage.jobs.finishing import solved
 from service.storage.jobs.turns import next_turns
-from service.storage.tables import JobRow
+from service.storage.tables.base import table_of
+from service.storage.tables.jobs import JobRow
 
 _INSERT = insert(table_of(JobRow))
 
@@ -25,9 +25,9 @@ def insert_jobs(
     priority: int,
     key_id: str | None,
 ) -> list[JobRow]:
-    """Insert a job for each problem and its digest; born succeeded if an equal one has been solved.
+    """Insert a job for each problem and its digest; it has succeeded already if an equal one was solved.
 
-    The rows that are returned do not belong to the session.
+    The returned rows are detached from the session.
     """
     now = database_now(session)
     connection = session.connection()

@@ -1,4 +1,4 @@
-"""Nobody delivers: workers look at the jobs table, which has an index in the order of claims."""
+"""The local engine's dispatcher: workers poll the jobs table, which has an index in the order of claims."""
 
 from collections.abc import Sequence
 from typing import Any  # the columns of some table of jobs
@@ -17,22 +17,22 @@ from sqlalchemy import (
 from service.jobs.dispatch import Delivery
 from service.jobs.lanes import Lane
 from service.jobs.states import JobState
-from service.storage.base import table_of
-from service.storage.clock import DatabaseNow
-from service.storage.tables import JobRow
+from service.storage.database.clock import DatabaseNow
+from service.storage.tables.base import table_of
+from service.storage.tables.jobs import JobRow
 
 _JOBS = table_of(JobRow)
 
 
 def in_order(jobs: Any) -> tuple[ColumnElement[Any], ...]:  # noqa: ANN401
-    """Return what the jobs in the columns ``jobs`` are sorted by, where no lane is owed any."""
-    # Keys have the same order at every turn: two of them then alternate strictly.
+    """Return the sort order of jobs when no lane is owed one."""
+    # Keys of the same turn come in a fixed order: two of them then alternate strictly.
     return jobs.priority.desc(), jobs.lane, jobs.turn, jobs.key_id, jobs.id
 
 
 def is_ready() -> tuple[ColumnElement[bool], ...]:
     """Return what makes a job claimable."""
-    # The literal lets the databases see that the index of the queue has all of them.
+    # A literal, not a parameter, so that the databases can use the partial index of queued jobs.
     return _JOBS.c.state == literal_column(f"'{JobState.QUEUED}'"), _JOBS.c.ready_at <= DatabaseNow()
 
 
@@ -46,7 +46,7 @@ def first_jobs(*columns: ColumnElement[Any], of_lane: bool) -> Select[*tuple[Any
         .where(*ready)
         .order_by(*(each for each in in_order(_JOBS.c) if not (of_lane and each is _JOBS.c.lane)))
         .limit(bindparam("count", type_=Integer))
-        # Postgres: workers step over each other's rows. SQLite has one writer at a time and ignores it.
+        # On Postgres workers skip rows that others have locked. SQLite has one writer and ignores it.
         .with_for_update(skip_locked=True)
     )
 
@@ -61,7 +61,7 @@ def take_in_order(
         for job_id in connection.scalars(first_of_lane, {"lane": int(lane), "count": 1})
     ]
     if len(ids) < count:
-        # Those that this transaction has locked already are found once more.
+        # The second statement finds the rows that this transaction has already locked once more.
         head = connection.scalars(first, {"count": count}).all()
         ids += [job_id for job_id in head if job_id not in ids]
     return ids[:count] or None

@@ -1,4 +1,4 @@
-"""Where the jobs of a key stand in the queue: the turns that were given before, read from the index."""
+"""Assigns turns (places in the fair queue) to new jobs from the turns that the index holds."""
 
 from collections.abc import Sequence
 from typing import Any  # of a row that the statement describes
@@ -8,19 +8,19 @@ from sqlalchemy import Connection, Select, Text, bindparam, cast, func, literal_
 from service.jobs.lanes import Lane
 from service.jobs.states import JobState
 from service.jobs.turns import gap_for, turns
-from service.storage.base import table_of
-from service.storage.database import is_postgres
-from service.storage.tables import JobRow
+from service.storage.database.database import is_postgres
+from service.storage.tables.base import table_of
+from service.storage.tables.jobs import JobRow
 
 _JOBS = table_of(JobRow)
 _TAKEN = JobState.RUNNING, JobState.SUCCEEDED, JobState.FAILED
 _HELD = JobState.QUEUED, *_TAKEN
-"""States in which a job counts for its key. One that was cancelled does not: its place is free again."""
+"""States in which a job's turn counts for its key. A cancelled job's does not: its place is free again."""
 _IN_LANE = _JOBS.c.lane == bindparam("lane"), _JOBS.c.priority == bindparam("priority")
 
 
 def _largest(state: JobState, of_key: bool, has_key: bool) -> Select[float]:
-    """Return the largest turn among the jobs of one state: the end of an index, whatever their number."""
+    """Return the largest turn among the jobs of one state: one look-up at the end of an index."""
     statement = select(func.max(_JOBS.c.turn)).where(*_IN_LANE, _JOBS.c.state == literal_column(f"'{state}'"))
     if of_key:
         own = _JOBS.c.key_id == bindparam("key_id") if has_key else _JOBS.c.key_id.is_(None)
@@ -29,7 +29,7 @@ def _largest(state: JobState, of_key: bool, has_key: bool) -> Select[float]:
 
 
 def _last_seconds(has_key: bool) -> Select[float]:
-    """Return what the last job of a key took that has succeeded."""
+    """Return how long the last succeeded job of a key took."""
     own = _JOBS.c.key_id == bindparam("key_id") if has_key else _JOBS.c.key_id.is_(None)
     succeeded = _JOBS.c.state == literal_column(f"'{JobState.SUCCEEDED}'")
     return (

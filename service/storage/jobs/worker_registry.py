@@ -1,16 +1,16 @@
-"""Which workers there are: each writes that it lives, as long as it does."""
+"""Keeps a row for each live worker, refreshed by its heartbeat."""
 
 from sqlalchemy import delete, select
 
-from service.jobs.hosts import OtherHostError, WorkerProcess
-from service.storage.clock import DatabaseNow, database_now
-from service.storage.database import Database
-from service.storage.operation_tables import WorkerRow
+from service.local.hosts import OtherHostError, WorkerProcess
+from service.storage.database.clock import DatabaseNow, database_now
+from service.storage.database.database import Database
+from service.storage.tables.operations import WorkerRow
 
 SILENT_LEASES = 3
-"""A worker that has not been seen for so many leases is taken to be gone."""
+"""A worker that was silent for so many lease times counts as gone."""
 FORGOTTEN_SECONDS = 86_400.0
-"""After which the row of a worker that was killed is removed."""
+"""The row of a killed worker is removed after this silence."""
 
 
 class WorkerRegistry:
@@ -21,23 +21,23 @@ class WorkerRegistry:
         self._silent_seconds = SILENT_LEASES * lease_seconds
 
     def enter(self, worker: WorkerProcess, *, alone: bool) -> None:
-        """Register a worker that starts; ``alone``: only on a machine that has the database to itself.
+        """Register a starting worker; ``alone`` refuses it if another machine uses the database.
 
         Raises
         ------
         OtherHostError
-            A worker of another machine was there before, and lives.
+            A worker of another machine is registered and alive.
         """
         self.see(worker)
         if not alone:
             return
-        # Entered first and looked afterwards: of two that start at once, one sees the other at least.
+        # Insert first, then look: of two that start at once, at least one sees the other.
         with self._database.read() as session:
             now = database_now(session)
             before = (
                 select(WorkerRow)
                 .where(WorkerRow.host != worker.host, WorkerRow.seen_at >= now - self._silent_seconds)
-                .where(WorkerRow.slots > 0)  # a service without workers may be anywhere
+                .where(WorkerRow.slots > 0)  # a service without workers may be on any machine
                 .order_by(WorkerRow.seen_at.desc())
                 .limit(1)
             )
@@ -47,7 +47,7 @@ class WorkerRegistry:
             raise OtherHostError(worker.host, other.host, now - other.seen_at)
 
     def see(self, worker: WorkerProcess) -> None:
-        """Write that a worker lives, even if it had been forgotten; forget those that died long ago."""
+        """Refresh the row of a worker, or insert it again; remove rows of workers that died long ago."""
         with self._database.write() as session:
             now = database_now(session)
             row = session.get(WorkerRow, worker.name)
@@ -64,6 +64,6 @@ class WorkerRegistry:
             session.execute(delete(WorkerRow).where(WorkerRow.seen_at < DatabaseNow() - FORGOTTEN_SECONDS))
 
     def leave(self, worker: WorkerProcess) -> None:
-        """Remove a worker that stops in order."""
+        """Remove the row of a worker that shuts down."""
         with self._database.write() as session:
             session.execute(delete(WorkerRow).where(WorkerRow.name == worker.name))

@@ -1,1 +1,1 @@
-"""Solutions, their arrays, and what tiers were measured to reach."""
+"""Stores solutions, their arrays, and the measured tables of accuracy and speed."""

@@ -1,4 +1,4 @@
-"""Tables of accuracy and speed: every calibration is kept, the latest one counts."""
+"""Stores the tables of accuracy and speed: every calibration is kept, the latest one is used."""
 
 import logging
 from functools import cache
@@ -8,11 +8,11 @@ from sqlalchemy import select
 
 from service.dynamics.accuracy import AccuracyTable
 from service.dynamics.numerics import NUMERICS
-from service.schemas.accuracy import AccuracyTableModel
-from service.storage.clock import DatabaseNow
-from service.storage.database import Database
-from service.storage.ids import new_id
-from service.storage.operation_tables import CalibrationRow
+from service.schemas.replies.accuracy import AccuracyTableModel
+from service.storage.database.clock import DatabaseNow
+from service.storage.database.database import Database
+from service.storage.database.ids import new_id
+from service.storage.tables.operations import CalibrationRow
 
 logger = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ class AccuracyStore:
             return row.id
 
     def latest(self) -> AccuracyTable | None:
-        """Return the table of the latest calibration, None before the first."""
+        """Return the table of the latest calibration; None if there was none."""
         newest = select(CalibrationRow.document).order_by(
             CalibrationRow.created_at.desc(), CalibrationRow.id.desc()
         )
@@ -56,10 +56,10 @@ class AccuracyStore:
 
 @cache
 def _warn_outdated(date: str, numerics: int) -> None:
-    """Say once in the life of a process that a table is not used."""
+    """Log once per process that a table is not used."""
     logger.warning(
         "the table of accuracy and speed of %s is of numerics %d, this version computes with %d: "
-        "the shipped one is used until polhode calibrate has measured anew",
+        "the shipped one is used until polhode calibrate has measured again",
         date,
         numerics,
         NUMERICS,
@@ -68,5 +68,5 @@ def _warn_outdated(date: str, numerics: int) -> None:
 
 @cache
 def shipped_table() -> AccuracyTable:
-    """Return the table that comes with this version, measured on a machine of its makers."""
+    """Return the table that is shipped with this version, measured on the developers' machine."""
     return AccuracyTableModel.model_validate_json(SHIPPED.read_bytes()).to_domain()

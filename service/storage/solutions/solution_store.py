@@ -1,7 +1,7 @@
-"""Solutions: found by their numbers, read with or without their arrays.
+"""Finds solutions by their numbers and reads them, with or without their arrays.
 
-A solution is written only together with the success of its job, see
-:mod:`service.storage.jobs.job_store`; hence whatever is here comes from a success.
+:mod:`service.storage.jobs.job_store` writes a solution only together with the success
+of its job; so every stored solution comes from a succeeded job.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,12 +13,12 @@ from sqlalchemy import ColumnElement, Select, func, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from service.jobs.errors import SolutionNotFoundError
-from service.storage.database import Database
-from service.storage.ids import is_id
+from service.storage.database.clock import instant
+from service.storage.database.database import Database
+from service.storage.database.ids import is_id
+from service.storage.database.paging import rows_of_page
 from service.storage.jobs.finishing import solved
-from service.storage.jobs.records import instant
-from service.storage.paging import rows_of_page
-from service.storage.tables import DenseOutputRow, SamplesRow, SolutionRow
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 
 Condition = ColumnElement[bool]
 NumberColumn = Literal["A", "C", "period", "energy", "error"]
@@ -40,7 +40,7 @@ class Solution:
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
+class NumberRange:
     """lower ≤ x ≤ upper; None is no bound. A missing number is in no interval."""
 
     lower: float | None = None
@@ -55,7 +55,7 @@ class SolutionQuery:
     family: str | None = None
     method: str | None = None
     tier: str | None = None
-    intervals: Mapping[NumberColumn, Interval] = field(default_factory=dict)
+    intervals: Mapping[NumberColumn, NumberRange] = field(default_factory=dict)
     sort: SortColumn = "created_at"
     descending: bool = True
     """Solutions without the number come last either way."""
@@ -148,8 +148,8 @@ def _conditions(query: SolutionQuery) -> list[Condition]:
 def _rows(session: Session, query: SolutionQuery, conditions: Sequence[Condition]) -> list[SolutionRow]:
     """Return the rows of a page: first of the solutions with the number, then of those without.
 
-    Databases put nulls at different ends of an index, and "nulls last" of both
-    directions is no order of one index; each of the two parts is.
+    Databases put nulls at different ends of an index, and no single index gives
+    "nulls last" in both directions; each of the two parts can use an index.
     """
     key = _column(query.sort)
     if query.sort == "created_at":
@@ -158,7 +158,7 @@ def _rows(session: Session, query: SolutionQuery, conditions: Sequence[Condition
     rows = rows_of_page(session, SolutionRow, _ids(query, known, query.offset, query.limit))
     missing = query.limit - len(rows)
     if not missing or query.sort in query.intervals:
-        # A solution without the number is in no interval of it.
+        # A solution without the number is outside every interval.
         return rows
     before = query.offset + len(rows)
     if not rows and query.offset:

@@ -1,1 +1,1 @@
-"""Sweeps, their chunks, and the points in them."""
+"""Stores sweeps and their chunks, and reads their points."""

@@ -1,4 +1,4 @@
-"""Which points of a sweep are asked for, in which order, and how one tells."""
+"""The query for points of a sweep: conditions, sort order, and how they are evaluated."""
 
 import operator
 from collections.abc import Callable, Mapping
@@ -26,7 +26,7 @@ _COMPARE: Mapping[Operator, Callable[[FloatArray, float], BoolArray]] = {
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A column compared with a number; a point that has no number in it is never meant."""
+    """A column compared with a number; a point without a number in it never matches."""
 
     column: str
     operator: Operator
@@ -48,11 +48,11 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class PointQuery:
-    """Which points. Every condition must hold."""
+    """The points asked for; every condition must hold."""
 
     conditions: tuple[Condition, ...] = ()
     outcomes: tuple[str, ...] = ()
-    """Words that the outcome of a point must be."""
+    """Accepted outcomes of a point."""
     order: str | None = None
     """The column to sort by; by index if None. Points without the number come last either way."""
     descending: bool = False
@@ -61,5 +61,5 @@ class PointQuery:
 
     @property
     def is_unconditional(self) -> bool:
-        """Every point is meant."""
+        """True if no condition excludes any point."""
         return not self.conditions and not self.outcomes

@@ -1,10 +1,10 @@
-"""The points of a sweep that are done, read in blocks: memory does not grow with the sweep.
+"""Reads the computed points of a sweep in blocks, so that memory does not grow with the sweep.
 
 Chunks are read a few at a time, in transactions of their own. A chunk that a
 condition excludes by its axes or its bounds is not read at all. Sorted points
-take two steps: only the sort key of each is held, and sorted; then the rows are
-gathered, as many at a time as memory may take, each time from all chunks that
-have any of them.
+take two steps: first only the sort keys are read and sorted; then the rows are
+gathered, as many at a time as memory allows, each time from all chunks that
+contain any of them.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,8 +14,8 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from service.schemas.sweep import Sweep
-from service.storage.sweeps.chunk_codec import decode_points
+from service.schemas.sweep.sweep import Sweep
+from service.storage.codecs.points import decode_points
 from service.storage.sweeps.point_query import INDEX, BoolArray, Condition, FloatArray, PointQuery
 from service.storage.sweeps.sweep_store import StoredChunk, SweepStore
 
@@ -32,8 +32,8 @@ _CHUNKS_AT_ONCE = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
-    """Some points in columns, in the order they were asked for."""
+class PointBlock:
+    """Some points in columns, in the requested order."""
 
     indices: IntArray
     numbers: Mapping[str, FloatArray]
@@ -46,9 +46,9 @@ class Block:
         """Return the index, an axis or a kept number."""
         return self.indices.astype(np.float64) if name == INDEX else self.numbers[name]
 
-    def taken(self, rows: IntArray | BoolArray | slice) -> "Block":
+    def taken(self, rows: IntArray | BoolArray | slice) -> "PointBlock":
         """Return some of the points."""
-        return Block(
+        return PointBlock(
             self.indices[rows],
             {name: values[rows] for name, values in self.numbers.items()},
             self.outcomes[rows],
@@ -57,7 +57,7 @@ class Block:
 
 
 class PointReader:
-    """Reads the stored points of one sweep, if wished without their series."""
+    """Reads the stored points of one sweep, with or without their series."""
 
     def __init__(self, store: SweepStore, sweep_id: str, sweep: Sweep, *, with_series: bool) -> None:
         self._store, self._id, self._sweep = store, sweep_id, sweep
@@ -72,7 +72,7 @@ class PointReader:
             return sum(chunk.count for chunk in self._store.chunks(self._id))
         return sum(len(block.indices) for block in self._matching(query, self._candidates(query), ()))
 
-    def blocks(self, query: PointQuery) -> Iterator[Block]:
+    def blocks(self, query: PointQuery) -> Iterator[PointBlock]:
         """Yield the points that are asked for, some at a time."""
         rows = self._by_index(query) if query.order is None else self._gathered(self.sorted(query))
         for block in rows:
@@ -94,7 +94,7 @@ class PointReader:
         found: IntArray = np.concatenate(indices)[order[query.offset : stop]]
         return found
 
-    def _by_index(self, query: PointQuery) -> Iterator[Block]:
+    def _by_index(self, query: PointQuery) -> Iterator[PointBlock]:
         skip, left, chunks = query.offset, query.limit, self._candidates(query)
         if query.is_unconditional:
             skip, chunks = _without_first(chunks, skip)
@@ -119,7 +119,7 @@ class PointReader:
 
     def _matching(
         self, query: PointQuery, chunks: Iterable[StoredChunk], series: Sequence[str]
-    ) -> Iterator[Block]:
+    ) -> Iterator[PointBlock]:
         """Yield the points of ``chunks`` that meet the conditions, by index."""
         kept = [each for each in query.conditions if each.column in self._sweep.keep]
         given = [each for each in query.conditions if each.column not in self._sweep.keep]
@@ -135,16 +135,16 @@ class PointReader:
                 mask &= block.outcomes == outcome
             yield block if mask.all() else block.taken(mask)
 
-    def _gathered(self, wanted: IntArray) -> Iterator[Block]:
+    def _gathered(self, wanted: IntArray) -> Iterator[PointBlock]:
         """Yield the points of the indices ``wanted``, in their order."""
         at_once = max(1, GATHERED_NUMBERS // self.row_numbers)
         for start in range(0, len(wanted), at_once):
             yield self._gather(wanted[start : start + at_once])
 
-    def _gather(self, wanted: IntArray) -> Block:
+    def _gather(self, wanted: IntArray) -> PointBlock:
         places = np.argsort(wanted)
         ordered, size = wanted[places], len(wanted)
-        found = Block(
+        found = PointBlock(
             wanted,
             {name: np.empty(size) for name in (*self._sweep.pointers, *self._sweep.keep)},
             np.empty(size, dtype=np.object_),
@@ -186,12 +186,12 @@ class PointReader:
         indices: IntArray,
         axes: Mapping[str, FloatArray],
         series: Sequence[str],
-    ) -> Block:
+    ) -> PointBlock:
         packets = self._store.data(self._id, [chunk.first for chunk in batch])
         parts = [decode_points(packet, with_series=bool(series)) for packet in packets]
         sizes = [chunk.count for chunk in batch]
         samples = self._sweep.samples
-        return Block(
+        return PointBlock(
             indices,
             {
                 **axes,

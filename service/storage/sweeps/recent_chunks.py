@@ -1,4 +1,4 @@
-"""The latest tries at chunks of sweeps, from which it is estimated how long they still take."""
+"""Reads the latest attempts at chunks, for the estimate of how long a sweep still takes."""
 
 from collections.abc import Collection, Mapping
 
@@ -7,24 +7,24 @@ from sqlalchemy.orm import Session
 
 from service.jobs.estimates import RECENT_SECONDS, ChunkRun
 from service.jobs.states import JobState
-from service.storage.sweep_tables import SweepChunkRow
-from service.storage.tables import AttemptRow, JobRow
+from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.sweeps import SweepChunkRow
 
 _LATEST = 1000
-"""Tries of all jobs that are looked at: it costs the same however many there ever were."""
+"""Only so many of the latest attempts are read, so that the cost does not grow with their number."""
 
 
 def complete_since(session: Session, now: float) -> float:
-    """Return the instant after which :func:`chunk_runs` has every try that ended."""
+    """Return the instant from which on :func:`chunk_runs` sees every ended attempt."""
     nth = select(AttemptRow.ended_at).where(AttemptRow.ended_at > now - RECENT_SECONDS)
     oldest = session.scalar(nth.order_by(AttemptRow.ended_at.desc()).offset(_LATEST - 1).limit(1))
     return now - RECENT_SECONDS if oldest is None else oldest
 
 
 def chunk_runs(session: Session, sweep_ids: Collection[str], since: float) -> dict[str, list[ChunkRun]]:
-    """Return by sweep the tries at its chunks that ended after ``since``, and those that run.
+    """Return by sweep the attempts at its chunks that ended after ``since`` or still run.
 
-    The first chunk of each is left out: it shows how workers start.
+    The first chunk of each sweep is left out: it includes the start-up of workers.
     """
     latest = (
         select(AttemptRow.job_id, AttemptRow.started_at, AttemptRow.ended_at)
@@ -54,7 +54,7 @@ def chunk_runs(session: Session, sweep_ids: Collection[str], since: float) -> di
 
 
 def _points(session: Session, places: Collection[tuple[str, int]]) -> dict[tuple[str, int], int]:
-    """Return how many points the chunks hold that begin at ``places``, by sweep and first point."""
+    """Return the number of points of the chunks that begin at ``places``, by sweep and first point."""
     if not places:
         return {}
     statement = select(SweepChunkRow.sweep_id, SweepChunkRow.first, SweepChunkRow.count).where(

@@ -1,4 +1,4 @@
-"""Sweeps in SQL, one transaction a method; how chunks move them is in ``sweep_moves``."""
+"""The store of sweeps in SQL; one method is one transaction."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -17,16 +17,16 @@ from service.jobs.sweeps import (
     SweepProgress,
     SweepRecord,
 )
-from service.storage.base import Document
-from service.storage.clock import database_now
-from service.storage.database import Database
-from service.storage.ids import is_id, new_id
-from service.storage.jobs.records import delivery_of, instant, optional_instant
+from service.storage.database.clock import database_now, instant, optional_instant
+from service.storage.database.database import Database
+from service.storage.database.ids import is_id, new_id
+from service.storage.database.paging import rows_of_page
+from service.storage.jobs import chunks
+from service.storage.jobs.records import delivery_of
 from service.storage.jobs.table_dispatcher import TableDispatcher
-from service.storage.paging import rows_of_page
-from service.storage.sweep_tables import SweepChunkRow, SweepRow
-from service.storage.sweeps import sweep_moves
 from service.storage.sweeps.recent_chunks import chunk_runs, complete_since
+from service.storage.tables.base import Document
+from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
 _PAGE = 1000
 """Chunks whose descriptions are read at once."""
@@ -34,7 +34,7 @@ _PAGE = 1000
 
 @dataclass(frozen=True, slots=True)
 class StoredChunk:
-    """Some neighbouring points that are done, without their data."""
+    """A stored chunk of neighbouring points, without its data."""
 
     first: int
     count: int
@@ -46,14 +46,14 @@ class SweepStore:
     """Writes and reads sweeps and their points."""
 
     def __init__(self, database: Database, dispatcher: Dispatcher[Connection] | None = None) -> None:
-        """Without a dispatcher, workers look at the table."""
+        """Without a dispatcher, workers poll the table."""
         self._database = database
         self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
 
     def submit(
         self, document: Document, *, points: int, most: int, priority: int = 0, key_id: str | None = None
     ) -> SweepRecord:
-        """Store a sweep and its first chunk, whatever the number of points.
+        """Store a sweep and its first chunk only, however many points it has.
 
         ``most`` is the largest chunk that may be made of it.
         """
@@ -74,7 +74,7 @@ class SweepStore:
             )
             session.add(row)
             session.flush()
-            jobs = sweep_moves.queue_chunks(session, row, [pilot], most)
+            jobs = chunks.queue_chunks(session, row, [pilot], most)
             session.flush()
             self._dispatcher.dispatch(session.connection(), [delivery_of(job) for job in jobs])
             return _record(session, row)
@@ -94,16 +94,16 @@ class SweepStore:
             return SweepPage(tuple(_progress(session, rows)), total or 0)
 
     def cancel(self, sweep_id: str) -> SweepRecord:
-        """Cancel a live sweep and its chunks at once; cancelling again changes nothing.
+        """Cancel an unfinished sweep and its chunks at once; cancelling again changes nothing.
 
         The points that are done stay. Raises :class:`SweepFinishedError` if it
         has succeeded, :class:`SweepNotFoundError`.
         """
         with self._database.write() as session:
-            row = sweep_moves.hold(session, sweep_id) if is_id(sweep_id) else None
+            row = chunks.hold(session, sweep_id) if is_id(sweep_id) else None
             if row is None:
                 raise SweepNotFoundError(sweep_id)
-            if not sweep_moves.cancel(session, row) and row.state != JobState.CANCELLED.value:
+            if not chunks.cancel(session, row) and row.state != JobState.CANCELLED.value:
                 raise SweepFinishedError(row.id, JobState(row.state))
             return _record(session, row)
 

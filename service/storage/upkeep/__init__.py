@@ -1,1 +1,1 @@
-"""What an installation needs from day to day: counts, retention, backups."""
+"""Operations: metrics, retention, backups, and which services and workers are alive."""

@@ -1,7 +1,7 @@
-"""Backups of a database that is in use, checked before they get their name; and the way back.
+"""Backs up a database in use, and restores it; a backup is checked before it gets its name.
 
 SQLite is copied by its own backup interface, Postgres by pg_dump and
-pg_restore: a dump of our own would be one more format to trust.
+pg_restore, so that no backup format of our own has to be trusted.
 """
 
 import contextlib
@@ -13,17 +13,17 @@ from pathlib import Path
 from sqlalchemy import make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError
 
-from service.storage.availability import is_away
-from service.storage.database import make_engine
-from service.storage.migration import migrate
-from service.storage.revisions import known_revisions
+from service.storage.database.availability import is_away
+from service.storage.database.database import make_engine
+from service.storage.database.migration import migrate
+from service.storage.database.revisions import known_revisions
 from service.storage.upkeep import postgres_backup, sqlite_backup
 from service.storage.upkeep.backup_checks import BackupError, Contents
 from service.storage.upkeep.presence import GONE_SECONDS, forget_everybody, who_is_present
 
 
 def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:
-    """Write a backup of the database to ``file``, and return what is in it.
+    """Write a backup of the database to ``file``, and return its contents.
 
     The file appears under its name when it is complete and has been read back.
 
@@ -48,7 +48,7 @@ def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:
 
 
 def restore(url: str, file: Path, *, force: bool = False) -> Contents:
-    """Make the database what ``file`` holds, and bring it to this version; return what is in it.
+    """Replace the database by the backup ``file``, and migrate it; return its contents.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def restore(url: str, file: Path, *, force: bool = False) -> Contents:
 
 
 def _require_alone(url: str) -> None:
-    """Refuse to replace a database under those who use it: what they write later would be lost or mixed."""
+    """Refuse to replace a database in use: later writes would be lost, or mixed with the backup."""
     if not _is_postgres(url) and not _database_file(url).exists():
         return
     engine = make_engine(url)
@@ -90,7 +90,7 @@ def _require_alone(url: str) -> None:
     except DBAPIError as fault:
         if is_away(fault):
             raise BackupError(str(fault.orig).splitlines()[0]) from fault
-        return  # damaged, or of another program: nobody can be at work on it
+        return  # damaged, or of another program: no service or worker can be using it
     finally:
         engine.dispose()
     if present:
@@ -116,11 +116,11 @@ def _database_file(url: str) -> Path:
 
 @contextmanager
 def _part_of(file: Path) -> Iterator[Path]:
-    """Give a name beside ``file``; whatever is left under it at the end is removed."""
+    """Yield a temporary name beside ``file``; a file left under it at the end is removed."""
     part = file.with_name(f"{file.name}.part")
     try:
         part.unlink(missing_ok=True)
-        # A folder that cannot be written is told in its own words.
+        # Reports an unwritable folder here, with the system's own message.
         part.touch(mode=0o600, exist_ok=False)
         yield part
     except OSError as fault:
@@ -131,7 +131,7 @@ def _part_of(file: Path) -> Iterator[Path]:
 
 
 def _sync(path: Path) -> None:
-    """Make sure that the disk has it."""
+    """Flush the file and its folder to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

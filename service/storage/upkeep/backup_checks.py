@@ -1,9 +1,9 @@
-"""What backups of both kinds of database have in common."""
+"""Checks and errors that backups of SQLite and Postgres share."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from service.storage.revisions import known_revisions, newest_revision
+from service.storage.database.revisions import known_revisions, newest_revision
 
 NOT_OURS = "it is not a database of polhode, or has never been migrated"
 
@@ -14,7 +14,7 @@ class BackupError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What a backup holds."""
+    """The contents of a backup."""
 
     revision: str
     """Of the schema."""
@@ -23,7 +23,7 @@ class Contents:
 
     @property
     def schema(self) -> str:
-        """The schema in words: a backup of a later version can be made, and is told as such."""
+        """The schema in words, with a warning if a later version made the database."""
         if self.revision in known_revisions():
             return f"schema {self.revision}"
         return (
@@ -33,5 +33,5 @@ class Contents:
 
 
 def refuse_jobs(jobs: int) -> None:
-    """Raise: nobody's jobs are overwritten by mistake."""
+    """Refuse a database that has jobs, so that none is overwritten by mistake."""
     raise BackupError(f"the database has {jobs} jobs, which the backup would replace; --force does so")

@@ -1,4 +1,4 @@
-"""Backups of Postgres: archives of pg_dump in its own format, read back by pg_restore."""
+"""Backs up Postgres by pg_dump in its custom format, and restores by pg_restore."""
 
 import os
 import re
@@ -10,13 +10,13 @@ from psycopg.conninfo import make_conninfo
 from sqlalchemy import Connection, inspect, make_url, text
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.storage.database import make_engine
-from service.storage.schema import METADATA
+from service.storage.database.database import make_engine
+from service.storage.tables.schema import METADATA
 from service.storage.upkeep.backup_checks import NOT_OURS, BackupError, Contents, refuse_jobs
 
 _TABLE = re.compile(r"; \d+ \d+ TABLE \S+ (\S+) ")
 _PLAIN = ("--no-owner", "--no-privileges")
-"""Who owns the tables is a matter of the server that they are restored on."""
+"""Owners and rights are left to the server that the tables are restored on."""
 
 
 def dump(url: str, target: Path) -> Contents:
@@ -59,7 +59,7 @@ def load(url: str, file: Path, *, force: bool) -> Contents:
             refuse_jobs(jobs)
         _run("pg_restore", url, "--clean", "--if-exists", "--single-transaction", *_PLAIN, str(file))
         with engine.begin() as connection:
-            # Tables of a later version are in the way of its migrations.
+            # Tables of a later version would block its migrations.
             later = [table for table in METADATA.sorted_tables if table.name not in dumped]
             METADATA.drop_all(connection, tables=later)
             return _contents(connection)
@@ -82,7 +82,7 @@ def _count(connection: Connection, table: str) -> int:
 
 
 def _run(program: str, url: str | None, *arguments: str) -> str:
-    """Run a client program of Postgres; passwords go by the environment, which nobody else sees."""
+    """Run a client program of Postgres; passwords go in the environment, hidden from other users."""
     path = shutil.which(program)
     if path is None:
         raise BackupError(

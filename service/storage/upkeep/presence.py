@@ -1,7 +1,7 @@
-"""That a service is there, written into the database as long as it runs; and who else is there.
+"""Keeps a presence row in the database while a service runs, and lists who else uses the database.
 
-The same write shows whether anything can be kept: a disk may be full or read
-only, which no reader notices.
+The same write shows whether the database can be written to: a reader does not notice
+a full or read-only disk.
 """
 
 import contextlib
@@ -15,30 +15,30 @@ import psycopg
 from sqlalchemy import Connection, delete, insert, inspect, select, update
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.jobs.hosts import new_worker_name, this_host
-from service.storage.base import table_of
-from service.storage.clock import DatabaseNow
-from service.storage.database import Database
-from service.storage.operation_tables import WorkerRow
+from service.local.hosts import new_worker_name, this_host
+from service.storage.database.clock import DatabaseNow
+from service.storage.database.database import Database
+from service.storage.tables.base import table_of
+from service.storage.tables.operations import WorkerRow
 
 logger = logging.getLogger(__name__)
 
 SEEN_SECONDS = 5.0
-"""How often a service writes that it is there."""
+"""How often a service refreshes its presence row."""
 GONE_SECONDS = 30.0
-"""After this silence whoever had written that it is there is taken to be gone. Workers write every 10 s."""
+"""A service or worker that was silent for so long counts as gone. Workers write every 10 s."""
 SERVICE = "service"
-"""What the row of a service has in place of a worker's engine. It has no slots."""
+"""The engine name in the row of a service, which has no slots."""
 _RETRY_SECONDS = 1.0
-"""After a write that failed."""
+"""Pause after a write that failed."""
 _STOP_SECONDS = 2.0
-"""How long an end waits for the last write; else the row ages."""
+"""How long a shutdown waits to remove the row; else the row expires."""
 
 _workers = table_of(WorkerRow)
 
 
 class ServicePresence:
-    """A thread that writes now and then that this service is there.
+    """A thread that refreshes the presence row of this service.
 
     Parameters
     ----------
@@ -69,11 +69,11 @@ class ServicePresence:
         self._thread = threading.Thread(target=self._keep, name="presence", daemon=True)
 
     def start(self) -> None:
-        """Begin to write."""
+        """Start the thread."""
         self._thread.start()
 
     def fault(self) -> str | None:
-        """Say why nothing can be written to the database, as far as is known; None if it can. Never waits."""
+        """Return why the database cannot be written to; None if no reason is known. Never waits."""
         if self._database.file is not None and (fault := self._database.file.fault()):
             return fault
         began_at = self._began_at
@@ -82,7 +82,7 @@ class ServicePresence:
         return self._fault
 
     def write(self) -> None:
-        """Write once that this service is there, and remember whether that was possible."""
+        """Write the presence row once, and remember whether that succeeded."""
         self._began_at = self._clock()
         try:
             self._see()
@@ -99,7 +99,7 @@ class ServicePresence:
             self._began_at = None
 
     def close(self) -> None:
-        """Stop, and remove the row; if that takes long, the row ages."""
+        """Stop, and remove the row; if that takes too long, the row is left to expire."""
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join(_STOP_SECONDS)
@@ -124,8 +124,8 @@ class ServicePresence:
 def who_is_present(connection: Connection) -> list[str]:
     """Return, in words, which services and workers use a database at this time.
 
-    One that has written a time in the future is present too, unless it is so
-    far ahead that the clock must have been set back since.
+    A row with a time in the future counts too, unless it is so far ahead that
+    the clock must have been set back since.
     """
     if not inspect(connection).has_table(_workers.name):
         return []
@@ -139,7 +139,7 @@ def who_is_present(connection: Connection) -> list[str]:
 
 
 def _reason(fault: SQLAlchemyError) -> str:
-    """Return what the database said; how it is reached, which a driver may add, is nobody's business."""
+    """Return the database's message without the address that a driver may add, which is private."""
     said = getattr(fault, "orig", None)
     if isinstance(said, sqlite3.Error) or (isinstance(said, psycopg.Error) and said.sqlstate is not None):
         return str(said).splitlines()[0]
@@ -147,5 +147,5 @@ def _reason(fault: SQLAlchemyError) -> str:
 
 
 def forget_everybody(connection: Connection) -> None:
-    """Remove all rows: those of a backup tell who was there when it was made."""
+    """Remove all rows: in a restored backup they are of the time when it was made."""
     connection.execute(delete(_workers))

@@ -1,8 +1,8 @@
-"""Old samples are deleted; whoever asks for them later has them made again from the dense output.
+"""Deletes old samples; a later request recomputes them from the dense output.
 
-Kept for ever are the dense outputs, the enclosures of the certified tier (their
-radii cannot be made again), samples rounded from enclosures (the dense output has
-fewer digits), chunks of sweeps, and the rows of jobs.
+Dense outputs, enclosures of the certified tier (their radii cannot be recomputed),
+samples rounded from enclosures (the dense output has fewer digits), chunks of
+sweeps, and the rows of jobs are kept for ever.
 """
 
 import logging
@@ -15,27 +15,28 @@ from sqlalchemy import ColumnElement, and_, delete, func, or_, select
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
-from service.dynamics.motion import PROVEN_SAMPLES
-from service.storage.clock import database_now
-from service.storage.database import Database
-from service.storage.ids import first_id
-from service.storage.key_store import charge
-from service.storage.tables import JobRow, SamplesRow, SolutionRow
+from service.storage.codecs.summary import PROVEN_SAMPLES
+from service.storage.database.clock import database_now
+from service.storage.database.database import Database
+from service.storage.database.ids import first_id
+from service.storage.keys.key_store import charge
+from service.storage.tables.jobs import JobRow
+from service.storage.tables.solutions import SamplesRow, SolutionRow
 
 logger = logging.getLogger(__name__)
 
 DAY_SECONDS = 86400.0
 BATCH = 100
-"""Solutions whose samples are deleted in one transaction: some milliseconds of the writer's lock."""
+"""Solutions whose samples are deleted in one transaction: it holds the write lock for milliseconds."""
 ROUND_SECONDS = 3600.0
-"""How often a service looks for samples that have become too old."""
+"""How often a service looks for old samples."""
 
 _ID_BELOW_ALL = "00000000-0000-0000-0000-000000000000"
 
 
 @dataclass(frozen=True, slots=True)
 class Pruned:
-    """What was deleted, or would be."""
+    """The amount deleted, or to be deleted in a dry run."""
 
     solutions: int = 0
     data_bytes: int = 0
@@ -52,9 +53,9 @@ def prune_samples(
     dry_run: bool = False,
     pause: Callable[[float], object] = time.sleep,
 ) -> Pruned:
-    """Delete the samples of solutions of that age, some at a time, and pause in between as long as each took.
+    """Delete samples older than that in batches, and pause after each batch as long as it took.
 
-    Several may do it at once, on any number of hosts; each deletion is counted once.
+    Several processes may run it at once, on any number of hosts; each deletion is counted once.
     """
     with database.read() as session:
         before = database_now(session) - older_than_seconds
@@ -119,7 +120,7 @@ def _next_old(session: Session, last: str, before: float) -> list[tuple[str, int
     statement = (
         select(SamplesRow.solution_id, func.length(SamplesRow.data))
         .join(SolutionRow, SolutionRow.id == SamplesRow.solution_id)
-        # Ids grow with time: the recent ones are not even looked at.
+        # Ids grow with time, so recent ones are skipped by the index.
         .where(SamplesRow.solution_id > last, SamplesRow.solution_id < first_id(before))
         .where(SolutionRow.created_at < before, _can_be_remade())
         .order_by(SamplesRow.solution_id)
@@ -134,7 +135,7 @@ def _can_be_remade() -> ColumnElement[bool]:
 
 
 def _delete(session: Session, solution_ids: list[str]) -> Pruned:
-    """Delete samples, and take them off what is stored for the keys that asked for them."""
+    """Delete samples, and subtract their bytes from the keys that asked for them."""
     statement = delete(SamplesRow).where(SamplesRow.solution_id.in_(solution_ids))
     deleted = session.execute(statement.returning(SamplesRow.solution_id, func.length(SamplesRow.data)))
     sizes = {solution_id: int(size) for solution_id, size in deleted}

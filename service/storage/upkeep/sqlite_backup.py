@@ -1,4 +1,4 @@
-"""Backups of SQLite: whole copies of the file, made by SQLite while others read and write."""
+"""Backs up SQLite by its backup interface, while others read and write, and restores."""
 
 import sqlite3
 import time
@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from service.storage.database_file import create_private
+from service.storage.database.sqlite_file import create_private
 from service.storage.upkeep.backup_checks import NOT_OURS, BackupError, Contents, refuse_jobs
 
 BUSY_SECONDS = 30.0
-"""How long others may keep the database that is to be replaced."""
+"""How long a restore waits for a lock on the database."""
 
 _ROWS = "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' ORDER BY name"
 
@@ -18,7 +18,7 @@ _ROWS = "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE '
 def copy(database: Path, target: Path) -> Contents:
     """Copy a database as it is at one instant to one file, and check the copy."""
     with _opened(database) as source, _opened(target, create=True) as copied:
-        # One step within one read transaction: later writes do not make it start anew.
+        # In one step, hence one read transaction: later writes do not restart the copy.
         source.execute("BEGIN")
         contents = _contents(source, database)
         source.backup(copied)
@@ -30,7 +30,7 @@ def copy(database: Path, target: Path) -> Contents:
 
 
 def revision(file: Path) -> str:
-    """Return the schema of a backup, after a look at its soundness."""
+    """Return the schema of a backup, after an integrity check."""
     with _opened(file) as backup:
         _check(backup, file)
         return _revision(backup, file)

@@ -1,8 +1,8 @@
-"""Numbers about the database's work, for monitoring, at a price that does not grow with what has been done.
+"""Measures jobs, workers and sweeps for monitoring, at a cost that does not grow with the history.
 
-What is live now is counted in the index of states. What has ended is counted
-from the start of this object on, by index, each piece once: sums over all that
-ever ended would read the whole tables.
+Live jobs are counted in the index of states. Ended attempts are counted from the start
+of this object on, by index, each once: sums over the whole history would read the
+whole tables.
 """
 
 import threading
@@ -15,29 +15,30 @@ from sqlalchemy import ColumnElement, case, func, or_, select, text
 from sqlalchemy.orm import Session
 
 from service.jobs.states import FINISHED, AttemptOutcome, JobState
-from service.storage.clock import database_now
-from service.storage.database import Database
-from service.storage.operation_tables import WorkerRow
-from service.storage.sweep_tables import SweepRow
-from service.storage.tables import AttemptRow, JobRow, SolutionRow
+from service.storage.database.clock import database_now
+from service.storage.database.database import Database
+from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.operations import WorkerRow
+from service.storage.tables.solutions import SolutionRow
+from service.storage.tables.sweeps import SweepRow
 
 BOUNDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0, 300.0)
-"""Upper ends of the classes of job durations, in seconds."""
+"""Upper bounds of the histogram of job durations, in seconds."""
 SETTLED_SECONDS = 10.0
-"""After this what a transaction has written down as ended is committed, or never will be."""
+"""A transaction that recorded the end of an attempt is committed, or rolled back, after this time."""
 SHARE = 0.05
-"""Part of the time that may be spent on measuring: costly numbers are measured less often."""
+"""Fraction of time that may be spent on measuring: costly figures are measured less often."""
 YOUNG_SECONDS = 1.0
-"""A measurement younger than this is not repeated."""
+"""A measurement is reused for at least so long."""
 LIVE = tuple(state.value for state in JobState if state not in FINISHED)
 
 
 @dataclass(slots=True)
 class Durations:
-    """Times of successful attempts, in classes."""
+    """Histogram of the durations of successful attempts."""
 
     below: list[int] = field(default_factory=lambda: [0] * len(BOUNDS))
-    """How many took at most each of BOUNDS."""
+    """For each of BOUNDS, how many took at most that."""
     count: int = 0
     seconds: float = 0.0
 
@@ -49,7 +50,7 @@ class Durations:
 
 @dataclass(slots=True)
 class Ended:
-    """What has ended."""
+    """Counts of ended attempts."""
 
     attempts: Counter[str] = field(default_factory=Counter)
     """By outcome."""
@@ -79,7 +80,7 @@ class Figures:
     live: Mapping[tuple[str, str], int]
     """Jobs by state and kind, where there are any."""
     oldest_queued_seconds: float
-    """Age of the job that has waited longest; 0 if none waits."""
+    """How long the oldest queued job has waited; 0 if none waits."""
     workers: Mapping[str, Workers]
     """By engine."""
     sweeps: Mapping[str, int]
@@ -92,7 +93,7 @@ class Figures:
     measured_at: float
     """By this process's monotonic clock."""
     seconds: float
-    """What the measurement took."""
+    """Seconds that the measurement took."""
 
     def age(self) -> float:
         """Return how many seconds ago it was."""
@@ -119,7 +120,7 @@ class Statistics:
         self._last: Figures | None = None
 
     def current(self) -> Figures:
-        """Return the last figures if they are young enough for what they cost, else new ones.
+        """Return the cached figures unless they have expired; the expiry grows with what measuring cost.
 
         Raises
         ------
@@ -149,7 +150,7 @@ class Statistics:
         return Figures(live, oldest, workers, sweeps, points, ended, size, began + took, took)
 
     def _ended(self, session: Session, now: float) -> Ended:
-        """Count what is settled for good, and anew each time the little that is not."""
+        """Keep the counts that can no longer change, and count the recent rest anew each time."""
         until = max(now - SETTLED_SECONDS, self._settled_until)
         self._settled += _ended_within(session, self._settled_until, until)
         self._settled_until = until
@@ -157,7 +158,7 @@ class Statistics:
 
 
 class _SweepProgress:
-    """Sums up by how much the sweeps have advanced from look to look."""
+    """Adds up the progress of sweeps between measurements."""
 
     def __init__(self) -> None:
         self.done, self.refused = 0, 0
@@ -165,9 +166,9 @@ class _SweepProgress:
         self._newest = ""
 
     def look(self, session: Session) -> Counter[str]:
-        """Add what has been done since the last look; return the live sweeps by state."""
+        """Add the progress since the last measurement; return the live sweeps by state."""
         known = self._known or {}
-        # The live ones, those that were live, and those that have come and gone in between.
+        # Live sweeps, those live at the last measurement, and those created and finished in between.
         interesting: list[ColumnElement[bool]] = [SweepRow.state.in_(LIVE)]
         if known:
             interesting.append(SweepRow.id.in_(known))
@@ -197,7 +198,7 @@ def _live_jobs(session: Session) -> dict[tuple[str, str], int]:
 
 
 def _oldest_queued(session: Session, now: float) -> float:
-    # Ids grow with time, and lead there by index.
+    # Ids grow with time, so the primary key finds recent rows.
     queued = select(JobRow.created_at).where(JobRow.state == JobState.QUEUED.value)
     created_at = session.scalar(queued.order_by(JobRow.id).limit(1))
     return 0.0 if created_at is None else max(now - created_at, 0.0)

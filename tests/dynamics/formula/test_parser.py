@@ -10,6 +10,7 @@ from service.dynamics.formula.limits import MAX_CHARACTERS, MAX_DEPTH, MAX_TOKEN
 from service.dynamics.formula.parser import parse, parse_located
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.traversal import post_order
+from tests.support.effort import examples
 from tests.support.formulas import PRECEDENCE, REFUSED
 
 PIECES = [
@@ -117,7 +118,7 @@ def test_any_text_is_a_formula_or_refused_with_a_place(text: str) -> None:
     _refused_or_parsed_in_few_steps(text)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=examples(67, 200))
 @given(st.integers(0, 2**32), st.integers(0, 10_000), st.sampled_from(["ascii", "unicode", "pieces"]))
 def test_ten_thousand_random_characters_take_few_steps(seed: int, length: int, kind: str) -> None:
     source = random.Random(seed)

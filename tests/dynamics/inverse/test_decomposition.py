@@ -17,12 +17,13 @@ from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.decomposition import Decomposition, decompose
 from service.dynamics.inverse.terms import Terms
-from service.dynamics.potentials.general import general_potential
-from service.dynamics.potentials.general_solution import SIGNS
-from service.dynamics.potentials.homogeneous import homogeneous_potential
-from service.dynamics.verdict.points import Point, sphere_points
+from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.general_solution import SIGNS
+from service.dynamics.potentials.families.homogeneous import homogeneous_potential
+from service.dynamics.verdict.sphere.points import Point, sphere_points
 from tests.dynamics.inverse.random_potentials import cases, points
 from tests.dynamics.verdict.formulas import EIGHT_PARAMETERS, EIGHT_TERMS, U, W, body, potential
+from tests.support.witnesses.angular_part import reconstruct
 
 EXACT_POINTS = list(islice(sphere_points(), 8, 16))
 """Rational points of the sphere, one in each octant."""
@@ -40,7 +41,7 @@ def departure(found: Decomposition, gamma: NDArray[np.float64]) -> float:
         here = (first * gamma[:, 0] > 0) & (third * gamma[:, 2] > 0)
         G = found.G_at(quadrant, gamma[here, 1]).value
         scale[here] = np.maximum(scale[here], np.abs((A * gamma[here, 0] ** 2 + C * gamma[here, 2] ** 2) * G))
-    return float(np.max(found.reconstruct(gamma).error / scale))
+    return float(np.max(reconstruct(found, gamma).error / scale))
 
 
 def exact_departure(found: Decomposition, point: Point) -> arb:
@@ -227,7 +228,7 @@ def test_quadrants_without_values_have_no_functions():
     found = decompose(on, potential("sqrt(g1)^2", on))
     assert set(found.F) == set(found.G) == set(found.terms) == {"pp", "pm"}
     gamma = points(20, 7)
-    assert np.array_equal(np.isnan(found.reconstruct(gamma).value), gamma[:, 0] < 0)
+    assert np.array_equal(np.isnan(reconstruct(found, gamma).value), gamma[:, 0] < 0)
 
 
 def test_an_energy_with_two_values_is_refused():

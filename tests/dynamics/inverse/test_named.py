@@ -13,7 +13,7 @@ from service.dynamics.inverse.polynomials import as_polynomial
 from service.dynamics.inverse.projection import nearest_admissible
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.verdict.verdict import decide
-from service.schemas.problem import read_question
+from service.schemas.problem.problem import read_question
 
 SENT = {"a": "-3/2", "b": "7/5"}
 OTHERS = {"a": Fraction(4, 3), "b": Fraction(-2)}

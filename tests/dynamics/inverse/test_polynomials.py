@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 
 from service.dynamics.inverse.admissible_space import admissible_space
 from service.dynamics.inverse.polynomials import as_polynomial, degree, homogeneous_on_sphere, on_sphere
-from service.dynamics.potentials.general import general_potential
-from service.dynamics.verdict.points import sphere_points
+from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.verdict.sphere.points import sphere_points
 from tests.dynamics.inverse.exact_polynomials import Polynomial, evaluate, residual
 from tests.dynamics.inverse.families import known_admissible
 from tests.dynamics.verdict.formulas import body, potential
+from tests.support.effort import examples
+from tests.support.witnesses.admissible_basis import basis_of
 
 POINTS = list(sphere_points())[:24]
 
@@ -55,7 +57,7 @@ def test_the_space_is_the_kernel_of_the_compatibility_equation(alpha, dimensions
         images = [residual(alpha, monomial) for monomial in monomials]
         assert len(monomials) - rank(images) == dimension
         space, families = admissible_space(alpha, highest), known_admissible(alpha, highest)
-        basis = list(space.basis())
+        basis = list(basis_of(space))
         assert len(basis) == space.dimension == rank(basis) == dimension
         assert rank(families) == rank(basis + families) == dimension
         assert all(not on_sphere(residual(alpha, element)) for element in basis)
@@ -73,7 +75,7 @@ small = st.fractions(-3, 3, max_denominator=9)
 exponents = st.tuples(*[st.integers(0, 3)] * 3)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(13, 40))
 @given(st.dictionaries(exponents, small, max_size=6))
 def test_a_polynomial_is_expanded_to_what_it_is_on_the_sphere(coefficients):
     text = " + ".join(f"({c})*g1^{i}*g2^{j}*g3^{k}" for (i, j, k), c in coefficients.items()) or "0"

@@ -16,6 +16,8 @@ from service.dynamics.verdict.verdict import decide
 from tests.dynamics.inverse.exact_polynomials import Polynomial, residual
 from tests.dynamics.inverse.families import known_admissible
 from tests.dynamics.verdict.formulas import body, potential
+from tests.support.effort import examples
+from tests.support.witnesses.admissible_basis import basis_of
 
 ALPHAS = ["2", "4", "1/2", "1/4", "3", "5/3", "2/7"]
 
@@ -85,18 +87,18 @@ def test_that_distance_is_an_integral_over_the_sphere():
     assert ratio == pytest.approx(8 / 113, rel=1e-13)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(13, 40))
 @given(st.sampled_from(ALPHAS), polynomials, st.integers(0, 11))
 def test_what_is_left_is_orthogonal_to_all_that_is_admissible(alpha, coefficients, highest):
     found = nearest(alpha, text_of(coefficients), highest)
     W = polynomial_of(text_of(coefficients))
     rest = polynomial_of(f"{text_of(coefficients)} - ({found.expression})")
-    for element in (*known_admissible(Fraction(alpha), highest), *found.space.basis()):
+    for element in (*known_admissible(Fraction(alpha), highest), *basis_of(found.space)):
         assert mean_product(rest, element) == 0
     assert mean_product(rest, rest) == found.relative_squared_distance * mean_product(W, W)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(13, 40))
 @given(st.sampled_from(ALPHAS), polynomials)
 def test_the_distance_never_grows_with_the_degree(alpha, coefficients):
     found = nearest(alpha, text_of(coefficients))
@@ -107,7 +109,7 @@ def test_the_distance_never_grows_with_the_degree(alpha, coefficients):
     assert nearest(alpha, text_of(coefficients), half).distances == found.distances[: half + 1]
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(10, 30))
 @given(st.sampled_from(ALPHAS), polynomials)
 def test_the_nearest_is_admissible_and_its_own_nearest(alpha, coefficients):
     found = nearest(alpha, text_of(coefficients), 8)
@@ -127,7 +129,7 @@ def test_the_verdict_on_the_nearest_is_admissible(alpha):
     assert (verdict.verdict, verdict.proof) == ("admissible", "symbolic")
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(7, 20))
 @given(st.sampled_from(ALPHAS), st.lists(small, min_size=9, max_size=9))
 def test_the_nearest_of_an_admissible_polynomial_is_itself(alpha, weights):
     parts = known_admissible(Fraction(alpha), 7)

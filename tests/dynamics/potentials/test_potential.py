@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import EqualMomentsError
-from service.dynamics.potentials.expression import expression_potential
-from service.dynamics.potentials.general import general_potential
-from service.dynamics.potentials.gravity import gravity_potential
-from service.dynamics.potentials.notice import Notice
+from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.rational import rational_potential
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.rational import rational_potential
+from service.dynamics.potentials.warning import Notice
 from tests.support.formulas import POTENTIALS
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))

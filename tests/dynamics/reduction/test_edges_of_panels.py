@@ -11,7 +11,7 @@ import pytest
 from flint import arb, ctx
 
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.loop import ball
+from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula
 

@@ -7,13 +7,14 @@ from flint import arb, ctx
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.enclosure import as_decimals
-from service.dynamics.potentials.general import general_potential
-from service.dynamics.potentials.rational import rational_potential
+from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.rational import rational_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.existence import find_existence
 from service.dynamics.reduction.windows import find_windows
+from service.dynamics.solution.ball_columns import as_decimals
 from tests.support.admissible import cases
+from tests.support.effort import examples
 from tests.support.planar import body, formula
 
 DOUBLE, MIRRORED = body(2, 1), body(1, 2)
@@ -123,7 +124,7 @@ def may_be_inside(stretch, value):
 
 
 @given(cases(), cases(attracts=True), st.booleans(), st.data())
-@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(3, 6), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_every_lambda_has_windows_or_none_as_was_said(case, other, attracts, data):
     case = other if attracts else case
     rigid_body = body(case.A, case.C)

@@ -1,6 +1,7 @@
 """Zeros of p² of high order are ends that are approached for ever; those of no order are met by name."""
 
 import random
+from fractions import Fraction
 
 import pytest
 
@@ -72,6 +73,15 @@ def test_flat_pole_is_met_by_name():
     for window in windows("exp(-1/(1-g2))*(g2+1/2)"):
         with pytest.raises(FlatZeroError, match="g2 = 1,"):
             require_known_ends(window)
+
+
+@pytest.mark.parametrize("c", ["-9/10", "-223/250", "-22/25", "-4/5", "1/3", "7/10"])
+def test_isolated_flat_zero_is_found_wherever_the_search_ends(c):
+    """At the zero itself the formula has no value: a search that ends there found nothing."""
+    found = windows(f"-exp(-1/((g2-({c}))/(11/20))^2)")
+    assert [(window.kind, window.g2) for window in found] == [
+        ("equilibrium", (pytest.approx(float(Fraction(c)), abs=1e-12),) * 2)
+    ]
 
 
 def test_isolated_flat_zero_is_a_rest_for_ever():

@@ -7,9 +7,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.errors import EqualMomentsError
-from service.dynamics.potentials.rational import rational_potential
+from service.dynamics.potentials.families.rational import rational_potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.loop import NuNeedsDoubleMomentError
+from service.dynamics.reduction.geometry.loop import NuNeedsDoubleMomentError
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import (
     NoMotionError,
@@ -18,6 +18,7 @@ from service.dynamics.reduction.windows import (
     choose_window,
     find_windows,
 )
+from tests.support.effort import examples
 from tests.support.planar import body, formula
 
 DOUBLE = body(2, 1)
@@ -63,7 +64,7 @@ def test_the_four_types_of_the_elliptic_case_end_where_its_quadratic_vanishes(te
     c1=st.fractions(-4, 4, max_denominator=50),
     nu=st.fractions(Fraction(1, 4), 4, max_denominator=20),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(20, 60), deadline=None)
 def test_rest_points_are_the_roots_of_the_elliptic_quadratic(a1, b1, c1, nu):
     text = f"({a1})*g1 + ({b1})/g3^2 + ({c1})*(g1^2 - g2^2)"
     x1 = 2 / (nu + math.sqrt(nu * nu + 4))
@@ -189,7 +190,7 @@ def test_windows_of_the_two_hemispheres_differ_if_G_is_not_even():
 @given(
     lambda_=st.fractions(Fraction(1, 3), 3, max_denominator=30), alpha=st.sampled_from(["3", "17/10", "5/2"])
 )
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(7, 20), deadline=None)
 def test_the_mirrored_body_has_the_mirrored_windows(lambda_, alpha):
     text, mirrored = "(%s*g1^2 + g3^2)*(g2^2-1/2+g2^3/5)", "(%s*g3^2 + g1^2)*(g2^2-1/2+g2^3/5)"
     straight = windows(text % alpha, PlanarMotion(lambda_), A=alpha)
@@ -261,3 +262,23 @@ def test_equal_moments_have_no_curve():
 def test_nu_is_for_double_moments_only():
     with pytest.raises(NuNeedsDoubleMomentError):
         windows("-g1", NU_1, A=3)
+
+
+TWINS = "-g1 + 1.2*(g1^2 - g2^2)"
+"""On both hemispheres a window from a pole to g1 = 1/2.4."""
+
+
+def test_windows_with_the_same_ends_are_mirror_images_only_if_v_is_even_in_g2():
+    (both,) = windows(TWINS, NU_1)
+    assert len(both.arcs) == 2
+    # Far from the ends: what it changes is the motion between them, on one side alone.
+    bump = "(2*g1^2 + g3^2)*exp(-10^8*(g2 - 9/10)^2)/1000"
+    one, other = windows(f"{TWINS} + {bump}", NU_1)
+    assert (one.ends, len(one.arcs), len(other.arcs)) == (other.ends, 1, 1)
+    assert one.g1 == pytest.approx(other.g1, abs=1e-15)
+
+
+@pytest.mark.parametrize("factor", ["(g2 - 1/3)*(g2 + 1/3)", "cos(3*g2)", "abs(g2)", "((1 - g2)^2 + 2*g2)"])
+def test_a_v_that_is_even_though_not_as_it_is_written_has_mirror_images(factor):
+    (both,) = windows(f"{TWINS} + (2*g1^2 + g3^2)*{factor}/1000", NU_1)
+    assert len(both.arcs) == 2

@@ -1,10 +1,10 @@
 """Admissible potentials as formulas, from the paper and from theory sections 3 and 4."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.expression import expression_potential
+from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.verdict.verdict import Verdict, decide
 
@@ -37,9 +37,12 @@ def potential(
 
 
 def verdict_on(
-    text: str, on: RigidBody | None = None, parameters: Mapping[str, Fraction] | None = None
+    text: str,
+    on: RigidBody | None = None,
+    parameters: Mapping[str, Fraction] | None = None,
+    is_late: Callable[[], bool] = lambda: False,
 ) -> Verdict:
-    return decide(on or body(2), potential(text, on, parameters))
+    return decide(on or body(2), potential(text, on, parameters), is_late)
 
 
 def hypergeometric(a: Fraction, b: Fraction, c: Fraction, terms: int) -> str:

@@ -5,14 +5,14 @@ from fractions import Fraction
 import pytest
 from flint import arb, ctx, fmpq
 
-from service.dynamics.compatibility import residual_of
+from service.dynamics.equations.compatibility import residual_of
 from service.dynamics.errors import EqualMomentsError
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.potentials.general import general_potential
-from service.dynamics.verdict.general_energy import energy_defect
-from service.dynamics.verdict.points import sphere_points
+from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.verdict.proofs.general_energy import energy_defect
+from service.dynamics.verdict.sphere.points import sphere_points
 from service.dynamics.verdict.verdict import UndefinedPotentialError, decide
 from tests.dynamics.verdict.formulas import body
 

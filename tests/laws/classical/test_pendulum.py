@@ -16,7 +16,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.expression import expression_potential
+from service.dynamics.potentials.families.expression import expression_potential
 from workers.solvers.integration.solve import integrate_state
 
 BODY = RigidBody(Fraction(2), Fraction(3, 2), Fraction(1))

@@ -1,5 +1,6 @@
 """The cross-check believes the witness as far as the witness believes itself."""
 
+import json
 from dataclasses import replace
 from fractions import Fraction
 
@@ -7,11 +8,13 @@ import numpy as np
 import pytest
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.gravity import gravity_potential
+from service.dynamics.potentials.families.gravity import gravity_potential
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import formula, planar
+from tests.support.solving import solve_planar
+from workers.computation.compute import solve_document
+from workers.computation.text import describe
 from workers.solvers.cross_check import compare
-from workers.solvers.quadrature.solve import solve_planar
 
 ZERO, ONE = Fraction(0), Fraction(1)
 HEAVY = gravity_potential(-ONE, ZERO, ZERO)
@@ -88,6 +91,44 @@ def test_nothing_is_compared_beyond_the_limit():
 def test_comparison_at_the_start_alone_confirms_nothing():
     rigid_body = body("3/2")
     motion = quadrature(rigid_body, HEAVY, 1, (0, 10))
-    assert not compare(motion, rigid_body, HEAVY, 1e-10, limit=0.0).agrees
+    nothing = compare(motion, rigid_body, HEAVY, 1e-10, limit=0.0)
+    assert not nothing.agrees
+    assert nothing.why_none is not None
+    assert "convention" in nothing.why_none
     at_zero = replace(motion, times=np.zeros(1), samples=motion.samples[:1])
-    assert compare(at_zero, rigid_body, HEAVY, 1e-10).agrees
+    start = compare(at_zero, rigid_body, HEAVY, 1e-10)
+    assert (start.agrees, start.why_none) == (True, None)
+
+
+def test_a_witness_that_cannot_follow_is_no_disagreement():
+    """A field of 1e-150: the motion takes 1e75, and the integrator's steps are too short to see it move."""
+    document = {
+        "body": {"A": 2, "B": "3/2", "C": 1},
+        "potential": {"type": "expression", "expression": "-g1*1e-150"},
+        "motion": {"type": "planar", "lambda": 1},
+        "time": {"periods": 1, "samples": 6},
+        "method": "both",
+    }
+    summary = solve_document(json.dumps(document)).summary
+    assert summary is not None
+    check = summary["cross_check"]
+    assert set(check) == {"method", "disagreement", "horizon", "agrees"}
+    assert (check["horizon"], check["agrees"]) == (0.0, False)
+    (warning,) = summary["warnings"]
+    assert (warning["code"], warning["pointer"]) == ("no_cross_check", "/method")
+    said = describe(summary, {})
+    assert "DISAGREES" not in said
+    assert "could not follow the motion from t = 0 on: the steps" in said
+
+
+def test_weak_kink_that_both_runs_cross_alike_is_no_disagreement():
+    """What a crossing leaves, both left alike: their difference said 1e-9 where they were off by 1.5e-9."""
+    rigid_body = RigidBody(Fraction(251, 250), Fraction(251, 250), Fraction(251, 500), allow_unphysical=True)
+    kink = "93/500000000000*abs((g2 - 2191/10000)/(33/400000000))"
+    smooth = "-5713/250 - 157/100*g2 - 611/1000*g2^2 - 277/1000*g2^3"
+    potential = formula(f"(A*g1^2+C*g3^2)*({smooth} + {kink}) + 283/5000*g1 + 161/2000*g3^(-2)", rigid_body)
+    motion = solve_planar(planar(rigid_body, potential, PlanarMotion(Fraction(347, 1000)), (0, 6, 12)))
+    check = compare(motion, rigid_body, potential, 1e-10)
+    assert check.agrees
+    # Two periods of 0.78: the comparison is about something.
+    assert check.horizon > 1.0

@@ -8,18 +8,20 @@ import numpy as np
 import pytest
 from flint import ctx
 
-from service.dynamics.dense_output import DenseOutput
 from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion
+from service.dynamics.solution.dense_output import DenseOutput
+from service.jobs.outcome import Refused
+from tests.support import solving
 from tests.support.planar import body, formula, planar
-from workers import computation
-from workers.computation import solve_document
+from tests.support.solving import solve_planar
+from workers.computation import compute as computation
+from workers.computation.compute import solve_document
+from workers.solvers.assembly.dense import resolve_motion
 from workers.solvers.cross_check import compare
 from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.quadrature import solve as quadrature
-from workers.solvers.quadrature.dense import resolve_motion
-from workers.solvers.quadrature.solve import solve_planar
-from workers.solvers.quadrature.time_map import QuadratureNotConvergedError, make_time_map
+from workers.solvers.quadrature.errors import QuadratureNotConvergedError
+from workers.solvers.quadrature.time_map import make_time_map
 
 DOCUMENT = {
     "body": {"A": 2, "B": "3/2", "C": 1},
@@ -38,16 +40,16 @@ def motion() -> Motion:
 @pytest.mark.parametrize("error", NOT_FINITE)
 def test_a_claim_that_is_not_finite_is_refused(motion, error, monkeypatch):
     problem = planar(body(2, 1, "3/2"), "-g1", PlanarMotion(1), tolerance=inf)
-    monkeypatch.setattr(quadrature, "_solve", lambda *_: replace(motion, error=error))
+    monkeypatch.setattr(solving, "find_motion", lambda *_: replace(motion, error=error))
     with pytest.raises(AccuracyNotMetError):
         solve_planar(problem)
 
 
 @pytest.mark.parametrize("error", NOT_FINITE)
 def test_a_job_whose_claim_is_not_finite_fails_by_name(motion, error, monkeypatch):
-    monkeypatch.setattr(computation, "solve", lambda _: replace(motion, error=error))
+    monkeypatch.setattr(computation, "solve", lambda *_: replace(motion, error=error))
     outcome = solve_document(json.dumps(DOCUMENT))
-    assert outcome.error is not None
+    assert isinstance(outcome, Refused)
     assert outcome.error["code"] == "accuracy_not_met"
 
 
@@ -55,9 +57,9 @@ def test_a_job_whose_claim_is_not_finite_fails_by_name(motion, error, monkeypatc
 def test_a_job_with_a_sample_that_is_not_finite_fails_by_name(motion, value, monkeypatch):
     samples = motion.samples.copy()
     samples[-1, 2] = value
-    monkeypatch.setattr(computation, "solve", lambda _: replace(motion, samples=samples))
+    monkeypatch.setattr(computation, "solve", lambda *_: replace(motion, samples=samples))
     outcome = solve_document(json.dumps(DOCUMENT))
-    assert outcome.error is not None
+    assert isinstance(outcome, Refused)
     assert outcome.error["code"] == "accuracy_not_met"
 
 

@@ -1,6 +1,6 @@
-"""Enclosures of any periodic motion of a potential with a formula: one integral, inverted."""
+"""Encloses any periodic motion of a potential with a formula, by inverting one integral."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,18 +12,21 @@ from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.ends import require_known_ends
-from service.dynamics.reduction.loop import Loop, ball
+from service.dynamics.reduction.geometry.loop import Loop, ball
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
-from workers.solvers.certified.complex_loop import ComplexLoop
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.fourier_time import FourierTime, make_fourier_time
-from workers.solvers.certified.orbit import is_the_only_one, passes_pole, start_from_doubles
-from workers.solvers.certified.phase import Libration, Rotation
+from workers.solvers.certified.orbit import is_the_only_one, passes_pole, start_on
+from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.real_loop import RealLoop
 from workers.solvers.certified.time_model import TimeModel, make_time_model
 from workers.solvers.certified.trapezoid import ProvenStrip, proven_strip, time_of_turn
+from workers.solvers.complex_plane.complex_loop import ComplexLoop
+
+FindArc = Callable[[RigidBody, Potential, PlanarMotion], Arc | None]
+"""Returns the arc of a motion, whose ends may be in doubt by a few roundings; None if it does not know."""
 
 SHARES = (0.375, 0.625, 0.8125)
 """Places on the arc where the energy is taken: two at least are neither a pole nor the equator."""
@@ -36,7 +39,7 @@ NARROWING = 2.0**-8
 class IntegralMotion:
     """A motion from its start on; to be asked at the precision it was made at."""
 
-    phase: Libration | Rotation
+    phase: LibrationPhase | RotationPhase
     start: StartingPoint
     energy: arb
     bits: int
@@ -67,7 +70,7 @@ class IntegralMotion:
     @cached_property
     def origin(self) -> arb:
         """Return the time of the start since θ = 0."""
-        if isinstance(self.phase, Rotation):
+        if isinstance(self.phase, RotationPhase):
             return arb(0)
         v, direction = self.start.v, self.start.direction
         below, above = v - self.phase.lower, self.phase.upper - v
@@ -106,14 +109,15 @@ def periodic_window(
 
 
 def motion_by_integral(
-    body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int
+    body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int, find_arc: FindArc | None = None
 ) -> IntegralMotion:
     """Return the motion, its period being wanted to so many bits; raises as the other two functions.
 
-    What the compiled doubles find is proven. Where they do not decide, or it is not there, the windows
+    What ``find_arc`` finds is proven. Where it does not decide, or the motion is not there, the windows
     are looked for in balls.
     """
-    start = start_from_doubles(body, potential, motion)
+    arc = None if find_arc is None else find_arc(body, potential, motion)
+    start = None if arc is None else start_on(arc, motion)
     if start is not None:
         try:
             found = integral_motion(start, bits)
@@ -139,9 +143,9 @@ def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
     real = RealLoop(loop, tape, side)
     curve = ComplexLoop(loop, tape, _energy(arc, real), side)
     if arc.is_whole_loop:
-        return IntegralMotion(Rotation(curve, real, start.v, start.direction), start, curve.h, bits)
+        return IntegralMotion(RotationPhase(curve, real, start.v, start.direction), start, curve.h, bits)
     lower, upper = (_zero(real, curve.h, v) for v in (arc.lower, arc.upper))
-    return IntegralMotion(Libration(curve, real, lower, upper), start, curve.h, bits)
+    return IntegralMotion(LibrationPhase(curve, real, lower, upper), start, curve.h, bits)
 
 
 def _side(arc: Arc) -> int:

@@ -1,26 +1,25 @@
-"""A periodic planar motion with a proof of every digit."""
+"""Solves a periodic planar motion with a proof of every digit."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from math import floor
-from typing import Literal, Protocol
+from typing import Protocol
 
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
+from service.dynamics.motion import EnclosureMethod
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.three_terms import recognise
+from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.problem import PlanarMotion, StateMotion
-from service.dynamics.reduction.loop import ball, make_loop
-from workers.solvers.certified.by_integral import motion_by_integral, periodic_window
+from service.dynamics.reduction.geometry.loop import ball, make_loop
+from workers.solvers.assembly.description import SYMMETRIC_POLE_PASSAGE
+from workers.solvers.certified.by_integral import FindArc, motion_by_integral, periodic_window
 from workers.solvers.certified.elliptic_start import elliptic_motion
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
-from workers.solvers.closed_form.intervals import UndecidedError
-from workers.solvers.quadrature.description import SYMMETRIC_POLE_PASSAGE
-
-Method = Literal["elliptic", "integral"]
+from workers.solvers.orbits.between_roots import RootsUndecidedError
 
 GUARD_BITS = 32
 PERIOD_BITS = 5
@@ -44,7 +43,7 @@ class Certified:
     times: tuple[arb, ...]
     """These times."""
     bits: int
-    method: Method
+    method: EnclosureMethod
     conventions: tuple[str, ...] = ()
     """Choices made where the equations leave one, as of :class:`~service.dynamics.motion.Motion`."""
 
@@ -69,8 +68,9 @@ def certify(
     times: Sequence[Fraction],
     bits: int,
     *,
-    method: Method | None = None,
+    methods: Sequence[EnclosureMethod] = ("elliptic", "integral"),
     about_a_period: float | None = None,
+    find_arc: FindArc | None = None,
 ) -> Certified:
     """Return enclosures of the period, the energy and the six variables at ``times``, t = 0 being the start.
 
@@ -80,11 +80,15 @@ def certify(
         An admissible one: that the motion with q = 0 exists is taken from the verdict.
     bits
         Radii are at most 2^(8 − bits), of numbers above 1 and of the period relative to them.
-    method
-        Default: elliptic functions where the potential has the three terms, else the integral.
+    methods
+        In the order in which they are asked: elliptic functions, where the potential has the three terms; the
+        integral, of any potential with a formula.
     about_a_period
         If given, ``times`` are numbers of periods, and this is the period, roughly: whole periods
         are left out exactly, whatever the period is.
+    find_arc
+        What may know, in doubles, the arc that the integral is taken on; it is proven then, which is much
+        quicker than to look for windows in balls.
 
     Raises
     ------
@@ -106,7 +110,7 @@ def certify(
     while precision <= HIGHEST_PRECISION:
         with ctx.workprec(precision):
             try:
-                for name, make in _makers(body, potential, motion, precision - unused, method):
+                for name, make in _makers(body, potential, motion, precision - unused, methods, find_arc):
                     made = make()
                     if made is None:
                         continue
@@ -118,7 +122,7 @@ def certify(
                     if _is_narrow(result):
                         return result
                     break
-            except UndecidedError:
+            except RootsUndecidedError:
                 # Or two roots coincide: then the motion is not periodic.
                 periodic_window(body, potential, motion)
             except PrecisionNeededError:
@@ -134,22 +138,22 @@ def _reduced(made: _Motion, turns: Sequence[Fraction]) -> list[arb]:
 
 
 def _makers(
-    body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int, method: Method | None
-) -> list[tuple[Method, Callable[[], _Motion | None]]]:
-    """Return the ways to a motion in their order; None from the first leaves it to the next."""
-
-    def by_integral() -> _Motion:
-        return motion_by_integral(body, potential, motion, bits)
-
-    makers: list[tuple[Method, Callable[[], _Motion | None]]] = []
-    if method != "integral":
-        sign = motion.g3_sign if body.A < body.C else motion.sign_of_g1
-        terms = recognise(body, potential, sign)
-        if terms is not None:
-            makers.append(("elliptic", partial(elliptic_motion, body, terms, motion)))
-    if method != "elliptic":
-        makers.append(("integral", by_integral))
-    return makers
+    body: RigidBody,
+    potential: Potential,
+    motion: PlanarMotion,
+    bits: int,
+    methods: Sequence[EnclosureMethod],
+    find_arc: FindArc | None,
+) -> list[tuple[EnclosureMethod, Callable[[], _Motion | None]]]:
+    """Return what makes the motion by each of the methods; None from the first leaves it to the next."""
+    sign = motion.g3_sign if body.A < body.C else motion.sign_of_g1
+    terms = recognise(body, potential, sign) if "elliptic" in methods else None
+    makers: dict[EnclosureMethod, Callable[[], _Motion | None]] = {
+        "integral": partial(motion_by_integral, body, potential, motion, bits, find_arc)
+    }
+    if terms is not None:
+        makers["elliptic"] = partial(elliptic_motion, body, terms, motion)
+    return [(method, makers[method]) for method in methods if method in makers]
 
 
 def _conventions(body: RigidBody, potential: Potential, motion: PlanarMotion) -> tuple[str, ...]:

@@ -1,11 +1,11 @@
-"""Proof that time is a holomorphic function of the phase on a region, with a bound: boxes cover it."""
+"""Proves, by boxes that cover a region, that time is a holomorphic and bounded function of the phase."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 from flint import acb, arb
 
-from workers.solvers.certified.phase import Phase
+from workers.solvers.certified.phase import MotionPhase
 
 LOOSE = 2.0**30
 """A bound this much larger than the function costs so many bits of a remainder: then it is refined."""
@@ -22,7 +22,7 @@ class Box(NamedTuple):
 
 
 def bound(
-    phase: Phase,
+    phase: MotionPhase,
     boxes: list[Box],
     *,
     smallest: float,

@@ -1,4 +1,4 @@
-"""The loop of a planar motion in doubles: what guides a proof and is no part of it."""
+"""The loop of a planar motion in doubles, which guides a proof and is not part of it."""
 
 from fractions import Fraction
 from typing import NamedTuple
@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
-from service.dynamics.reduction.loop import Loop
-from workers.solvers.certified.phase import Libration, Rotation
+from service.dynamics.reduction.geometry.height import log_sine_real, numerator_real
+from service.dynamics.reduction.geometry.loop import Loop
+from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 
 FloatArray = NDArray[np.float64]
 
@@ -53,25 +54,24 @@ class Places(NamedTuple):
 def make_places(sine: FloatArray, cosine: FloatArray) -> Places:
     """Return the places with these sin v and cos v."""
     square = np.maximum(cosine * cosine, np.finfo(np.float64).tiny)
-    log_sine = np.where(square < 0.75, 0.5 * np.log1p(-np.minimum(square, 0.75)), np.log(np.abs(sine)))
-    return Places(sine, cosine, square, log_sine)
+    return Places(sine, cosine, square, log_sine_real(sine, square))
 
 
 def room(loop: Loop, tape: Tape, h: arb, at: Places) -> tuple[FloatArray, FloatArray]:
     """Return N = h − V, and c²; numpy's warnings must be off."""
     alpha, Z, G = float(loop.alpha), float(loop.Z), float(loop.G)
     logs = alpha * at.log_sine
-    c_squared = Z * Z - G * G * np.expm1(2.0 * logs) / at.square
+    c_squared = Z * Z + G * G * numerator_real(alpha, at.log_sine) / at.square
     gamma = loop.g1_sign * G * np.exp(logs), np.sqrt(c_squared) * at.cosine, Z * at.sine
     V = tape.evaluate(_REALS, gamma[::-1] if loop.mirrored else gamma)
     return np.broadcast_to(float(h) - V, at.sine.shape), c_squared
 
 
-def rates(phase: Libration | Rotation, count: int) -> FloatArray:
+def rates(phase: LibrationPhase | RotationPhase, count: int) -> FloatArray:
     """Return dt/dθ, but for a factor, at equidistant θ halfway between multiples of 2π/count."""
     theta = (np.arange(count) + 0.5) * (2.0 * np.pi / count)
     curve, loop = phase.curve, phase.curve.loop
-    if isinstance(phase, Rotation):
+    if isinstance(phase, RotationPhase):
         v, product = float(phase.origin) + phase.direction * theta, np.ones(count)
     else:
         lower, upper = float(phase.lower), float(phase.upper)

@@ -20,10 +20,11 @@ from dataclasses import dataclass
 
 from flint import arb, ctx
 
-from service.dynamics.reduction.loop import ball
-from workers.solvers.closed_form.elliptic import trip_time
-from workers.solvers.closed_form.intervals import Interval, UndecidedError
-from workers.solvers.closed_form.variables import Branch
+from service.dynamics.reduction.geometry.loop import ball
+from workers.solvers.orbits.between_roots import RootsUndecidedError
+from workers.solvers.three_terms.intervals import MotionInterval
+from workers.solvers.three_terms.phase import trip_time
+from workers.solvers.three_terms.variables import MirrorImage
 
 MAX_STEPS = 40
 
@@ -32,8 +33,8 @@ MAX_STEPS = 40
 class EllipticMotion:
     """A periodic motion in t since the phase of its start; made by :func:`make_elliptic_motion`."""
 
-    interval: Interval
-    branch: Branch
+    interval: MotionInterval
+    branch: MirrorImage
     quarters: int
     offset: arb
     """Phase at t = 0: quarters · π/2 + offset."""
@@ -109,19 +110,21 @@ class EllipticMotion:
         return sine, cosine
 
 
-def make_elliptic_motion(interval: Interval, branch: Branch, origin: tuple[int, arb]) -> EllipticMotion:
+def make_elliptic_motion(
+    interval: MotionInterval, branch: MirrorImage, origin: tuple[int, arb]
+) -> EllipticMotion:
     """Return the motion whose phase at t = 0 is origin[0] · π/2 + origin[1], at the current precision.
 
     Raises
     ------
-    UndecidedError
+    RootsUndecidedError
         The precision does not suffice.
     """
     (low, high), (second_low, second_high) = interval.linear_factors()
     factor = interval.curve.factor
     a, b = (factor * high * second_low).sqrt(), (factor * low * second_high).sqrt()
     if not (a.is_finite() and b.is_finite() and a > 0 and b > 0):
-        raise UndecidedError("a linear factor may vanish")
+        raise RootsUndecidedError("a linear factor may vanish")
     means = []
     for _ in range(MAX_STEPS):
         if abs(a - b) < a * arb(2) ** (6 - ctx.prec) or (a - b).contains(0):

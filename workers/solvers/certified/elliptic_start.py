@@ -1,4 +1,4 @@
-"""Which elliptic motion a planar motion asks for: its interval, its mirror image and its phase at t = 0.
+"""Identifies the elliptic motion of a planar motion: its interval, mirror image and phase at t = 0.
 
 The rules are those of :mod:`service.dynamics.reduction.start`, decided by
 proven inequalities of the roots alone. What they do not decide is left open.
@@ -7,14 +7,13 @@ proven inequalities of the roots alone. What they do not decide is left open.
 from flint import arb
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition.three_terms import ThreeTerms
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
-from service.dynamics.reduction.loop import ball
+from service.dynamics.reduction.geometry.loop import ball
 from workers.solvers.certified.elliptic import EllipticMotion, make_elliptic_motion
-from workers.solvers.closed_form.elliptic import phase_at
-from workers.solvers.closed_form.intervals import Interval, intervals, make_curve
-from workers.solvers.closed_form.solve import primed_nu
-from workers.solvers.closed_form.variables import Branch
+from workers.solvers.three_terms.intervals import MotionInterval, intervals, make_curve
+from workers.solvers.three_terms.phase import phase_at, primed_nu
+from workers.solvers.three_terms.variables import MirrorImage
 
 
 def elliptic_motion(body: RigidBody, terms: ThreeTerms, motion: PlanarMotion) -> EllipticMotion | None:
@@ -22,7 +21,7 @@ def elliptic_motion(body: RigidBody, terms: ThreeTerms, motion: PlanarMotion) ->
 
     Raises
     ------
-    UndecidedError
+    RootsUndecidedError
         The precision does not suffice, or two roots coincide.
     """
     mirrored = body.A < body.C
@@ -45,7 +44,7 @@ def elliptic_motion(body: RigidBody, terms: ThreeTerms, motion: PlanarMotion) ->
     return _at_point(interval, motion, start, (g1, g3), mirrored=mirrored)
 
 
-def _chosen(found: tuple[Interval, ...], window: int | None) -> Interval | None:
+def _chosen(found: tuple[MotionInterval, ...], window: int | None) -> MotionInterval | None:
     """Return the periodic interval that is asked for."""
     if window is None:
         window = 0 if len(found) == 1 else -1
@@ -55,8 +54,8 @@ def _chosen(found: tuple[Interval, ...], window: int | None) -> Interval | None:
 
 
 def _moving(
-    interval: Interval, g1: int, g2: int, g3: int, direction: int, *, mirrored: bool
-) -> tuple[Branch, int]:
+    interval: MotionInterval, g1: int, g2: int, g3: int, direction: int, *, mirrored: bool
+) -> tuple[MirrorImage, int]:
     """Return the mirror image through a point with these signs, and the quarter of its phase.
 
     ``direction`` is that of the loop coordinate v of the reduction. At the
@@ -65,34 +64,39 @@ def _moving(
     """
     if interval.hi_end == "equator":
         carries_g3 = interval.lo_end == "pole"
-        branch = Branch(g1, 1, direction if carries_g3 else g3, mirrored)
+        branch = MirrorImage(g1, 1, direction if carries_g3 else g3, mirrored)
         sine, cosine = direction * g3, g2
     elif interval.lo_end == "pole":
-        branch = Branch(g1, g2, 1, mirrored)
+        branch = MirrorImage(g1, g2, 1, mirrored)
         sine, cosine = g3, direction * g2
     else:
-        branch = Branch(g1, g2, g3, mirrored)
+        branch = MirrorImage(g1, g2, g3, mirrored)
         sine, cosine = 1, direction * g2 * g3
     if cosine == 0:
         return branch, 1 if sine > 0 else 3
     return branch, {(1, 1): 0, (1, -1): 1, (-1, -1): 2, (-1, 1): 3}[sine, cosine]
 
 
-def _at_rest(interval: Interval, g1: int, g2: int, g3: int, *, mirrored: bool) -> EllipticMotion | None:
+def _at_rest(interval: MotionInterval, g1: int, g2: int, g3: int, *, mirrored: bool) -> EllipticMotion | None:
     """Return the motion from rest; the larger |g1| if there are two such places."""
     if interval.hi_end == "rest":
         carries_g3 = interval.lo_end == "pole"
-        branch = Branch(g1, g2, 1 if carries_g3 else g3, mirrored)
+        branch = MirrorImage(g1, g2, 1 if carries_g3 else g3, mirrored)
         quarters = 3 if carries_g3 and g3 < 0 else 1
     elif interval.lo_end == "rest":
-        branch, quarters = Branch(g1, 1, g3, mirrored), 0 if g2 > 0 else 2
+        branch, quarters = MirrorImage(g1, 1, g3, mirrored), 0 if g2 > 0 else 2
     else:
         return None
     return make_elliptic_motion(interval, branch, (quarters, arb(0)))
 
 
 def _at_point(
-    interval: Interval, motion: PlanarMotion, start: StartAtPoint, signs: tuple[int, int], *, mirrored: bool
+    interval: MotionInterval,
+    motion: PlanarMotion,
+    start: StartAtPoint,
+    signs: tuple[int, int],
+    *,
+    mirrored: bool,
 ) -> EllipticMotion | None:
     """Return the motion from a given g1."""
     size, curve = ball(abs(start.g1)), interval.curve

@@ -18,7 +18,7 @@ from flint import acb, acb_poly, arb, ctx
 from numpy.typing import NDArray
 
 from workers.solvers.certified.errors import PrecisionNeededError
-from workers.solvers.certified.phase import Libration, Rotation
+from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.trapezoid import ProvenStrip
 
 FloatArray = NDArray[np.float64]
@@ -145,7 +145,7 @@ class FourierTime:
         return np.asarray(found)
 
 
-def make_fourier_time(phase: Libration | Rotation, strip: ProvenStrip, bits: int) -> FourierTime:
+def make_fourier_time(phase: LibrationPhase | RotationPhase, strip: ProvenStrip, bits: int) -> FourierTime:
     """Return the model to so many bits, at the current precision."""
     height, largest = strip.height, strip.largest
     size = float(next(phase.rates(4)))

@@ -1,30 +1,23 @@
-"""The arc of a periodic motion and its start, from the doubles of the compiled solver: to be proven yet."""
+"""Proves that an arc found in doubles has exactly one start, if doubles can decide it."""
 
 from functools import cache
-from math import atan2, nan, sin
-from typing import TYPE_CHECKING, NamedTuple
+from math import nan, sin
+from typing import NamedTuple
 
 import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.body import RigidBody
-from service.dynamics.dense_output import chebyshev_coefficients, chebyshev_points
-from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc
-from service.dynamics.reduction.loop import Loop, make_loop, start_g3_sign
+from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.start import StartingPoint, StartOutsideWindowError, starting_point
 from service.dynamics.reduction.window import EndKind, Window
+from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.certified.doubles import Places, make_places, room
-
-if TYPE_CHECKING:
-    from workers.solvers.spectral.motion import SpectralMotion
 
 FloatArray = NDArray[np.float64]
 
-DOUBT = 2.0**-44
-"""Of an end of the arc, in v."""
 UNKNOWN = (nan, nan)
 OUTER = 4.0
 EDGES = (-13.0, -10.0, -8.0, -6.0, -5.0, *(0.5 * k for k in range(-8, 9)), 5.0, 6.0, 8.0, 10.0, 13.0)
@@ -39,16 +32,8 @@ CLEARLY = 1.0001
 """The first coefficient outweighs the others clearly, whatever the tail."""
 
 
-def start_from_doubles(body: RigidBody, potential: Potential, motion: PlanarMotion) -> StartingPoint | None:
-    """Return the start on its arc, whose ends are in doubt; None where doubles do not decide."""
-    # The compiler is loaded, and the first time run, only by those who need it.
-    from workers.solvers.spectral.solve import solve_spectral  # noqa: PLC0415
-
-    found = solve_spectral(body, potential, motion, tier="draft")
-    if found is None:
-        return None
-    loop = make_loop(body, potential, motion)
-    arc = _arc(found, loop, start_g3_sign(loop, motion))
+def start_on(arc: Arc, motion: PlanarMotion) -> StartingPoint | None:
+    """Return the start on a periodic arc, whose ends may be in doubt; None if it is not on the arc."""
     reached: EndKind = "equator" if arc.is_whole_loop or arc.equators else "rest"
     try:
         return starting_point(Window(0, "periodic", ("rest", reached), UNKNOWN, UNKNOWN, (arc,)), motion)
@@ -147,14 +132,3 @@ def _derivatives() -> tuple[FloatArray, FloatArray]:
     """Return the matrices from a series to those of its first and second derivatives."""
     one, two = (np.polynomial.chebyshev.chebder(np.eye(DEGREE + 1), order) for order in (1, 2))
     return np.asarray(one), np.asarray(two)
-
-
-def _arc(found: "SpectralMotion", loop: Loop, g3_sign: int) -> Arc:
-    from workers.solvers.spectral import curve  # noqa: PLC0415
-
-    slots = found.loop
-    if slots[curve.ROTATES]:
-        base = arb(0) if g3_sign > 0 else -arb.pi()
-        return Arc(loop, base, base + 2 * arb.pi(), None, None)
-    middle, half = atan2(slots[curve.S_MIDDLE], slots[curve.C_MIDDLE]), float(slots[curve.HALF])
-    return Arc(loop, arb(middle - half, DOUBT), arb(middle + half, DOUBT), "rest", "rest")

@@ -1,6 +1,6 @@
 r"""Time as an analytic function of the phase: libration and rotation, for complex θ in balls.
 
-The phases are those of :mod:`workers.solvers.quadrature.orbit`. With N = h − V
+The phases are those of :mod:`workers.solvers.orbits.orbit`. With N = h − V
 a libration between the zeros v₋ < v₊ of N has
 
 .. math:: \frac{dt}{d\theta} = \frac{Z}{\sqrt{c^2 W q}},\qquad q = \frac{N}{(v-v_-)(v_+-v)},
@@ -19,8 +19,8 @@ from typing import Protocol
 
 from flint import acb, arb, ctx
 
-from workers.solvers.certified.complex_loop import ComplexLoop, Place, tighter
 from workers.solvers.certified.real_loop import RealLoop
+from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace, tighter
 
 NEAR_TURN = 0.0625
 """|sin(θ/2)| or |cos(θ/2)| from which on the direct quotient is good enough."""
@@ -29,7 +29,7 @@ WIDE = 2.0**-36
 """Half the real width of a ball of θ that is a region, not a point."""
 
 
-class Phase(Protocol):
+class MotionPhase(Protocol):
     """A periodic planar motion as a function of θ; 2π is one period of all six variables."""
 
     @property
@@ -48,7 +48,7 @@ class Phase(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Libration:
+class LibrationPhase:
     """Motion to and fro between two simple zeros of N, v = m − h cos θ."""
 
     curve: ComplexLoop
@@ -80,7 +80,7 @@ class Libration:
         half = (self.upper - self.lower) / 2
         return _six_variables(self.curve, at, -half * theta.sin() * (self.curve.W(at) * quotient).sqrt().real)
 
-    def _at(self, theta: acb, *, analytic: bool) -> tuple[Place, acb]:
+    def _at(self, theta: acb, *, analytic: bool) -> tuple[ComplexPlace, acb]:
         """Return the place and q."""
         width = self.upper - self.lower
         sine, cosine = (theta / 2).sin_cos()
@@ -118,7 +118,7 @@ class Libration:
 
 
 @dataclass(frozen=True, slots=True)
-class Rotation:
+class RotationPhase:
     """Motion round the whole loop, v = v₀ + σθ."""
 
     curve: ComplexLoop
@@ -146,7 +146,7 @@ class Rotation:
         at, P = self._at(acb(theta), analytic=False)
         return _six_variables(self.curve, at, -self.direction * P.sqrt().real)
 
-    def _at(self, theta: acb, *, analytic: bool) -> tuple[Place, acb]:
+    def _at(self, theta: acb, *, analytic: bool) -> tuple[ComplexPlace, acb]:
         v = self.origin + self.direction * theta
         at = self.curve.place(v, analytic=analytic)
         N = self.curve.N(at, analytic=analytic)
@@ -162,7 +162,7 @@ def _shares(count: int, precision: int) -> tuple[arb, ...]:
         return tuple((arb(2 * j + 1) / (2 * count)).sin_pi() ** 2 for j in range(count // 2))
 
 
-def _six_variables(curve: ComplexLoop, at: Place, p: arb) -> tuple[arb, ...]:
+def _six_variables(curve: ComplexLoop, at: ComplexPlace, p: arb) -> tuple[arb, ...]:
     g1, g2, g3 = (value.real for value in curve.gamma(at))
     r = curve.r_over_p(at).real * p
     if curve.loop.mirrored:

@@ -1,4 +1,4 @@
-"""The loop of a planar motion at real v, in real balls: many places of one motion, fast."""
+"""The loop of a planar motion at real v, in real balls, for many points of one motion."""
 
 import operator
 from collections.abc import Callable, Sequence
@@ -8,8 +8,9 @@ from flint import arb
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.tape import Instruction, Tape
-from service.dynamics.reduction.loop import Loop, ball
-from workers.solvers.certified.complex_loop import MANY
+from service.dynamics.reduction.geometry.height import c_squared_ball, log_sine_ball
+from service.dynamics.reduction.geometry.loop import Loop, ball
+from workers.solvers.complex_plane.complex_loop import MANY
 
 _Step = tuple[Callable[[arb, arb], arb], int, int]
 _ARITHMETIC: dict[str, Callable[[arb, arb], arb]] = {
@@ -129,12 +130,13 @@ class RealLoop:
             power, w, quotient = size**self._power, sine * sine, arb(1)
             for _ in range(self._power):
                 quotient = quotient * w + 1
+            c_squared = self._Z_squared + self._G_squared * quotient
         else:
             u = cosine * cosine
-            log = (-u).log1p() / 2 if u < 0.75 else size.log()
+            log = log_sine_ball(size, u)
             power = ((self._alpha - 1) * log).exp()
-            quotient = -(2 * self._alpha * log).expm1() / u
-        return power, power * size, self._Z_squared + self._G_squared * quotient
+            c_squared = c_squared_ball(self._Z_squared, self._G_squared, self._alpha, log, u)
+        return power, power * size, c_squared
 
 
 def _step(instruction: Instruction, left: int, right: int) -> _Step:

@@ -1,4 +1,4 @@
-r"""Proof that time is a holomorphic function of the phase on a strip about the real axis, with a bound.
+r"""Proves that time is a holomorphic, bounded function of the phase on a strip about the real axis.
 
 On the strip everything is a series of :mod:`.strip_series`. Of a libration
 v = m − d cos θ it takes the sine and cosine of X = d cos θ, by
@@ -23,12 +23,12 @@ from math import cosh, exp, factorial, sinh
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.reduction.loop import ball
-from workers.solvers.certified.complex_loop import ComplexLoop
-from workers.solvers.certified.loop_algebra import LoopAlgebra, Monomial
-from workers.solvers.certified.phase import Libration, Rotation
+from service.dynamics.reduction.geometry.loop import ball
+from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.strip_algebra import Strip
 from workers.solvers.certified.strip_series import INFLATED, LEAST_REACH, ULP, Series
+from workers.solvers.complex_plane.complex_loop import ComplexLoop
+from workers.solvers.complex_plane.loop_algebra import LoopAlgebra, Monomial
 
 FloatArray = NDArray[np.float64]
 
@@ -38,14 +38,14 @@ LARGEST_TERMS = 64
 """α = m/n with larger m or n is left to others."""
 
 
-def bound_on_strip(phase: Libration | Rotation, height: float, degree: int) -> float:
+def bound_on_strip(phase: LibrationPhase | RotationPhase, height: float, degree: int) -> float:
     """Return a bound of Σ |r_k| e^{k·height}, r_k the coefficients of dt/dθ; inf if none is proven."""
     with np.errstate(all="ignore"):
         strip = Strip(height, degree, is_even=phase.is_even)
-        return _of_rotation(phase, strip) if isinstance(phase, Rotation) else _of_libration(phase, strip)
+        return _of_rotation(phase, strip) if isinstance(phase, RotationPhase) else _of_libration(phase, strip)
 
 
-def _of_rotation(phase: Rotation, strip: Strip) -> float:
+def _of_rotation(phase: RotationPhase, strip: Strip) -> float:
     sine, cosine = map(strip.ball, phase.origin.sin_cos())
     along = strip.series(np.array([0.5, 0.0, 0.5]), 0.0)
     across = strip.series(phase.direction * np.array([0.5j, 0.0, -0.5j]), 0.0)
@@ -53,7 +53,7 @@ def _of_rotation(phase: Rotation, strip: Strip) -> float:
     return found.bound_of_rate(found.N())
 
 
-def _of_libration(phase: Libration, strip: Strip) -> float:
+def _of_libration(phase: LibrationPhase, strip: Strip) -> float:
     half, middle = (phase.upper - phase.lower) / 2, (phase.upper + phase.lower) / 2
     d = float(half.mid())
     cosine_X, sine_X = _circular(strip, d, float(abs(half - d).upper()))

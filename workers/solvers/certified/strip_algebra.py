@@ -1,4 +1,4 @@
-r"""The algebra of functions on a strip: what a formula needs of :mod:`.strip_series`.
+r"""Evaluates formulas on functions of a strip, by the operations of :mod:`.strip_series`.
 
 Inverses and roots are guessed by values at equidistant nodes, and proven by their
 residual ρ: where ‖ρ‖ < 1, 1 − ρ has a holomorphic inverse, root and logarithm on the

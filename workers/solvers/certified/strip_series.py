@@ -1,4 +1,4 @@
-r"""Functions holomorphic on a strip, as Fourier series with a proven rest.
+r"""Functions holomorphic on a strip, as Fourier series with a proven remainder.
 
 A 2π-periodic function on |Im θ| ≤ a is measured by the norm of the Wiener algebra
 

@@ -21,7 +21,7 @@ from flint import acb, arb, arb_poly, ctx
 
 from workers.solvers.certified.cover import Box, bound
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
-from workers.solvers.certified.phase import Phase
+from workers.solvers.certified.phase import MotionPhase
 
 SLACK = 1.0625
 """ρ in half lengths of a piece: pieces overlap, so that a ball at an edge is inside one of them."""
@@ -37,7 +37,7 @@ NEWTON_STEPS = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class TimePiece:
     """dt/dθ and t for |θ − centre| ≤ radius, as polynomials in y = (θ − centre)/radius."""
 
     centre: arb
@@ -88,7 +88,7 @@ class Piece:
 class TimeModel:
     """t(θ) over a turn, 0 at θ = 0, and θ(t)."""
 
-    pieces: tuple[Piece, ...]
+    pieces: tuple[TimePiece, ...]
     starts: tuple[float, ...]
     """Times at which the pieces begin."""
     phases: tuple[float, ...]
@@ -120,11 +120,11 @@ class TimeModel:
             return 2 * arb.pi() - self.phase_at(self.period - t)
         return self._piece(self.starts, t).phase_at(t)
 
-    def _piece(self, begins: tuple[float, ...], value: arb) -> Piece:
+    def _piece(self, begins: tuple[float, ...], value: arb) -> TimePiece:
         return self.pieces[max(0, bisect_right(begins, float(value)) - 1)]
 
 
-def make_time_model(phase: Phase) -> TimeModel:
+def make_time_model(phase: MotionPhase) -> TimeModel:
     """Return the model at the current precision.
 
     Raises
@@ -135,7 +135,7 @@ def make_time_model(phase: Phase) -> TimeModel:
     turn = pi if phase.is_even else 2.0 * pi
     count = FIRST_PIECES * (1 if phase.is_even else 2)
     waiting = [(turn * k / count, turn * (k + 1) / count) for k in reversed(range(count))]
-    pieces: list[Piece] = []
+    pieces: list[TimePiece] = []
     starts, phases = [], []
     t = arb(0)
     while waiting:
@@ -156,7 +156,7 @@ def make_time_model(phase: Phase) -> TimeModel:
     return TimeModel(tuple(pieces), tuple(starts), tuple(phases), phase.is_even, span)
 
 
-def _bound(phase: Phase, left: float, right: float) -> arb | None:
+def _bound(phase: MotionPhase, left: float, right: float) -> arb | None:
     """Return M, the bound of |dt/dθ| on the disc of 2ρ, where it is holomorphic; None if not proven."""
     centre, reach = 0.5 * (left + right), SLACK * (right - left)
     half = 0.5 * reach
@@ -169,7 +169,7 @@ def _bound(phase: Phase, left: float, right: float) -> arb | None:
     return bound(phase, boxes, smallest=SMALLEST_BOX * reach, most=MAX_BOXES, is_needed=meets_disc)
 
 
-def _piece(phase: Phase, left: float, right: float, begin: arb, largest: arb) -> Piece:
+def _piece(phase: MotionPhase, left: float, right: float, begin: arb, largest: arb) -> TimePiece:
     centre, radius = arb(0.5 * (left + right)), arb(SLACK * 0.5 * (right - left))
     size = abs(phase.rate(acb(centre), analytic=False)).upper()
     # Even, and such that 5 M 2^-n is a few ulp of the function.
@@ -182,7 +182,7 @@ def _piece(phase: Phase, left: float, right: float, begin: arb, largest: arb) ->
     slope = arb_poly([radius * value for value in coefficients])
     time = slope.integral()
     time = time + (begin - time((arb(left) - centre) / radius))
-    return Piece(centre, radius, slope, time)
+    return TimePiece(centre, radius, slope, time)
 
 
 @lru_cache(maxsize=64)

@@ -1,4 +1,4 @@
-r"""The time of a turn by the trapezoidal rule, with its proven error.
+r"""Computes the time of a turn by the trapezoidal rule, with a proven error.
 
 dt/dθ has the period 2π and Fourier coefficients r_k with Σ \|r_k\| e^{a\|k\|} ≤ M. Its
 mean over n equidistant phases is the true one but for r_{±n}, r_{±2n}, …, hence
@@ -16,7 +16,7 @@ import numpy as np
 from flint import arb
 
 from workers.solvers.certified.doubles import rates
-from workers.solvers.certified.phase import Libration, Rotation
+from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.strip import bound_on_strip
 
 SAMPLES = (64, 256, 1024)
@@ -36,7 +36,7 @@ class ProvenStrip(NamedTuple):
     largest: float
 
 
-def proven_strip(phase: Libration | Rotation) -> ProvenStrip | None:
+def proven_strip(phase: LibrationPhase | RotationPhase) -> ProvenStrip | None:
     """Return a strip about the real axis, about as high as there is; None if none is proven."""
     shown = _shown_height(phase)
     if shown is None or shown < LOWEST:
@@ -49,7 +49,7 @@ def proven_strip(phase: Libration | Rotation) -> ProvenStrip | None:
     return None
 
 
-def time_of_turn(phase: Libration | Rotation, strip: ProvenStrip, bits: int) -> arb:
+def time_of_turn(phase: LibrationPhase | RotationPhase, strip: ProvenStrip, bits: int) -> arb:
     """Return the period, to so many bits of it if the precision allows that."""
     size = float(next(phase.rates(4)))
     count = 4 * ceil((bits * log(2.0) + max(0.0, log(strip.largest / size))) / strip.height / 4.0)
@@ -59,7 +59,7 @@ def time_of_turn(phase: Libration | Rotation, strip: ProvenStrip, bits: int) -> 
     return 2 * arb.pi() * (mean + arb(0, error.abs_upper()))
 
 
-def _shown_height(phase: Libration | Rotation) -> float | None:
+def _shown_height(phase: LibrationPhase | RotationPhase) -> float | None:
     """Return how fast the coefficients of dt/dθ decay, which is proven by nobody; None if they do not."""
     for count in SAMPLES:
         sizes = np.abs(np.fft.rfft(rates(phase, count)))

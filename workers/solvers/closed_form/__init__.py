@@ -1,1 +1,1 @@
-"""Motions of bodies with A = 2C in elliptic functions: a fast path and an independent witness."""
+"""Motions of bodies with A = 2C in elliptic functions: a fast method and an independent check."""

@@ -1,4 +1,4 @@
-r"""The amplitude of elliptic functions in doubles, with all its digits relative to its tangent.
+r"""The Jacobi amplitude in doubles, with full relative accuracy of its tangent.
 
 For :math:`\dot\chi = \sqrt{a^2\cos^2\chi + b^2\sin^2\chi}`, χ(0) = 0, and the
 arithmetic-geometric mean M of a and b,

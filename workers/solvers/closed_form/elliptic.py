@@ -20,12 +20,13 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.dense_output import EPSILON, Period, reduce_time
-from service.dynamics.reduction.loop import ball
+from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.solution.dense_output import EPSILON, Period, reduce_time
 from workers.solvers.closed_form.amplitude import Amplitude, make_amplitude
-from workers.solvers.closed_form.carlson import R_F
-from workers.solvers.closed_form.intervals import Interval, UndecidedError
-from workers.solvers.closed_form.variables import Branch, Variables
+from workers.solvers.orbits.between_roots import RootsUndecidedError
+from workers.solvers.three_terms.intervals import MotionInterval
+from workers.solvers.three_terms.phase import moduli
+from workers.solvers.three_terms.variables import MirrorImage, Variables
 
 FloatArray = NDArray[np.float64]
 
@@ -48,8 +49,8 @@ TANGENT_ULPS, STEP_ULPS = 3.0, 4.0
 class ClosedForm:
     """A periodic motion, in t since the phase θ = ``quarters`` · π/2 + ``offset``."""
 
-    interval: Interval
-    branch: Branch
+    interval: MotionInterval
+    branch: MirrorImage
     quarters: int
     offset: float
     period: Period
@@ -96,41 +97,22 @@ class ClosedForm:
         )
 
 
-def trip_time(interval: Interval) -> arb:
-    """Return the time in which g1 goes from lo to hi and back."""
-    a, b = _moduli(interval)
-    return 2 * arb.pi() / a.agm(b)
-
-
-def phase_at(interval: Interval, sine: arb, cosine: arb) -> arb:
-    """Return θ, where sin v and cos v are these: a quarter turn of θ is a quarter turn of v."""
-    a, b = _moduli(interval)
-    (low, high), _ = interval.linear_factors()
-    # tan χ = tan v · √(L1(hi)/L1(lo)).
-    s, c = abs(sine) * high.sqrt(), abs(cosine) * low.sqrt()
-    norm = s * s + c * c
-    x = (b * b * c * c).nonnegative_part()
-    quarter = a.agm(b) * s * R_F(x, x + a * a * s * s, b * b * norm)
-    theta = arb.pi() - quarter if cosine < 0 else quarter
-    return -theta if sine < 0 else theta
-
-
-def make_closed_form(interval: Interval, branch: Branch, origin: arb) -> ClosedForm:
+def make_closed_form(interval: MotionInterval, branch: MirrorImage, origin: arb) -> ClosedForm:
     """Return the motion that is at the phase ``origin`` when t = 0, at the current precision.
 
     Raises
     ------
-    UndecidedError
+    RootsUndecidedError
         The precision does not suffice.
     """
-    a, b = _moduli(interval)
+    a, b = moduli(interval)
     mean = a.agm(b)
     length = 2 * arb.pi() * interval.trips / mean
     _require(length, PERIOD_BITS)
     quarters = round(float(2 * origin / arb.pi()))
     offset = origin - quarters * arb.pi() / 2
     if not offset.rad() < PHASE_RADIUS:
-        raise UndecidedError("the phase of the start")
+        raise RootsUndecidedError("the phase of the start")
     (low, high), _ = interval.linear_factors()
     passages = np.empty(0)
     if interval.lo_end == "pole":
@@ -157,14 +139,7 @@ def period_of(length: arb) -> Period:
     return Period(hi, lo, float(abs(length - hi - lo).abs_upper()) * (1.0 + EPSILON))
 
 
-def _moduli(interval: Interval) -> tuple[arb, arb]:
-    """Return a and b."""
-    first, second = interval.linear_factors()
-    factor = interval.curve.factor
-    return (factor * first[0] * second[1]).sqrt(), (factor * first[1] * second[0]).sqrt()
-
-
-def _variables(interval: Interval) -> Variables:
+def _variables(interval: MotionInterval) -> Variables:
     curve = interval.curve
     first, second = interval.linear_factors()
     is_equator = interval.hi_end == "equator"
@@ -200,6 +175,6 @@ def _require(value: arb, bits: int) -> None:
     if value == 0:
         return
     if not value.is_finite() or value.rel_accuracy_bits() < bits:
-        raise UndecidedError(f"a constant is known to fewer than {bits} bits")
+        raise RootsUndecidedError(f"a constant is known to fewer than {bits} bits")
     if not SMALLEST < abs(value) < 1.0 / SMALLEST:
-        raise UndecidedError("a constant whose products with others are beyond doubles")
+        raise RootsUndecidedError("a constant whose products with others are beyond doubles")

@@ -1,4 +1,4 @@
-r"""Stability of Bobylev and Steklov's motion against leaving the plane q = 0.
+r"""Stability of the motion of Bobylev and Steklov against leaving the plane q = 0.
 
 For V = a g1, A = 2C and any B the variational equation of q is Lamé's with n = 1,
 
@@ -19,8 +19,8 @@ from typing import Literal
 
 from flint import acb, arb, ctx
 
-from service.dynamics.reduction.loop import ball
-from workers.solvers.closed_form.carlson import incomplete_first_kind
+from service.dynamics.reduction.geometry.loop import ball
+from workers.solvers.three_terms.carlson import incomplete_first_kind
 
 Stability = Literal["stable", "unstable", "edge"]
 
@@ -64,15 +64,6 @@ def transverse_stability(nu: Fraction, B_over_C: Fraction) -> TransverseStabilit
         trip += arb(0, (2 * (abs(trip) - 2)).abs_upper())
     stability: Stability = "edge" if is_edge else "unstable" if is_gap else "stable"
     return TransverseStability(trip, trip * trip - 2, growth, stability)
-
-
-def band_edges(nu: Fraction) -> tuple[arb, arb | None]:
-    """Return the B/C < 1 and the B/C > 1, None if there is none, where stability ends besides at B = C."""
-    size = abs(nu)
-    x1 = equator(size)
-    double = 2 * ball(size)
-    below, above = double / (double + x1), double - 1 / x1
-    return below, double / above if above > 0 else None
 
 
 def equator(nu: Fraction) -> arb:

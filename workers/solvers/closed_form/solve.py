@@ -1,18 +1,18 @@
-"""A planar motion, as the reduction states it, in closed form."""
-
-from fractions import Fraction
+"""Solves a planar motion in closed form."""
 
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.three_terms import ThreeTerms, recognise
-from service.dynamics.reduction.loop import Loop, ball
+from service.dynamics.potentials.recognition.three_terms import ThreeTerms, recognise
+from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
-from workers.solvers.closed_form.elliptic import ClosedForm, make_closed_form, phase_at
-from workers.solvers.closed_form.intervals import Interval, UndecidedError, intervals, make_curve
-from workers.solvers.closed_form.variables import Branch
+from workers.solvers.closed_form.elliptic import ClosedForm, make_closed_form
+from workers.solvers.orbits.between_roots import RootsUndecidedError
+from workers.solvers.three_terms.intervals import MotionInterval, intervals, make_curve
+from workers.solvers.three_terms.phase import phase_at, primed_nu
+from workers.solvers.three_terms.variables import MirrorImage
 
 PRECISIONS = (192, 768, 3072)
 """Bits, in turn: next to a separatrix the roots agree in many of them."""
@@ -37,23 +37,18 @@ def solve_closed_form(
             try:
                 interval = _interval(terms, start.arc.loop, window)
                 return None if interval is None else _motion(interval, start)
-            except UndecidedError:
+            except RootsUndecidedError:
                 continue
     return None
 
 
-def _interval(terms: ThreeTerms, loop: Loop, window: Window) -> Interval | None:
+def _interval(terms: ThreeTerms, loop: Loop, window: Window) -> MotionInterval | None:
     curve = make_curve(terms, loop.C, primed_nu(loop.lambda_squared, mirrored=loop.mirrored), loop.g1_sign)
     found = (each for each in intervals(curve) if (each.lo_end, each.hi_end) == window.ends)
     return next(found, None)
 
 
-def primed_nu(lambda_squared: Fraction, *, mirrored: bool) -> arb:
-    """Return nu = λ² in primed axes: λ is raised to −A/C = −1/2 where they are mirrored."""
-    return ball(lambda_squared).rsqrt() if mirrored else ball(lambda_squared)
-
-
-def _motion(interval: Interval, start: StartingPoint) -> ClosedForm:
+def _motion(interval: MotionInterval, start: StartingPoint) -> ClosedForm:
     """Find the branch and the phase of a start on the loop."""
     loop = start.arc.loop
     sine, cosine = start.v.sin_cos()
@@ -61,16 +56,16 @@ def _motion(interval: Interval, start: StartingPoint) -> ClosedForm:
     g2, g3, direction = _sign(cosine), _sign(sine), start.direction
     # Signs of sin v and cos v, chosen such that v grows with t.
     if interval.lo_end == "pole" and interval.hi_end == "equator":
-        branch = Branch(loop.g1_sign, 1, direction, loop.mirrored)
+        branch = MirrorImage(loop.g1_sign, 1, direction, loop.mirrored)
         signs = (direction * g3, g2)
     elif interval.hi_end == "equator":
-        branch = Branch(loop.g1_sign, 1, g3, loop.mirrored)
+        branch = MirrorImage(loop.g1_sign, 1, g3, loop.mirrored)
         signs = (direction * g3, g2)
     elif interval.lo_end == "pole":
-        branch = Branch(loop.g1_sign, g2, 1, loop.mirrored)
+        branch = MirrorImage(loop.g1_sign, g2, 1, loop.mirrored)
         signs = (g3, direction * g2)
     else:
-        branch = Branch(loop.g1_sign, g2, g3, loop.mirrored)
+        branch = MirrorImage(loop.g1_sign, g2, g3, loop.mirrored)
         signs = (1, direction * g2 * g3)
     if direction == 0:
         origin = _turning_phase(interval, x, g2, g3)
@@ -83,7 +78,7 @@ def _motion(interval: Interval, start: StartingPoint) -> ClosedForm:
     return make_closed_form(interval, branch, origin)
 
 
-def _turning_phase(interval: Interval, x: arb, g2: int, g3: int) -> arb:
+def _turning_phase(interval: MotionInterval, x: arb, g2: int, g3: int) -> arb:
     """Return the phase of a rest point, which x is next to."""
     is_low = abs(x - interval.lo) < abs(x - interval.hi)
     if interval.lo_end == "pole":

@@ -1,19 +1,20 @@
-"""The Runge-Kutta method of order 8 by Dormand and Prince, as SciPy has it.
+"""Integrates by SciPy's DOP853, the Runge-Kutta method of order 8 by Dormand and Prince.
 
 Needs nothing that is not everywhere. Its continuous extension is a polynomial of
 degree 7 on each step, so eight values carry all of it.
 """
 
 from collections.abc import Callable
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from service.dynamics.body import RigidBody
-from service.dynamics.dense_output import chebyshev_coefficients, chebyshev_points
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
+from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.integration.errors import IntegrationError
 from workers.solvers.integration.interface import (
     Moments,
@@ -55,27 +56,38 @@ class Dop853Integrator:
         """See Integrator.neighbour."""
         return Dop853Integrator(self._body, self._potential, neighbour_of)
 
-    def run(self, state: FloatArray, end: float, *, local_tolerance: float, max_steps: int) -> Run:
+    def run(
+        self,
+        state: FloatArray,
+        end: float,
+        *,
+        local_tolerance: float,
+        max_steps: int,
+        longest: float = inf,
+        since: float = 0.0,
+    ) -> Run:
         """Integrate from ``state`` to ``end``; see Integrator.run."""
         start_gradient = self._gradient_of(state)
         if not np.isfinite(start_gradient).all():
             return Run(np.zeros(1), np.zeros((0, _DEGREE + 1, 6)), undefined_start())
-        solver = DOP853(self._derivative, 0.0, state, end, rtol=local_tolerance, atol=local_tolerance)
+        solver = DOP853(
+            self._derivative, 0.0, state, end, rtol=local_tolerance, atol=local_tolerance, max_step=longest
+        )
         breaks, values = [0.0], list[FloatArray]()
-        longest = 0.0
+        longest_taken = 0.0
         ending: IntegrationError | None = None
         while breaks[-1] != end:
             if len(breaks) > max_steps:
-                ending = too_many_steps(breaks[-1], end, max_steps)
+                ending = too_many_steps(since + breaks[-1], since + end, max_steps)
                 break
             before = solver.y
             with np.errstate(all="ignore"):  # trial steps may leave the potential's domain
                 solver.step()
             step = float(solver.t) - breaks[-1]
-            longest = max(longest, abs(step))
+            longest_taken = max(longest_taken, abs(step))
             # A step that the solver gave up is one of length zero.
-            if float(solver.t) != end and step_has_collapsed(step, longest, breaks[-1]):
-                ending = collapse(breaks[-1], start_gradient, self._gradient_of(before))
+            if float(solver.t) != end and step_has_collapsed(step, longest_taken, breaks[-1]):
+                ending = collapse(since + breaks[-1], start_gradient, self._gradient_of(before))
                 break
             values.append(solver.dense_output()(breaks[-1] + step * _POINTS))
             breaks.append(float(solver.t))

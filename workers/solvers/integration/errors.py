@@ -1,4 +1,4 @@
-"""How an integration can end before the time that was asked for."""
+"""Errors of an integration that ends before the requested time."""
 
 from service.dynamics.errors import DynamicsError
 

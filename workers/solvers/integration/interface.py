@@ -1,18 +1,19 @@
-"""What every integrator of the six equations offers: a run made of polynomial pieces."""
+"""The protocol of integrators of the six equations: a run made of polynomial pieces."""
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
 from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.dense_output import DenseOutput
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.motion import COLUMNS
+from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.integration.errors import CollisionError, IntegrationError, StepCollapseError
 
 FloatArray = NDArray[np.float64]
@@ -81,11 +82,21 @@ class Integrator(Protocol):
         """Return the integrator of a problem that the rounded moments and coefficients might have meant."""
         ...
 
-    def run(self, state: FloatArray, end: float, *, local_tolerance: float, max_steps: int) -> Run:
+    def run(
+        self,
+        state: FloatArray,
+        end: float,
+        *,
+        local_tolerance: float,
+        max_steps: int,
+        longest: float = inf,
+        since: float = 0.0,
+    ) -> Run:
         """Integrate from ``state``, shape (6,), at t = 0 to t = ``end``, which may be negative.
 
         ``local_tolerance`` bounds the error of one step relative to the largest
-        variable. What ends the run early is returned with it, not raised.
+        variable, ``longest`` the length of a step. What ends the run early is
+        returned with it, not raised, and tells times that are later by ``since``.
         """
         ...
 

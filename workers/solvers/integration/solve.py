@@ -1,4 +1,4 @@
-"""Integration of the six Euler-Poisson equations from any state, with its error measured."""
+"""Integrates the six Euler-Poisson equations from any state, with a measured error."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
-from service.dynamics.euler_poisson import energy_integral
+from service.dynamics.defect.equations import Equations
+from service.dynamics.equations.euler_poisson import energy_integral
 from service.dynamics.motion import Estimate, Motion
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.errors import AccuracyNotMetError
+from workers.solvers.evidence import with_claim_shown
 from workers.solvers.integration import taylor
 from workers.solvers.integration.dop853 import Dop853Integrator
 from workers.solvers.integration.errors import IntegratorMissingError, UnsupportedFormulaError
@@ -65,6 +67,7 @@ def integrate_state(
     """
     times = np.asarray(times, dtype=np.float64)
     chosen = choose_integrator(body, potential, integrator)
+    equations = Equations.of(body, potential)
     start = (*omega, *gamma)
     state = np.array([float(number) for number in start])
     neighbour = np.array([neighbour_of(number) for number in start])
@@ -72,13 +75,24 @@ def integrate_state(
     check = np.concatenate([times, span.uniform(CHECK_TIMES)])
     reached = np.inf
     for local_tolerance in tolerances(chosen, tolerance):
-        twin = run_twin(chosen, state, neighbour, span, local_tolerance=local_tolerance, max_steps=MAX_STEPS)
+        twin = run_twin(
+            chosen,
+            equations,
+            state,
+            neighbour,
+            span,
+            local_tolerance=local_tolerance,
+            max_steps=MAX_STEPS,
+        )
         if twin.ending is not None:
             raise twin.ending
         error = float(twin.error_estimate(body, potential, check).max())
         if is_within(error, tolerance):
             found = _motion(twin, body, potential, times, check, chosen.name, error)
-            return replace(found, samples=twin.fine(times, rests), rests=rests)
+            found = with_claim_shown(body, potential, found)
+            if is_within(found.error, tolerance):
+                return replace(found, samples=twin.fine(times, rests), rests=rests)
+            error = found.error
         reached = min(reached, error)
     raise AccuracyNotMetError(reached, tolerance)
 

@@ -1,4 +1,4 @@
-"""The gradient of a potential as one straight line of float operations.
+"""Records the gradient of a potential as one list of float operations, for fast evaluation.
 
 The formula is differentiated once, by jets over an algebra that writes down what
 is done instead of doing it; a point then costs one pass over the list. Five to

@@ -1,4 +1,4 @@
-"""Taylor's method by heyoka: the series of the solution itself, summed step by step.
+"""Integrates by heyoka's Taylor method: the power series of the solution, step by step.
 
 heyoka turns the equations into machine code that computes the Taylor
 coefficients of all six variables, of an order that follows from the tolerance
@@ -11,8 +11,8 @@ some ten thousand steps. This is the only module that knows heyoka.
 from collections import deque
 from dataclasses import replace
 from fractions import Fraction
-from math import comb
-from typing import Protocol, Self
+from math import comb, copysign, inf
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,36 +138,41 @@ class TaylorIntegrator:
         """Build the right-hand sides; raises MissingMomentError, UnsupportedFormulaError."""
         self._body, self._potential = body, potential
         self._equations = _equations(Moments.of(body, rounding), potential, rounding)
+        self._steppers: dict[float, Any] = {}  # heyoka's integrators by their tolerance; it has no types
 
     def neighbour(self) -> "TaylorIntegrator":
         """See Integrator.neighbour."""
         return TaylorIntegrator(self._body, self._potential, neighbour_of)
 
-    def run(self, state: FloatArray, end: float, *, local_tolerance: float, max_steps: int) -> Run:
+    def run(
+        self,
+        state: FloatArray,
+        end: float,
+        *,
+        local_tolerance: float,
+        max_steps: int,
+        longest: float = inf,
+        since: float = 0.0,
+    ) -> Run:
         """Integrate from ``state`` to ``end``; see Integrator.run."""
         start_gradient = self._potential.gradient(state[3:])
         if not np.isfinite(start_gradient).all():
             return Run(np.zeros(1), np.zeros((0, 1, 6)), undefined_start())
-        stepper = heyoka.taylor_adaptive(
-            self._equations,
-            state.tolist(),
-            tol=local_tolerance,
-            high_accuracy=True,
-            compact_mode=True,
-            opt_level=0,
-            parjit=False,
-        )
+        stepper = self._stepper(state, local_tolerance)
         breaks, steps = [0.0], list[float]()
         series, converted = list[FloatArray](), list[FloatArray]()
         visited = deque([state[3:]], maxlen=2)
-        longest, has_failed = 0.0, False
+        longest_taken, has_failed = 0.0, False
         while breaks[-1] != end and len(breaks) <= max_steps:
-            outcome, step = stepper.step(max_delta_t=end - breaks[-1], write_tc=True)
-            at_end = outcome == heyoka.taylor_outcome.time_limit
+            left = end - breaks[-1]
+            limit = left if abs(left) <= longest else copysign(longest, left)
+            outcome, step = stepper.step(max_delta_t=limit, write_tc=True)
+            is_cut = outcome == heyoka.taylor_outcome.time_limit
+            at_end = is_cut and limit == left
             has_failed = outcome == heyoka.taylor_outcome.err_nf_state
             if not has_failed:
-                longest = max(longest, abs(step))
-                has_failed = not at_end and step_has_collapsed(step, longest, breaks[-1])
+                longest_taken = max(longest_taken, abs(step))
+                has_failed = not is_cut and step_has_collapsed(step, longest_taken, breaks[-1])
             if has_failed:
                 break
             breaks.append(end if at_end else float(stepper.time))
@@ -186,10 +191,27 @@ class TaylorIntegrator:
             end_gradient, has_failed = self._potential.gradient(visited[0]), True
             run = Run(run.breaks[:-1], run.coefficients[:-1], None)
         if has_failed:
-            return replace(run, ending=collapse(run.reached, start_gradient, end_gradient))
+            return replace(run, ending=collapse(since + run.reached, start_gradient, end_gradient))
         if run.reached != end:
-            return replace(run, ending=too_many_steps(run.reached, end, max_steps))
+            return replace(run, ending=too_many_steps(since + run.reached, since + end, max_steps))
         return run
+
+    def _stepper(self, state: FloatArray, local_tolerance: float) -> Any:  # noqa: ANN401
+        """Return heyoka's integrator at ``state`` and t = 0; its machine code is made once."""
+        stepper = self._steppers.get(local_tolerance)
+        if stepper is None:
+            stepper = self._steppers[local_tolerance] = heyoka.taylor_adaptive(
+                self._equations,
+                state.tolist(),
+                tol=local_tolerance,
+                high_accuracy=True,
+                compact_mode=True,
+                opt_level=0,
+                parjit=False,
+            )
+        stepper.time = 0.0
+        stepper.state[:] = state
+        return stepper
 
 
 def _equations(

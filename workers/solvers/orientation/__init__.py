@@ -1,1 +1,1 @@
-"""The attitude of the body in space along a computed motion."""
+"""Computes the attitude of the body in space along a motion."""

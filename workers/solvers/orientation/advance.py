@@ -1,4 +1,4 @@
-r"""Precession per period, from the curve alone.
+r"""Computes the precession per period from the curve alone.
 
 On a planar motion ω/s depends on g only, hence the attitude on the place on the
 curve only: a motion to and fro between rest points has no net precession, and
@@ -10,6 +10,9 @@ v of the loop (primed axes, A > C)
 
 ε the sign of s g1 g3. The mirror to A < C exchanges the axes and turns ψ round:
 ψ1 = −ψ3', ψ3 = −ψ1', and the same relation holds.
+
+The potential has no part in it. The integrand is one function of v for each λ and α, whose only narrow
+feature, about the equator, has a node in its middle: panels end there. Their errors are estimates.
 """
 
 from dataclasses import dataclass
@@ -17,10 +20,10 @@ from math import inf, nextafter
 
 from flint import arb, ctx
 
-from service.dynamics.dense_output import Advance
 from service.dynamics.motion import Estimate
-from service.dynamics.reduction.loop import Loop, ball
+from service.dynamics.reduction.geometry.loop import Loop, ball
 from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.solution.dense_output import Advance
 from workers.solvers.quadrature.time_map import make_time_map
 
 NUDGE = arb(2) ** -60

@@ -1,4 +1,4 @@
-r"""Pieces of a dense output on which angles and quaternion are resolved too.
+r"""Splits a dense output into pieces on which angles and quaternion are resolved too.
 
 On a piece of half-length η the increments of the angles are antiderivatives, and
 the quaternion is that of the piece's start times Φ with
@@ -16,15 +16,15 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from service.dynamics.dense_output import (
+from service.dynamics.equations.orientation import quaternion_product
+from service.dynamics.errors import DynamicsError
+from service.dynamics.solution.dense_output import (
     EPSILON,
     DenseOutput,
     FloatArray,
     chebyshev_coefficients,
     chebyshev_points,
 )
-from service.dynamics.errors import DynamicsError
-from service.dynamics.orientation import quaternion_product
 
 DEGREE = 20
 """Smallest degree of the series; that of the motion's own if it is higher."""

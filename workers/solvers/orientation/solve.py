@@ -1,4 +1,4 @@
-r"""The attitude along a computed motion: more columns for its dense output.
+r"""Adds the columns of the attitude to the dense output of a motion.
 
 Error estimates. With ε the error of the motion's variables, an angle is wrong by
 at most ε ∫ Σ|∂ψ̇/∂(variables)| dt and the quaternion by ε ∫ (√3/2) dt; to these
@@ -13,9 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from service.dynamics.bounds import largest
-from service.dynamics.dense_output import EPSILON, Advance, DenseOutput, FloatArray
-from service.dynamics.motion import Estimate, Motion
-from service.dynamics.orientation import (
+from service.dynamics.equations.orientation import (
     LOCAL_QUATERNION,
     QUATERNION,
     VERTICAL,
@@ -23,6 +21,8 @@ from service.dynamics.orientation import (
     orientation_columns,
     quaternion_product,
 )
+from service.dynamics.motion import Estimate, Motion
+from service.dynamics.solution.dense_output import EPSILON, Advance, DenseOutput, FloatArray
 from workers.solvers.orientation.advance import Precession, estimate, loop_advances
 from workers.solvers.orientation.pieces import Pieces, VerticalAxisError, resolve_attitude
 
@@ -38,7 +38,7 @@ class Orientation:
     """A motion's dense output with the attitude."""
 
     dense: DenseOutput
-    """The motion's columns, the local quaternion, psi1 and psi3; see service.dynamics.orientation."""
+    """The motion's columns, the local quaternion, psi1 and psi3: see dynamics.equations.orientation."""
     precession: Precession | None
     """Per period; None if the motion has none."""
     notices: tuple[str, ...]

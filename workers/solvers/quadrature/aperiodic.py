@@ -1,22 +1,26 @@
-"""Planar motions that never close: as functions of time, with where they come from and go to."""
+"""Solves aperiodic planar motions as functions of time, with their limits in past and future."""
 
 import numpy as np
 from flint import ctx
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
-from service.dynamics.dense_output import EPSILON, DenseOutput
+from service.dynamics.bounds import is_within, largest
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS, AperiodicKind, Asymptote, Estimate, Motion
 from service.dynamics.problem import Problem
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
 from service.dynamics.sampling import sample_times
-from workers.solvers.quadrature.dense import Sampler, phase_sampler, resolve_motion
-from workers.solvers.quadrature.description import FIRST_PASSAGE, conventions_of, energy_of, evidence_of
+from service.dynamics.solution.dense_output import EPSILON, DenseOutput
+from workers.solvers.assembly.dense import Sampler, resolve_motion
+from workers.solvers.assembly.description import conventions_of, energy_of, evidence_of
+from workers.solvers.errors import EndNotKnownError, PrecisionLostError
+from workers.solvers.evidence import with_claim_shown
+from workers.solvers.orbits.orbit import starting_state
 from workers.solvers.quadrature.flight import Flight, Reach, asymptote, make_flight, reach
-from workers.solvers.quadrature.orbit import starting_state
-from workers.solvers.quadrature.time_map import PrecisionLostError, TimeMap, make_time_map
+from workers.solvers.quadrature.phase_sampler import phase_sampler
+from workers.solvers.quadrature.squared_speed import time_map_of
+from workers.solvers.quadrature.time_map import TimeMap
 
 FloatArray = NDArray[np.float64]
 
@@ -43,21 +47,23 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
         Times are asked in periods.
     MotionEndedError
         The motion has ended before all of the asked times.
+    EndNotKnownError
+        Whether it has ended by one of them cannot be told.
     """
     all_asked = sample_times(problem.time, None)
     times = all_asked.doubles
     if kind == "equilibrium":
-        return _rest(window, start, times)
+        return with_claim_shown(problem.body, problem.potential, _rest(window, start, times))
     if "double" in (start.arc.lower_end, start.arc.upper_end) and ctx.prec < DOUBLE_ZERO_BITS:
         raise PrecisionLostError("a double zero is known to fewer digits than its neighbourhood needs")
     asked = float(np.abs(times).max(initial=0.0))
     flight = make_flight(start)
     past, future = (reach(flight, side, asked) for side in (-1, 1))
     flight = flight.reaching(past.y, future.y)
-    time_map = make_time_map(flight.rate, flight.corners, is_even=flight.is_even)
+    time_map = time_map_of(flight)
     origin = float(time_map.time_at(np.array([flight.start]))[0])
     ends = _ends(flight, (past, future), time_map, origin)
-    lives = _before_the_end(times, ends)
+    lives = _before_the_end(times, ends, problem.tolerance)
     times, rests = times[lives], all_asked.rests[lives]
     span = (min(0.0, float(times.min())), max(0.0, float(times.max())))
     on_map = phase_sampler(flight, time_map)
@@ -69,18 +75,21 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
 
     passages = time_map.time_at(np.array(flight.corners)) - origin if flight.corners else np.zeros(0)
     passages = passages[(passages > span[0]) & (passages < span[1])]
+    kinks = time_map.kinks - origin
+    marks, widths = time_map.features()
     resolved = resolve_motion(
         sample,
         span if span[0] < span[1] else (0.0, float(np.spacing(1.0))),
-        passages,
+        np.sort(np.concatenate([passages, kinks])),
         scale=max(total, asked),
         atol=min(1e-14, 1e-3 * problem.tolerance),
+        features=(marks - origin, widths),
     )
-    error = resolved.error + _error_of_times(sample, times, time_map.period.error + 4.0 * EPSILON * total)
+    error = resolved.error + _error_of_times(sample, times, 2.0 * time_map.error + 4.0 * EPSILON * total)
     dense = DenseOutput(COLUMNS, resolved.breaks, resolved.coefficients, None, error)
     conventions = conventions_of(start)
     first = passages[np.argmin(np.abs(passages))] if len(passages) else np.inf
-    return Motion(
+    motion = Motion(
         method="quadrature",
         dense=dense,
         times=times,
@@ -93,13 +102,11 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
         future=ends[1],
         cross_check=None,
         conventions=conventions,
-        evidence={
-            **time_map.evidence(),
-            **evidence_of(resolved),
-            **({FIRST_PASSAGE: float(abs(first))} if conventions and len(passages) else {}),
-        },
+        evidence={**time_map.evidence(), **evidence_of(resolved)},
         rests=rests,
+        first_passage=float(abs(first)) if conventions and len(passages) else None,
     )
+    return with_claim_shown(problem.body, problem.potential, motion)
 
 
 def _rest(window: Window, start: StartingPoint, times: FloatArray) -> Motion:
@@ -131,20 +138,27 @@ def _ends(
     flight: Flight, reaches: tuple[Reach, Reach], time_map: TimeMap, origin: float
 ) -> tuple[Asymptote, Asymptote]:
     """Return past and future."""
-    error = time_map.period.error + 4.0 * EPSILON * time_map.period.hi
+    error = 2.0 * time_map.error + 4.0 * EPSILON * time_map.period.hi
     arrivals = (Estimate(-origin, error), Estimate(time_map.period.hi - origin, error))
     past, future = (asymptote(flight, found, at) for found, at in zip(reaches, arrivals, strict=True))
     return past, future
 
 
-def _before_the_end(times: FloatArray, ends: tuple[Asymptote, Asymptote]) -> NDArray[np.bool_]:
+def _before_the_end(
+    times: FloatArray, ends: tuple[Asymptote, Asymptote], tolerance: float
+) -> NDArray[np.bool_]:
     """Say at which of the times there is a motion."""
     past, future = (end.time for end in ends)
     kept = np.ones(len(times), dtype=np.bool_)
-    if past is not None:
-        kept &= times > past.value + past.error
-    if future is not None:
-        kept &= times < future.value - future.error
+    for side, end in ((-1.0, past), (1.0, future)):
+        if end is None:
+            continue
+        before = side * times < side * end.value - end.error
+        # The times beyond may be before the end just as well, where its error is no small one: next to a
+        # place that the motion passes all but at rest, a part of the way may be charged as its own error.
+        if not before.all() and not is_within(end.error, tolerance):
+            raise EndNotKnownError(end.value, end.error, tolerance)
+        kept &= before
     if not kept.any():
         lives = [f"{name} t = {end.value:.15g}" for name, end in (("from", past), ("until", future)) if end]
         raise MotionEndedError(

@@ -1,4 +1,4 @@
-r"""Parametrisation of planar motions that never close: separatrices, collisions, ends at a pole.
+r"""Parametrises aperiodic planar motions: separatrices, collisions, ends at a pole.
 
 An arc of the loop with at least one end that is not a rest point is covered by
 a phase y that runs through all real numbers and grows with time; L is the
@@ -27,9 +27,9 @@ from flint import arb
 
 from service.dynamics.motion import Asymptote, Estimate
 from service.dynamics.reduction.arc import Arc, ArcEnd
-from service.dynamics.reduction.loop import Loop, Point
+from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
 from service.dynamics.reduction.start import StartingPoint
-from workers.solvers.quadrature.orbit import RATE_NUDGE, STATE_NUDGE, six_variables
+from workers.solvers.orbits.orbit import RATE_NUDGE, STATE_NUDGE, six_variables
 
 FARTHEST = 48.0
 """|y| where an end that is never reached is as good as reached: e^-48 is 1e-5 of a double's rounding."""
@@ -72,6 +72,11 @@ class Flight:
     def is_even(self) -> bool:
         """Say whether dt/dθ takes the same value at θ and 2π − θ: with a rest point in the middle."""
         return self.has_rest and self.first == -self.last
+
+    @property
+    def junctions(self) -> tuple[float, ...]:
+        """Return no u: dt/dθ is smooth but for the poles."""
+        return ()
 
     @property
     def corners(self) -> tuple[float, ...]:
@@ -118,13 +123,13 @@ class Flight:
     def _y(self, theta: arb) -> arb:
         return self.first + self._scale * theta
 
-    def _beside(self, y: arb, nudge: arb) -> tuple[Point, arb, arb]:
+    def _beside(self, y: arb, nudge: arb) -> tuple[LoopPoint, arb, arb]:
         at, root = self._at(y)
         if at.c.is_finite() and root.is_finite():
             return at, root, y
         return *self._at(y + nudge), y + nudge
 
-    def _at(self, y: arb) -> tuple[Point, arb]:
+    def _at(self, y: arb) -> tuple[LoopPoint, arb]:
         """Return the point and √K with a rest point, √P without."""
         if self.has_rest:
             gone = self._length * (y / 2).tanh() ** 2
@@ -135,7 +140,7 @@ class Flight:
         point = self._point(self._length / (1 + (-share).exp()), self._length / (1 + share.exp()))
         return point, point.P.sqrt()
 
-    def _point(self, above: arb, below: arb) -> Point:
+    def _point(self, above: arb, below: arb) -> LoopPoint:
         """Return the point this far above the lower end and below the upper one, from the nearer."""
         return self.loop.point(self.arc.lower + above if above < below else self.arc.upper - below)
 

@@ -3,26 +3,40 @@
 The phase is counted in half turns, u = θ/π: a turn is exactly 0 ≤ u ≤ 2 in
 doubles, and the period is not off by the rounding of π.
 
-dt/dθ is resolved by Chebyshev series on panels, halved where the series does
-not converge: near a separatrix and near a pole that is passed without
-smoothness panels shrink geometrically, elsewhere a handful serves. Lengths of
+dt/dθ is resolved by Chebyshev series on panels, halved where the series does not converge or
+what it leaves out is not proved to be small (:mod:`.panel`): near a separatrix and near a pole that
+is passed without smoothness panels shrink geometrically, elsewhere a handful serves. Lengths of
 the panels are summed in balls, so the period has more digits than a double.
+
+What is a theorem: every panel has a bound of its error, from the bounds of :mod:`.squared_speed` on an
+ellipse, or, where V is not analytic (a jump, a pole that is passed without smoothness), from an
+enclosure of the rate on the whole of a panel that is so short that this suffices. At kinks panels end
+(:mod:`.kinks`), and one as short as the roundings of u has each of them in it.
+
+What is not: without a formula of V (the family of integrals), or without bounds, panels are judged by
+the decay of their series and by half of their nodes. A panel at a place of which nothing is enclosed
+is halved down to SMALLEST_PANEL; then its whole length is charged as its error, and it is counted in
+the evidence.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import isfinite
 
 import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.dense_output import Period, chebyshev_coefficients
-from service.dynamics.errors import DynamicsError
+from service.dynamics.bounds import largest
+from service.dynamics.solution.dense_output import Period, chebyshev_points
+from workers.solvers.errors import PrecisionLostError
+from workers.solvers.quadrature.ellipse import DEGREE, BranchedSpeed, PhaseSpeed, find_ellipse
+from workers.solvers.quadrature.errors import QuadratureNotConvergedError, WindowBlockedError
+from workers.solvers.quadrature.panel import Panel, make_panel
 
 FloatArray = NDArray[np.float64]
 
-DEGREE = 32
 RESOLVED = 4e-16
 """Largest tail of a resolved panel's series against its largest term: the rounding of doubles."""
 CHANGE = 3e-13
@@ -32,23 +46,17 @@ ALIASING = 1.0 / 16.0
 """Share of the series' tail that can reach the length: T_k integrates to 2/(1 − k²), and what
 is beyond the degree n is taken for T_(2n−k), both about 1/500 next to n = 32; a factor 30 is kept."""
 NEGLIGIBLE = 1e-17
-"""Panels whose unresolved tail is below this share of the whole need not be resolved."""
+"""Panels whose unresolved tail, or proved error, is below this share of the longest are not halved for it."""
+TRUSTED = 1e-3
+"""Proved error of a length, in parts of it, up to which others are compared with it."""
 SMALLEST_PANEL = 1e-15
+SHORT = 1e-3
+"""Panels shorter than this may be near a place where the rate is not analytic: it is enclosed as a whole."""
 SETTLED = 2e-15
 """A step of Newton's method in [−1, 1] that is the rounding of the series; it is still taken."""
 MAX_PANELS = 4000
-
-
-class QuadratureNotConvergedError(DynamicsError):
-    """Halving the panels stopped before the integrand was resolved."""
-
-    code = "quadrature_not_converged"
-
-
-class PrecisionLostError(DynamicsError):
-    """The balls of the integrand became too wide: more bits are needed."""
-
-    code = "precision_lost"
+INSIDE = (-0.6, 0.0, 0.6)
+"""Places in a panel at which a function of time is looked at: a feature is about as wide as its panels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +72,14 @@ class TimeMap:
     times: FloatArray
     """t at the edges."""
     period: Period
+    error: float
+    """Bound of the error of t(u) within the turn, beside the rounding of doubles."""
     nodes: int
     """Evaluations of the integrand."""
+    unproved: int
+    """Panels whose error is an estimate."""
+    kinks: FloatArray
+    """t at the kinks of the rate that panels were cut at."""
 
     def time_at(self, u: FloatArray) -> FloatArray:
         """Return t(u) for 0 ≤ u ≤ 2."""
@@ -81,14 +95,18 @@ class TimeMap:
         """
         panel = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
         target = times - self.times[panel]
-        share = target / (self.times[panel + 1] - self.times[panel])
+        lengths = self.times[panel + 1] - self.times[panel]
+        # A panel may be shorter than doubles tell its ends apart: any place in it will do.
+        share = np.divide(target, lengths, out=np.full(len(times), 0.5), where=lengths > 0.0)
         low, high = np.full(len(times), -1.0), np.full(len(times), 1.0)
         x = np.clip(2.0 * share - 1.0, -1.0, 1.0)
         half = 0.5 * (self.edges[panel + 1] - self.edges[panel])
         for _ in range(60):
             miss = _series(self.integrals, panel, x) - target
             low, high = np.where(miss <= 0.0, x, low), np.where(miss >= 0.0, x, high)
-            step = miss / (half * _series(self.rates, panel, x))
+            # Where the series of an unproved panel is 0 there is no step, and the bracket is halved.
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = miss / (half * _series(self.rates, panel, x))
             settled = np.abs(step) <= SETTLED
             newton = np.clip(x - step, -1.0, 1.0)
             x = np.where(settled | ((newton > low) & (newton < high)), newton, 0.5 * (low + high))
@@ -96,9 +114,20 @@ class TimeMap:
                 break
         return panel, x
 
+    def features(self) -> tuple[FloatArray, FloatArray]:
+        """Return times inside every panel, and how long it takes: where a function of time may have features.
+
+        What is narrow in time is in panels as narrow, which resolve it.
+        """
+        widths = np.diff(self.times)
+        panels = np.repeat(np.arange(len(widths)), len(INSIDE))
+        x = np.tile(np.array(INSIDE), len(widths))
+        return self.times[panels] + _series(self.integrals, panels, x), widths[panels]
+
     def evidence(self) -> dict[str, float | int | str]:
         """Return what it took."""
-        return {"nodes": self.nodes, "panels": len(self.edges) - 1}
+        unproved: dict[str, float | int | str] = {"unproved_panels": self.unproved} if self.unproved else {}
+        return {"nodes": self.nodes, "panels": len(self.edges) - 1, **unproved}
 
     def theta(self, panel: int, x: float) -> arb:
         """Return the phase θ = πu of a place, without rounding it to a double."""
@@ -106,42 +135,13 @@ class TimeMap:
         return arb.pi() * (arb(left) * (1 - arb(x)) + arb(right) * (1 + arb(x))) / 2
 
 
-@dataclass(frozen=True, slots=True)
-class _Rule:
-    """Clenshaw and Curtis (1960): integration on [−1, 1] by the points cos(πj/DEGREE)."""
-
-    points: tuple[arb, ...]
-    weights: tuple[arb, ...]
-    coarse_weights: tuple[arb, ...]
-    """Of the rule with every other point."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Panel:
-    left: float
-    right: float
-    series: FloatArray
-    length: arb
-    change: float
-    """Relative change of the length from half the nodes."""
-
-    @property
-    def tail(self) -> float:
-        """Bound of what the series leaves out of the length, up to a small factor."""
-        return float(np.abs(self.series[-2:]).sum()) * (self.right - self.left)
-
-    @property
-    def is_resolved(self) -> bool:
-        size = float(np.abs(self.series).max())
-        return float(np.abs(self.series[-2:]).max()) <= RESOLVED * size and self.change <= CHANGE
-
-    @property
-    def error(self) -> float:
-        """Estimate of the error of the length."""
-        return self.tail * ALIASING if self.is_resolved else self.tail
-
-
-def make_time_map(rate: Callable[[arb], arb], corners: tuple[float, ...], *, is_even: bool) -> TimeMap:
+def make_time_map(
+    rate: Callable[[arb], arb],
+    corners: tuple[float, ...],
+    *,
+    is_even: bool,
+    speed: PhaseSpeed | BranchedSpeed | None = None,
+) -> TimeMap:
     """Integrate ``rate``, dt/dθ as a function of θ, over one turn.
 
     Parameters
@@ -150,64 +150,99 @@ def make_time_map(rate: Callable[[arb], arb], corners: tuple[float, ...], *, is_
         u where the rate may not be smooth; panels end there.
     is_even
         The rate at 2π − θ is that at θ: only half a turn is computed.
+    speed
+        Bounds of its inverse square, from which every panel is proved; without, errors are estimates.
 
     Raises
     ------
     QuadratureNotConvergedError
-        The rate is not resolved by the largest number of panels.
+        The rate is not resolved by the largest number of panels, or its error not proved.
+    WindowBlockedError
+        The inverse square of the rate is negative at a place.
     PrecisionLostError
         The rate is not known to a double's precision.
     """
     end = 1.0 if is_even else 2.0
+    kinks = () if speed is None or isinstance(speed, PhaseSpeed) else speed.kinks
     starts = {0.0, end, *np.linspace(0.0, end, 3).tolist(), *(c for c in corners if 0.0 < c < end)}
-    edges = sorted(starts)
-    waiting = list(pairwise(edges))[::-1]
-    done: list[_Panel] = []
-    scale, nodes, rule = 0.0, 0, _rule()
+    for left, right in kinks:
+        # A stretch that holds a kink is one panel, however the others are cut.
+        starts = {u for u in starts if not left < u < right}
+    if speed is not None and not isinstance(speed, PhaseSpeed):
+        starts.update(speed.edges)
+    waiting = list(pairwise(sorted(starts)))[::-1]
+    done: list[Panel] = []
+    scale, nodes = 0.0, 0
     while waiting:
         left, right = waiting.pop()
-        panel = _integrate(rate, left, right, rule)
-        nodes += DEGREE + 1
-        scale = max(scale, float(panel.length))
-        if panel.is_resolved or panel.tail <= NEGLIGIBLE * scale or right - left < SMALLEST_PANEL:
+        on_panel = speed if speed is None or isinstance(speed, PhaseSpeed) else speed.on(left, right)
+        panel = _panel(rate, on_panel, left, right)
+        if panel is not None:
+            nodes += panel.nodes
+            # The nodes of a panel with a peak at its end say nothing of its length.
+            if speed is None or panel.error <= TRUSTED * float(panel.length):
+                scale = max(scale, float(panel.length))
+        if panel is not None and (right - left < SMALLEST_PANEL or _is_good(panel, scale, speed is not None)):
             done.append(panel)
         else:
             middle = 0.5 * (left + right)
             waiting.extend([(middle, right), (left, middle)])
         if len(done) + len(waiting) > MAX_PANELS:
+            last = "its error on the last of them is not bounded"
+            if panel is not None:
+                last = f"the last tail was {panel.tail:.1e}, the longest panel takes {scale:.1e}"
             raise QuadratureNotConvergedError(
-                f"{MAX_PANELS} panels of degree {DEGREE} do not resolve the integrand; "
-                f"the last tail was {panel.tail / scale:.1e} of the whole"
+                f"{MAX_PANELS} panels of degree {DEGREE} do not resolve the integrand; {last}"
             )
-    return _assemble(done, nodes, is_even=is_even)
+    return _assemble(done, nodes, kinks, is_even=is_even, is_proof_wanted=speed is not None)
 
 
-def _integrate(rate: Callable[[arb], arb], left: float, right: float, rule: _Rule) -> _Panel:
-    middle, half, pi = (arb(left) + arb(right)) / 2, (arb(right) - arb(left)) / 2, arb.pi()
-    values = [pi * rate(pi * (middle + half * x)) for x in rule.points]
-    if min(value.rel_accuracy_bits() for value in values) < 60:
-        raise PrecisionLostError("the integrand is known to fewer than 60 bits")
-    doubles = np.array([float(value) for value in values])
-    if not np.isfinite(doubles).all():
-        raise QuadratureNotConvergedError("the time of a part of the way is beyond all doubles")
-    length = _sum(rule.weights, values)
-    coarse = _sum(rule.coarse_weights, values[::2])
-    series = chebyshev_coefficients(doubles)
-    change = abs(float((length - coarse) / length))
-    return _Panel(left, right, series, (length * half).mid(), change)
+def _panel(rate: Callable[[arb], arb], speed: PhaseSpeed | None, left: float, right: float) -> Panel | None:
+    """Return the panel with its proof, if there are bounds; None if it has to be halved for one."""
+    if speed is None:
+        return make_panel(rate, left, right, None)
+    middle, half = (arb(left) + arb(right)) / 2, (arb(right) - arb(left)) / 2
+    middle_rate = arb.pi() * rate(arb.pi() * middle)
+    if not middle_rate.is_finite():
+        _require_open(speed, arb.pi() * middle)
+    ellipse = find_ellipse(speed, left, right, middle_rate)
+    if ellipse is not None:
+        try:
+            return make_panel(rate, left, right, ellipse, speed.limit)
+        except PrecisionLostError:
+            _require_open(speed, *(arb.pi() * (middle + half * x) for x in chebyshev_points(DEGREE).tolist()))
+            raise
+    if right - left > SHORT:
+        return None
+    square = speed.enclosed(arb.pi() * (middle + arb(0, half))) / arb.pi() ** 2
+    if square > 0 and square.is_finite():
+        return make_panel(rate, left, right, None).between(square.upper().rsqrt(), square.lower().rsqrt())
+    return make_panel(rate, left, right, None) if right - left < SMALLEST_PANEL else None
 
 
-def _sum(weights: tuple[arb, ...], values: list[arb]) -> arb:
-    total = arb(0)
-    for weight, value in zip(weights, values, strict=True):
-        total += weight * value
-    return total
+def _require_open(speed: PhaseSpeed, *phases: arb) -> None:
+    """Raise WindowBlockedError if the motion does not reach one of the phases."""
+    if any(speed.enclosed(theta) < 0 for theta in phases):
+        raise WindowBlockedError
 
 
-def _assemble(panels: list[_Panel], nodes: int, *, is_even: bool) -> TimeMap:
+def _is_good(panel: Panel, scale: float, is_proof_wanted: bool) -> bool:
+    is_resolved = panel.relative_tail <= RESOLVED and panel.change <= CHANGE
+    is_proved = not is_proof_wanted or panel.error <= NEGLIGIBLE * scale
+    return is_proved and (is_resolved or panel.tail <= NEGLIGIBLE * scale)
+
+
+def _assemble(
+    panels: list[Panel],
+    nodes: int,
+    kinks: Iterable[tuple[float, float]],
+    *,
+    is_even: bool,
+    is_proof_wanted: bool,
+) -> TimeMap:
     if is_even:
         signs = (-1.0) ** np.arange(DEGREE + 1)
-        turned = [_Panel(2.0 - p.right, 2.0 - p.left, p.series * signs, p.length, p.change) for p in panels]
+        turned = [replace(p, left=2.0 - p.right, right=2.0 - p.left, series=p.series * signs) for p in panels]
         panels = panels + turned[::-1]
     edges = np.array([panels[0].left, *(panel.right for panel in panels)])
     half = 0.5 * np.diff(edges)
@@ -218,9 +253,28 @@ def _assemble(panels: list[_Panel], nodes: int, *, is_even: bool) -> TimeMap:
         total = (total + panel.length).mid()
         times.append(float(total))
     hi = float(total)
-    error = sum(panel.error for panel in panels)
+    errors = [_error(panel, is_proof_wanted) for panel in panels]
+    inner = largest(
+        panel.inner_error if isfinite(panel.inner_error) else _error(panel, True) for panel in panels
+    )
+    error = sum(errors)
     period = Period(hi, float(total - arb(hi)), error)
-    return TimeMap(edges, rates, integrals, np.array(times), period, nodes)
+    unproved = sum(not isfinite(panel.error) for panel in panels)
+    if not is_proof_wanted:
+        inner = 0.0
+    at_kinks = [u for left, _ in kinks for u in ((left, 2.0 - left) if is_even else (left,))]
+    cuts = np.interp(at_kinks, edges, times)
+    return TimeMap(edges, rates, integrals, np.array(times), period, inner + error, nodes, unproved, cuts)
+
+
+def _error(panel: Panel, is_proof_wanted: bool) -> float:
+    """Return the proved error of a panel's length, else an estimate; all of it where a proof was wanted."""
+    if isfinite(panel.error):
+        return panel.error
+    if is_proof_wanted:
+        return float(panel.length)
+    is_resolved = panel.relative_tail <= RESOLVED and panel.change <= CHANGE
+    return panel.tail * ALIASING if is_resolved else panel.tail
 
 
 def _series(coefficients: FloatArray, panel: NDArray[np.intp], x: FloatArray) -> FloatArray:
@@ -231,20 +285,3 @@ def _series(coefficients: FloatArray, panel: NDArray[np.intp], x: FloatArray) ->
         first, second = row + 2.0 * x * first - second, first
     result: FloatArray = chosen[0] + x * first - second
     return result
-
-
-def _rule() -> _Rule:
-    points = tuple((arb.pi() * k / DEGREE).cos() for k in range(DEGREE + 1))
-    return _Rule(points, _weights(DEGREE), _weights(DEGREE // 2))
-
-
-def _weights(degree: int) -> tuple[arb, ...]:
-    cosines = [(arb.pi() * k / degree).cos() for k in range(2 * degree)]
-    weights = []
-    for j in range(degree + 1):
-        total = arb(1)
-        for k in range(1, degree // 2 + 1):
-            factor = 1 if 2 * k == degree else 2
-            total -= factor * cosines[2 * k * j % (2 * degree)] / (4 * k * k - 1)
-        weights.append(total * (1 if j in (0, degree) else 2) / degree)
-    return tuple(weights)

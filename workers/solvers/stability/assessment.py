@@ -1,4 +1,4 @@
-"""Whether a periodic planar motion keeps to its plane, and for how long doubles can follow it."""
+"""Decides whether a periodic planar motion is stable, and for how long doubles can follow it."""
 
 import math
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.dense_output import EPSILON, Period
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.reduction.start import StartingPoint
-from workers.solvers.quadrature.orbit import Orbit, make_orbit
+from service.dynamics.solution.dense_output import EPSILON, Period
+from workers.solvers.orbits.orbit import Libration, Rotation, make_orbit
 from workers.solvers.stability.hill import hill_monodromy
 from workers.solvers.stability.monodromy import Monodromy
 
@@ -138,7 +138,7 @@ def power_norms(matrix: FloatArray, count: int) -> FloatArray:
     return norms
 
 
-def largest_speed(orbit: Orbit) -> float:
+def largest_speed(orbit: Libration | Rotation) -> float:
     """Return about the largest |(p, r)| on an orbit."""
     phases = (2 * arb.pi() * (k + arb(0.5)) / SPEED_PHASES for k in range(SPEED_PHASES))
     states = (orbit.state(theta) for theta in phases)

@@ -24,11 +24,11 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.dense_output import Period
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.reduction.loop import ball
-from workers.solvers.quadrature.orbit import Orbit
-from workers.solvers.quadrature.time_map import PrecisionLostError
+from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.solution.dense_output import Period
+from workers.solvers.errors import PrecisionLostError
+from workers.solvers.orbits.orbit import Libration, Rotation
 from workers.solvers.stability.monodromy import Monodromy, turn_monodromy
 
 FloatArray = NDArray[np.float64]
@@ -45,7 +45,7 @@ class HillSystem:
     B: arb
     C: arb
     potential: Potential
-    orbit: Orbit
+    orbit: Libration | Rotation
     frequency: arb
     """ω."""
 
@@ -70,7 +70,9 @@ class HillSystem:
         return (A - C) * (gyration - B * g2 / Q * torque) + (1 + B * g2 * g2 / Q) * D_phi
 
 
-def hill_monodromy(body: RigidBody, potential: Potential, orbit: Orbit, period: Period) -> Monodromy:
+def hill_monodromy(
+    body: RigidBody, potential: Potential, orbit: Libration | Rotation, period: Period
+) -> Monodromy:
     """Return the monodromy of (q, M/(B ω)), ω = 2π/T, over a period, from θ = 0.
 
     Raises

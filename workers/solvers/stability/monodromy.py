@@ -1,8 +1,9 @@
 """The monodromy of a linear system dy/dθ = A(θ) y over one turn of an orbit's phase.
 
-A panel of the turn is halved until its propagator is the product of those of
+The first panels are those of the time map, which are proved to resolve the motion: no feature of the
+potential lies unseen between their nodes. A panel is halved until its propagator is the product of those of
 its two halves; the product is kept, and what the two differed by is taken for
-its error. Panels end at the poles, where A may not be smooth.
+its error: a measurement, not a bound. Panels end at the poles, where A may not be smooth.
 """
 
 from dataclasses import dataclass
@@ -14,10 +15,11 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.bounds import largest
-from service.dynamics.dense_output import EPSILON
 from service.dynamics.errors import DynamicsError
-from workers.solvers.quadrature.orbit import Orbit
-from workers.solvers.quadrature.time_map import QuadratureNotConvergedError
+from service.dynamics.solution.dense_output import EPSILON
+from workers.solvers.orbits.orbit import Libration, Rotation
+from workers.solvers.quadrature.errors import QuadratureNotConvergedError
+from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.collocation import STAGES, Collocation, gauss_collocation
 
 FloatArray = NDArray[np.float64]
@@ -82,7 +84,7 @@ class _Panel:
         return self.error <= (RESOLVED + ROUNDINGS * EPSILON) * _norm(self.propagator)
 
 
-def turn_monodromy(system: LinearSystem, orbit: Orbit) -> Monodromy:
+def turn_monodromy(system: LinearSystem, orbit: Libration | Rotation) -> Monodromy:
     """Return the monodromy of ``system`` over one turn of ``orbit``, at the current precision.
 
     Raises
@@ -92,7 +94,9 @@ def turn_monodromy(system: LinearSystem, orbit: Orbit) -> Monodromy:
     QuadratureNotConvergedError
         A is not resolved by the largest number of panels.
     PrecisionLostError
-        From ``system``: A is not known to a double's precision.
+        A, or the rate of the phase, is not known to a double's precision.
+    WindowBlockedError
+        p² is negative on the way.
     """
     _require_integrable(system, orbit)
     rule = gauss_collocation()
@@ -118,11 +122,12 @@ def turn_monodromy(system: LinearSystem, orbit: Orbit) -> Monodromy:
     return _assemble(done, nodes)
 
 
-def _first_spans(orbit: Orbit) -> list[tuple[float, float]]:
-    return list(pairwise(sorted({*np.linspace(0.0, 2.0, 5).tolist(), *orbit.corners})))
+def _first_spans(orbit: Libration | Rotation) -> list[tuple[float, float]]:
+    edges = time_map_of(orbit).edges.tolist()
+    return list(pairwise(sorted({*np.linspace(0.0, 2.0, 5).tolist(), *orbit.corners, *edges})))
 
 
-def _require_integrable(system: LinearSystem, orbit: Orbit) -> None:
+def _require_integrable(system: LinearSystem, orbit: Libration | Rotation) -> None:
     """Raise StabilityUndefinedError where |A| times the distance from a pole does not fall towards it."""
     for corner in orbit.corners:
         for side in (-1, 1):

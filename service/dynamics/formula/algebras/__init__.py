@@ -1,1 +1,1 @@
-"""The algebras a formula is evaluated in, one file each."""
+"""The number types in which formulas are evaluated, one file each."""

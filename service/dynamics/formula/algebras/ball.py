@@ -59,9 +59,7 @@ class BallAlgebra:
                 return base * base
             if numerator == -2:
                 return 1 / (base * base)
-            power = base**numerator
-            # Flint gives NaN for a ball whose midpoint is 0.
-            return _product(base, numerator) if numerator > 0 and power.is_nan() else power
+            return whole_power(base, numerator)
         if denominator == 2:
             if numerator == 1:
                 return base.sqrt()
@@ -76,6 +74,13 @@ class BallAlgebra:
     def call(self, name: str, argument: arb) -> arb:
         """Return the function of the ball."""
         return _FUNCTIONS[name](argument)
+
+
+def whole_power(base: arb, exponent: int) -> arb:
+    """Return base^exponent for an integer."""
+    power = base**exponent
+    # Flint gives NaN for a ball whose midpoint is 0.
+    return _product(base, exponent) if exponent > 0 and power.is_nan() else power
 
 
 def _product(base: arb, count: int) -> arb:

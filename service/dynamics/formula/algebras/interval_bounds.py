@@ -1,4 +1,4 @@
-"""Bounds of functions of intervals, and how far doubles may be off: for :mod:`.intervals`."""
+"""Bounds of functions on intervals, and the rounding errors of doubles: for :mod:`.intervals`."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -18,6 +18,7 @@ FUNCTIONS = 2.0**-48
 """More than twice the relative error of a function of numpy, which claims 4 units in the last place."""
 TINY = 1e-320
 """More than any error of a result that is next to 0, where doubles have a fixed spacing."""
+LARGEST = float(np.finfo(np.float64).max)
 LARGEST_LOGARITHM = 746.0
 """Of a double other than 0, in absolute value."""
 LARGEST_ANGLE = 1e6
@@ -26,7 +27,9 @@ LARGEST_ANGLE = 1e6
 def widened(lo: FloatArray, hi: FloatArray, error: float) -> Bounds:
     """Return bounds of what was rounded to ``lo`` and ``hi`` with half this relative error."""
     below, above = 1.0 - error, 1.0 + error
-    return np.minimum(lo * below, lo * above) - TINY, np.maximum(hi * below, hi * above) + TINY
+    low, high = np.minimum(lo * below, lo * above) - TINY, np.maximum(hi * below, hi * above) + TINY
+    # What is beyond all doubles is rounded to infinity, and that is no lower bound of it.
+    return np.minimum(low, LARGEST), np.maximum(high, -LARGEST)
 
 
 def real_power(base: FloatArray, exponent: Fraction) -> FloatArray:
@@ -60,7 +63,7 @@ def _exponentials(lo: FloatArray, hi: FloatArray) -> Bounds:
 
 
 def _has_multiple(lo: FloatArray, hi: FloatArray, offset: float, period: float) -> BoolArray:
-    """Say where there may be a number offset + k · period between the bounds."""
+    """Tell where a number offset + k · period may lie between the bounds."""
     first, last = (lo - offset) / period, (hi - offset) / period
     found: BoolArray = np.floor(last + 1e-9) >= np.ceil(first - 1e-9)
     return found

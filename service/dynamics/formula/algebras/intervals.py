@@ -1,6 +1,6 @@
-r"""Intervals of doubles rounded outwards, each beside powers of scales: bounds that hold on whole stretches.
+r"""Intervals of doubles rounded outwards, for bounds that hold on whole stretches of a curve.
 
-An element stands for c · s₁^e₁ · s₂^e₂ · … with lo ≤ c ≤ hi, wherever the scales s_k are
+An element is the set of c · s₁^e₁ · s₂^e₂ · … with lo ≤ c ≤ hi, where the scales s_k are
 between the bounds the algebra was made with. Exponents are exact, hence what is a power of a
 scale loses nothing by being known on a stretch only, and a sum near s = 0 is known by the
 term that leads there, down to 0 itself.
@@ -36,7 +36,7 @@ class Interval:
     hi: FloatArray
     exponents: tuple[Fraction, ...]
     sign: int = 0
-    """1 if lo ≥ 0 everywhere, -1 if hi ≤ 0 everywhere, 0 if that is not known."""
+    """1 if c ≥ 0 everywhere and 0 at a limit only, -1 if -c is so, 0 if that is not known."""
 
 
 class IntervalAlgebra:
@@ -121,9 +121,10 @@ class IntervalAlgebra:
             return _kept(*widened(lo, hi, power_error(exponent)), exponents, base.sign)
         size = self._size(base) if is_even else base
         if not is_even and base.sign <= 0:
-            size = Interval(np.where(base.lo >= 0.0, base.lo, np.nan), base.hi, base.exponents, 1)
+            size = Interval(np.where(base.lo >= 0.0, base.lo, np.nan), base.hi, base.exponents, 0)
         lo, hi = real_power(size.lo, exponent), real_power(size.hi, exponent)
-        return _kept(*widened(lo, hi, power_error(exponent)), exponents, 1)
+        lo, hi = widened(lo, hi, power_error(exponent))
+        return Interval(np.maximum(lo, 0.0), hi, exponents, size.sign)
 
     def general_power(self, base: Interval, exponent: Interval) -> Interval:
         """Return exp(exponent · log(base))."""
@@ -189,10 +190,11 @@ class IntervalAlgebra:
         if x.sign < 0:
             return self.negate(x)
         lo = np.maximum(np.maximum(x.lo, -x.hi), 0.0)
-        return Interval(lo, np.maximum(-x.lo, x.hi), x.exponents, 1)
+        # It may be 0 inside, where 1/x has no value and no limit either.
+        return Interval(lo, np.maximum(-x.lo, x.hi), x.exponents, 1 if bool(np.all(lo > 0.0)) else 0)
 
     def _logarithm(self, x: Interval) -> Interval:
-        lo = np.log(np.where(x.lo >= 0.0, x.lo, np.nan))
+        lo = np.log(np.where((x.lo > 0.0) | ((x.lo == 0.0) & (x.sign > 0)), x.lo, np.nan))
         found = _kept(*widened(lo, np.log(x.hi), FUNCTIONS), self._none, 0)
         for k, exponent in enumerate(x.exponents):
             if exponent:
@@ -203,7 +205,7 @@ class IntervalAlgebra:
 
 
 def _kept(lo: FloatArray, hi: FloatArray, exponents: tuple[Fraction, ...], sign: int) -> Interval:
-    """Return the element, its bounds not beyond a 0 that its sign says they do not pass."""
+    """Return the element, with bounds cut off at 0 according to its known sign."""
     if sign > 0:
         lo = np.maximum(lo, 0.0)
     elif sign < 0:

@@ -1,4 +1,4 @@
-"""Doubles: numpy arrays of any broadcastable shapes."""
+"""Formulas on numpy arrays of doubles of any broadcastable shapes."""
 
 from collections.abc import Callable
 from fractions import Fraction

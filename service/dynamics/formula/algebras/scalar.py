@@ -1,4 +1,4 @@
-"""Doubles, one point at a time: plain floats without numpy's overhead."""
+"""Formulas on plain floats, one point at a time, without numpy's overhead."""
 
 import math
 from collections.abc import Callable

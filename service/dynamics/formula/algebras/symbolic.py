@@ -1,4 +1,4 @@
-"""SymPy expressions, built with numbers, symbols and operators only; nothing is parsed."""
+"""Converts formulas to SymPy expressions from numbers, symbols and operators; parses no text."""
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction

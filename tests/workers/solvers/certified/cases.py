@@ -6,7 +6,8 @@ from flint import arb, ctx
 
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
-from workers.solvers.certified.certify import Certified, certify
+from workers.solvers.certified.certify import Certified
+from workers.solvers.planar.choose import enclose
 
 COMPARED_BITS = 2000
 """Differences of balls are taken with so many bits: nothing is added to them."""
@@ -17,17 +18,19 @@ SEPARATRIX = Fraction(
 """(1 + √5)/4 to far more digits than are compared: c1 where a1 = −1, nu = 1 have a separatrix."""
 
 
-def three_terms(text: str, *, nu="1", times=(), bits=128, A=2, C=1, method=None, **motion) -> Certified:
+def three_terms(
+    text: str, *, nu="1", times=(), bits=128, A=2, C=1, methods=("elliptic", "integral"), **motion
+) -> Certified:
     """Certify a motion of a body with A = 2C on g3² = nu g1."""
     rigid_body = body(A, C)
     asked = [Fraction(t) for t in times]
-    return certify(
+    return enclose(
         rigid_body,
         formula(text, rigid_body),
         PlanarMotion(None, nu=Fraction(nu), **motion),
         asked,
         bits,
-        method=method,
+        methods=methods,
     )
 
 

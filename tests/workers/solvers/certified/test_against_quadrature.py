@@ -5,19 +5,20 @@ from flint import arb, ctx
 from hypothesis import assume, given, settings
 
 from tests.support.admissible import Case, cases, with_periodic_window
-from workers.solvers.certified.certify import certify
+from tests.support.effort import examples
 from workers.solvers.certified.errors import CertifiedUnavailableError
+from workers.solvers.planar.choose import enclose
 
 
 @given(cases())
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=examples(4, 12), deadline=None)
 def test_the_quadrature_keeps_its_claims(case: Case):
     periodic = with_periodic_window(case)
     assume(periodic is not None)
     problem = periodic.problem()
     times = [Fraction(k) for k in range(8)]
     try:
-        found = certify(problem.body, problem.potential, problem.motion, times, 64)
+        found = enclose(problem.body, problem.potential, problem.motion, times, 64)
     except CertifiedUnavailableError:
         # A pole passed without smoothness, or a formula with 0 · |g3|^-n there.
         assume(False)

@@ -4,9 +4,9 @@ import pytest
 from flint import acb, arb, ctx
 
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.loop import make_loop
+from service.dynamics.reduction.geometry.loop import make_loop
 from tests.support.planar import body, formula
-from workers.solvers.certified.complex_loop import ComplexLoop
+from workers.solvers.complex_plane.complex_loop import ComplexLoop
 
 FRACTIONAL = "(A*g1^2 + C*g3^2)*(g2^2 - 1/2 + g2/5) - abs(g1)^(2*(A-C)/A)/3 + abs(g3)^(-2*(A-C)/C)/50"
 

@@ -13,7 +13,7 @@ from tests.workers.solvers.certified.cases import (
     overlap,
     three_terms,
 )
-from workers.solvers.certified.certify import certify
+from workers.solvers.planar.choose import enclose
 
 ELLIPTIC = [golden for golden in GOLDEN if golden.name in ("G1", "G2", "G4", "G6")]
 
@@ -94,7 +94,7 @@ def test_times_of_a_trip_at_the_extremes_to_all_printed_digits(text, nu, trips, 
 @pytest.mark.parametrize(("text", "nu", "trips", "printed"), [EXTREMES[3], EXTREMES[8], EXTREMES[9]])
 def test_the_integral_bears_the_extremes_too(text, nu, trips, printed):
     window = 1 if "16/g3^2" in text else None
-    found = three_terms(text, nu=nu, window=window, method="integral")
+    found = three_terms(text, nu=nu, window=window, methods=("integral",))
     with ctx.workprec(300):
         assert contains_printed(found.period / trips, printed)
     assert found.method == "integral"
@@ -120,8 +120,8 @@ def test_the_integral_gives_the_same_motion(text, start, g3_sign):
     # Every kind of interval, start and side: the two share no formula but that of the potential.
     times = (0, Fraction(1, 3), 2, 100)
     one, two = (
-        three_terms(text, times=times, bits=64, start=start, g3_sign=g3_sign, method=method)
-        for method in (None, "integral")
+        three_terms(text, times=times, bits=64, start=start, g3_sign=g3_sign, methods=methods)
+        for methods in (("elliptic", "integral"), ("integral",))
     )
     assert (one.method, two.method) == ("elliptic", "integral")
     assert overlap(one, two)
@@ -131,8 +131,10 @@ def test_the_axes_may_be_exchanged_and_g1_negative():
     rigid_body, motion = body(1, 2), {"lambda_": Fraction(3, 2), "g1_sign": -1, "g3_sign": 1}
     potential = formula("-2*g3 + 1/(30*g1^2)", rigid_body)
     one, two = (
-        certify(rigid_body, potential, PlanarMotion(**motion), [Fraction(1), Fraction(9)], 64, method=method)
-        for method in (None, "integral")
+        enclose(
+            rigid_body, potential, PlanarMotion(**motion), [Fraction(1), Fraction(9)], 64, methods=methods
+        )
+        for methods in (("elliptic", "integral"), ("integral",))
     )
     assert (one.method, two.method) == ("elliptic", "integral")
     assert overlap(one, two)

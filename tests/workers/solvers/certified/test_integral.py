@@ -8,8 +8,8 @@ from tests.support.golden import GOLDEN
 from tests.support.planar import body, formula
 from tests.workers.solvers.certified.cases import contains_printed, is_inside
 from workers.solvers.certified.by_integral import integral_motion, periodic_window
-from workers.solvers.certified.certify import certify
 from workers.solvers.certified.time_model import make_time_model
+from workers.solvers.planar.choose import enclose
 
 GENERAL = [golden for golden in GOLDEN if golden.name in ("G10", "G12")]
 NOT_EVEN = "(A*g1^2 + C*g3^2)*(g2^2 - 1/2 + g2^3/5)"
@@ -19,7 +19,7 @@ NOT_EVEN = "(A*g1^2 + C*g3^2)*(g2^2 - 1/2 + g2^3/5)"
 def test_golden_motions_to_all_printed_digits(golden):
     rigid_body = body(golden.body["A"], golden.body["C"])
     start = StartAtRest(-1) if "start" in golden.motion else None
-    found = certify(
+    found = enclose(
         rigid_body,
         formula(golden.potential["expression"], rigid_body),
         PlanarMotion(Fraction(golden.motion["lambda"]), start=start),
@@ -47,7 +47,7 @@ def test_the_general_bobylev_steklov_motion_passes_poles(alpha, printed):
     rigid_body = body(alpha, 1)
     potential = formula("-abs(g1)^(2*(A-C)/A)", rigid_body)
     times = [Fraction(1), Fraction(5), Fraction(printed)]
-    found = certify(rigid_body, potential, PlanarMotion(Fraction(1)), times, 110, method="integral")
+    found = enclose(rigid_body, potential, PlanarMotion(Fraction(1)), times, 110, methods=("integral",))
     assert contains_printed(found.period, printed)
     # |g1| bends too sharply at the pole for the way through to be the only one.
     assert found.conventions == ("symmetric_pole_passage",)
@@ -87,7 +87,7 @@ def test_the_six_variables_obey_their_laws(A):
     rigid_body = body(A, 1)
     potential = formula(NOT_EVEN, rigid_body)
     times = [Fraction(k, 3) for k in range(12)]
-    found = certify(rigid_body, potential, PlanarMotion(Fraction(11, 10)), times, 64)
+    found = enclose(rigid_body, potential, PlanarMotion(Fraction(11, 10)), times, 64)
     with ctx.workprec(200):
         a = arb(rigid_body.A.numerator) / rigid_body.A.denominator
         for p, q, r, g1, g2, g3 in found.states:
@@ -104,7 +104,7 @@ def test_more_bits_are_inside_fewer():
     potential = formula(NOT_EVEN, rigid_body)
     times = [Fraction(1), Fraction(1000)]
     coarse, fine = (
-        certify(rigid_body, potential, PlanarMotion(Fraction(4, 5)), times, bits) for bits in (64, 333)
+        enclose(rigid_body, potential, PlanarMotion(Fraction(4, 5)), times, bits) for bits in (64, 333)
     )
     assert float(fine.period.rad()) <= 2.0**-320
     assert is_inside(fine.period, coarse.period)
@@ -115,5 +115,5 @@ def test_more_bits_are_inside_fewer():
 def test_radii_are_as_promised_after_1e12_periods():
     rigid_body = body(3, 1)
     potential = formula(NOT_EVEN, rigid_body)
-    found = certify(rigid_body, potential, PlanarMotion(Fraction(4, 5)), [Fraction(6_555_938_133_741)], 64)
+    found = enclose(rigid_body, potential, PlanarMotion(Fraction(4, 5)), [Fraction(6_555_938_133_741)], 64)
     assert all(float(value.rad()) <= 2.0**-56 for value in found.states[0])

@@ -5,13 +5,13 @@ import pytest
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StateMotion
 from tests.support.planar import body, formula
-from workers.solvers.certified.certify import certify
+from workers.solvers.planar.choose import enclose
 
 
 def refused(text, motion, *, A=2, C=1) -> DynamicsError:
     rigid_body = body(A, C)
     with pytest.raises(DynamicsError) as refusal:
-        certify(rigid_body, formula(text, rigid_body), motion, [Fraction(1)], 64)
+        enclose(rigid_body, formula(text, rigid_body), motion, [Fraction(1)], 64)
     return refusal.value
 
 

@@ -8,6 +8,7 @@ from flint import acb, arb, ctx
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from tests.support.effort import examples
 from workers.solvers.certified.strip_algebra import Strip
 from workers.solvers.certified.strip_series import Series
 
@@ -59,7 +60,7 @@ FUNCTIONS = {
 @KINDS
 @pytest.mark.parametrize("name", FUNCTIONS)
 @given(st.floats(4.0, 6.0), st.floats(-1.0, 1.0), st.floats(-0.5, 0.5))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(3, 10), deadline=None)
 def test_a_series_encloses_its_function_all_over_the_strip(name, is_even, a, b, c):
     strip = Strip(HEIGHT, 48, is_even=is_even)
     by_series, by_balls = FUNCTIONS[name]
@@ -81,7 +82,7 @@ def test_a_series_encloses_its_function_all_over_the_strip(name, is_even, a, b, 
     st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=9),
 )
 @example([1.5e-193], [1.5e-193])  # the product is below all doubles
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(13, 40), deadline=None)
 def test_sums_and_products_enclose_theirs_where_they_are_cut(is_even, first, second):
     # The degree is less than that of the product: what is cut off is in the rest.
     strip = Strip(HEIGHT, 8, is_even=is_even)

@@ -4,10 +4,11 @@ import pytest
 from flint import arb, ctx
 from scipy.integrate import quad
 
-from service.dynamics.potentials.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition.three_terms import ThreeTerms
 from tests.support.planar import body
-from workers.solvers.closed_form.collision import NoCollisionError, collision_time
-from workers.solvers.closed_form.intervals import UndecidedError, intervals, make_curve
+from tests.support.witnesses.collision import NoCollisionError, collision_time
+from workers.solvers.orbits.between_roots import RootsUndecidedError
+from workers.solvers.three_terms.intervals import intervals, make_curve
 
 
 def three(a1, b1=0, c1=0) -> ThreeTerms:
@@ -91,5 +92,5 @@ def test_no_collision_from_beyond_the_turning_point():
 
 
 def test_a_double_root_is_not_a_turning_point():
-    with pytest.raises(UndecidedError):
+    with pytest.raises(RootsUndecidedError):
         collision_time(three(1, "-1/16", -1), body(2, 1), Fraction(1))

@@ -7,16 +7,19 @@ from flint import arb, ctx
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.potentials.rational import rational_potential
-from service.dynamics.potentials.three_terms import ThreeTerms
+from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.recognition.three_terms import ThreeTerms
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
+from tests.support.effort import examples
 from tests.support.planar import body, planar
+from tests.support.solving import solve_planar
 from tests.workers.solvers.closed_form.test_motion import solve
-from workers.solvers.closed_form.elliptic import make_closed_form, trip_time
-from workers.solvers.closed_form.intervals import UndecidedError, intervals, make_curve
-from workers.solvers.closed_form.variables import Branch
-from workers.solvers.quadrature.solve import solve_planar
+from workers.solvers.closed_form.elliptic import make_closed_form
+from workers.solvers.orbits.between_roots import RootsUndecidedError
+from workers.solvers.three_terms.intervals import intervals, make_curve
+from workers.solvers.three_terms.phase import trip_time
+from workers.solvers.three_terms.variables import MirrorImage
 
 coefficients = st.fractions(-3, 3, max_denominator=20)
 repulsions = st.one_of(st.just(Fraction(0)), st.fractions(Fraction(1, 100), 1, max_denominator=100))
@@ -29,11 +32,11 @@ def found_intervals(terms, C, nu, g1_sign):
         curve = make_curve(terms, C, arb(nu.numerator) / nu.denominator, g1_sign)
         try:
             return intervals(curve)
-        except UndecidedError:
+        except RootsUndecidedError:
             return None
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(13, 40), deadline=None)
 @given(coefficients, repulsions, coefficients, curves, signs, signs, signs, st.floats(0.0, 6.28))
 def test_integrals_and_equations(a1, b1, c1, nu, g1_sign, g2_sign, g3_sign, origin):
     """|g| = 1, the curve, the areas, the energy, and g1'² as the quartic in g1."""
@@ -42,7 +45,7 @@ def test_integrals_and_equations(a1, b1, c1, nu, g1_sign, g2_sign, g3_sign, orig
         if not interval.is_periodic:
             continue
         with ctx.workprec(192):
-            motion = make_closed_form(interval, Branch(g1_sign, g2_sign, g3_sign), arb(origin))
+            motion = make_closed_form(interval, MirrorImage(g1_sign, g2_sign, g3_sign), arb(origin))
         p, q, r, g1, g2, g3 = motion.sample(np.linspace(0.0, motion.period.hi, 33)).T
         a, b, c, n, moment = float(a1), float(b1), float(c1), float(nu), float(C)
         # A few roundings of terms of the size given, through p up to √(nu/x) of the others.
@@ -66,7 +69,7 @@ def test_integrals_and_equations(a1, b1, c1, nu, g1_sign, g2_sign, g3_sign, orig
         assert np.all(np.abs((r * g2) ** 2 - quartic) <= 1e-13 * (1.0 + size))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(8, 25), deadline=None)
 @given(coefficients, st.one_of(repulsions, coefficients), coefficients, curves, signs)
 def test_intervals_are_the_windows_of_the_reduction(a1, b1, c1, nu, g1_sign):
     found = found_intervals(ThreeTerms(a1, b1, c1), Fraction(1), nu, g1_sign)
@@ -84,7 +87,7 @@ def test_intervals_are_the_windows_of_the_reduction(a1, b1, c1, nu, g1_sign):
         np.testing.assert_allclose(np.abs(window.g1), [float(interval.lo), float(interval.hi)], rtol=1e-15)
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=examples(4, 12), deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(coefficients, repulsions, coefficients, curves, signs, signs)
 def test_motions_are_those_of_the_quadrature(a1, b1, c1, nu, g1_sign, g3_sign):
     rigid_body, potential = body(2, 1), rational_potential([a1], [b1], [c1])
@@ -104,7 +107,7 @@ def test_motions_are_those_of_the_quadrature(a1, b1, c1, nu, g1_sign, g3_sign):
     assert np.abs(found.sample(times) - other(times)).max() <= found.error() + other.error_at(times)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(7, 20), deadline=None)
 @given(coefficients, repulsions, coefficients, curves, signs)
 def test_scaling_of_the_potential_and_of_the_moments(a1, b1, c1, nu, g1_sign):
     """V → 4 V halves all times, (A, C) → 4 (A, C) doubles them, exactly."""

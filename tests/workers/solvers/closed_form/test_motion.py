@@ -7,19 +7,20 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.dynamics.potentials.gravity import gravity_potential
-from service.dynamics.potentials.three_terms import ThreeTerms
+from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.recognition.three_terms import ThreeTerms
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
 from tests.support.golden import GOLDEN
 from tests.support.planar import body, formula, planar
+from tests.support.solving import solve_planar
 from tests.workers.solvers.closed_form.reference import Reference, spread
-from workers.solvers.closed_form.elliptic import make_closed_form, trip_time
-from workers.solvers.closed_form.intervals import intervals, make_curve
+from workers.solvers.closed_form.elliptic import make_closed_form
 from workers.solvers.closed_form.solve import solve_closed_form
-from workers.solvers.closed_form.variables import Branch
-from workers.solvers.quadrature.solve import solve_planar
+from workers.solvers.three_terms.intervals import intervals, make_curve
+from workers.solvers.three_terms.phase import trip_time
+from workers.solvers.three_terms.variables import MirrorImage
 
 GOLDEN_RATIO = Fraction("1.61803398874989484820458683436563811772030917980576286213544862270526046281890")
 """(1 + √5)/2 to 77 digits: half of it is the c1 of a separatrix at nu = 1, a1 = -1."""
@@ -126,7 +127,7 @@ def test_error_bounds_the_departure_from_another_formula(terms, nu):
     nu = Fraction(nu)
     with ctx.workprec(512):
         interval = periodic_interval(terms, nu)
-        motion = make_closed_form(interval, Branch(1, 1, 1), arb.pi() / 2)
+        motion = make_closed_form(interval, MirrorImage(1, 1, 1), arb.pi() / 2)
     with mp.workdps(60):
         other = Reference(terms, 1, nu, (interval.lo_end, interval.hi_end))
         times = spread(motion.period.hi, 41)

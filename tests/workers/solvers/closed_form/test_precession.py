@@ -4,9 +4,9 @@ import pytest
 from flint import arb, ctx
 
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.loop import make_loop
+from service.dynamics.reduction.geometry.loop import make_loop
 from tests.support.planar import body, formula
-from workers.solvers.closed_form.precession import precession, precession_by_integral
+from tests.support.witnesses.precession import precession, precession_by_integral
 
 
 def loop(A, C, motion):

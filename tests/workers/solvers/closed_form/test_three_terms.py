@@ -4,10 +4,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.potentials.gravity import gravity_potential
-from service.dynamics.potentials.homogeneous import homogeneous_potential
-from service.dynamics.potentials.rational import rational_potential
-from service.dynamics.potentials.three_terms import ThreeTerms, recognise
+from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.homogeneous import homogeneous_potential
+from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.recognition.three_terms import ThreeTerms, recognise
+from tests.support.effort import examples
 from tests.support.planar import body, formula
 
 numbers = st.fractions(-5, 5, max_denominator=50)
@@ -34,7 +35,7 @@ def test_formulas_that_agree_on_the_sphere(text, terms):
     assert recognise(rigid_body, formula(text, rigid_body)) == ThreeTerms(*(Fraction(t) for t in terms))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(7, 20), deadline=None)
 @given(numbers, numbers, numbers)
 def test_the_rational_family_of_length_one(a1, b1, c1):
     potential = rational_potential([a1], [b1], [c1])

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.expression import expression_potential
+from service.dynamics.potentials.families.expression import expression_potential
 from tests.workers.solvers.integration.cases import NAMES, reference
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.solve import integrate_state

@@ -7,8 +7,8 @@ import pytest
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import MissingMomentError
-from service.dynamics.potentials.expression import expression_potential
-from service.dynamics.potentials.gravity import gravity_potential
+from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.gravity import gravity_potential
 from tests.workers.solvers.integration.cases import BODY, NAMES, planar_state
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration import solve, taylor

@@ -7,9 +7,9 @@ import pytest
 from scipy.special import ellipj
 
 from service.dynamics.body import RigidBody
-from service.dynamics.euler_poisson import areas_integral, energy_integral, geometric_integral
-from service.dynamics.potentials.expression import expression_potential
-from service.dynamics.potentials.gravity import gravity_potential
+from service.dynamics.equations.euler_poisson import areas_integral, energy_integral, geometric_integral
+from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.gravity import gravity_potential
 from tests.workers.solvers.integration.cases import BODY, NAMES, golden_states
 from workers.solvers.integration.interface import joined
 from workers.solvers.integration.solve import choose_integrator, integrate_state

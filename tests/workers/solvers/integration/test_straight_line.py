@@ -3,8 +3,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.potentials.expression import expression_potential
-from service.dynamics.potentials.rational import rational_potential
+from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.rational import rational_potential
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.integration.straight_line import gradient_line
 

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.potentials.expression import expression_potential
+from service.dynamics.potentials.families.expression import expression_potential
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.integration.dop853 import Dop853Integrator
 from workers.solvers.integration.interface import joined, neighbour_of

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from service.dynamics.orientation import (
+from service.dynamics.equations.orientation import (
     PRECESSION,
     QUATERNION,
     orientation_columns,
@@ -12,7 +12,7 @@ from service.dynamics.orientation import (
 from service.dynamics.problem import PlanarMotion, TimePeriods
 from tests.laws.test_quadrature_against_integration import ROWS, motion_of
 from tests.support.planar import body, formula, planar
-from workers.solvers.quadrature.solve import solve_planar
+from tests.support.solving import solve_planar
 
 THREE = TimePeriods(Fraction(3), 61)
 PRECESSIONS = {

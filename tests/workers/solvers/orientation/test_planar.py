@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
-from service.dynamics.orientation import (
+from service.dynamics.equations.orientation import (
     LOCAL_QUATERNION,
     orientation_columns,
     orientation_errors,
-    rotation_matrix,
 )
 from service.dynamics.problem import PlanarMotion, StartAtEquator
 from tests.support.planar import body, formula, planar
+from tests.support.solving import solve_planar
+from tests.support.witnesses.rotation_matrix import rotation_matrix
 from tests.workers.solvers.orientation.cases import (
     PRECESSIONS,
     quaternion_at,
@@ -24,7 +25,6 @@ from tests.workers.solvers.orientation.cases import (
 )
 from tests.workers.solvers.orientation.witness import witness
 from workers.solvers.orientation.solve import with_orientation
-from workers.solvers.quadrature.solve import solve_planar
 
 WITNESSED = [
     "bobylev-steklov",

@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.orientation import (
+from service.dynamics.equations.orientation import (
     LOCAL_QUATERNION,
     PRECESSION,
-    rotation_matrix,
 )
 from service.dynamics.problem import PlanarMotion, StartAtEquator
+from tests.support.effort import examples
+from tests.support.witnesses.rotation_matrix import rotation_matrix
 from tests.workers.solvers.orientation.cases import (
     PRECESSIONS,
     quaternion_at,
@@ -46,7 +47,7 @@ def test_golden_precession_through_the_poles(nu):
 @given(
     signs=st.tuples(*[st.sampled_from([-1, 1])] * 3), nu=st.fractions(Fraction(1, 20), 20, max_denominator=30)
 )
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(3, 10), deadline=None)
 def test_the_signs_of_the_precession(signs, nu):
     """Δψ1 has the sign ε of s g1 g3, and Δψ3 = Δψ1 − 2πε: each axis goes its part of one turn."""
     g1, g3, s = signs
@@ -60,7 +61,7 @@ def test_the_signs_of_the_precession(signs, nu):
 
 
 @given(sense=st.sampled_from([-1, 1]), lambda_=st.fractions(Fraction(1, 5), 5, max_denominator=20))
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=examples(3, 5), deadline=None)
 def test_the_mirror_exchanging_the_axes_turns_the_precession_round(sense, lambda_):
     """(A, C; g1, g3) → (C, A; g3, g1) reflects space: ψ1 → −ψ3, ψ3 → −ψ1."""
     straight = PlanarMotion(lambda_, start=StartAtEquator(sense))

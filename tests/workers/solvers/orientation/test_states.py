@@ -7,18 +7,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.orientation import (
+from service.dynamics.equations.orientation import (
     QUATERNION,
     orientation_columns,
     orientation_errors,
-    rotation_matrix,
 )
 from service.dynamics.problem import PlanarMotion
+from tests.support.effort import examples
 from tests.support.planar import body, formula, planar
+from tests.support.solving import solve_planar
+from tests.support.witnesses.rotation_matrix import rotation_matrix
 from tests.workers.solvers.orientation.witness import witness
 from workers.solvers.integration.solve import integrate_state
 from workers.solvers.orientation.solve import with_orientation
-from workers.solvers.quadrature.solve import solve_planar
 
 BODY = body(2, 1, "3/2")
 V = formula("g1 - g3/2 + g2^2/3", BODY)
@@ -67,7 +68,7 @@ def test_attitude_and_azimuths_agree_with_an_integration_of_everything(omega, ga
     omega=st.tuples(*[st.floats(-3, 3)] * 3),
     gamma=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda g: np.linalg.norm(g) > 0.1),
 )
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=examples(4, 12), deadline=None)
 def test_gamma_is_the_third_row_of_a_rotation_in_both_directions_of_time(omega, gamma):
     gamma = np.array(gamma) / np.linalg.norm(gamma)
     times = np.linspace(-4.0, 4.0, 33)

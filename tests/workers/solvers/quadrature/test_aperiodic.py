@@ -10,9 +10,9 @@ from service.dynamics.reduction.ends import LeavesDomainError
 from service.dynamics.reduction.start import StartNeededError
 from service.dynamics.sampling import PeriodNeededError
 from tests.support.planar import body, formula, planar
+from tests.support.solving import solve_planar
 from workers.solvers.integration.solve import integrate_state
 from workers.solvers.quadrature.aperiodic import MotionEndedError
-from workers.solvers.quadrature.solve import solve_planar
 
 DOUBLE = body(2, 1, "3/2")
 NU_1 = PlanarMotion(None, Fraction(1))

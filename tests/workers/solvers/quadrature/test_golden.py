@@ -3,13 +3,13 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.dense_output import Period
 from service.dynamics.motion import COLUMNS
-from service.dynamics.potentials.gravity import gravity_potential
+from service.dynamics.potentials.families.gravity import gravity_potential
 from service.dynamics.problem import PlanarMotion, StartAtRest
+from service.dynamics.solution.dense_output import Period
 from tests.support.golden import GOLDEN, Golden
 from tests.support.planar import body, formula, planar
-from workers.solvers.quadrature.solve import solve_planar
+from tests.support.solving import solve_planar
 
 
 def solve(golden: Golden):

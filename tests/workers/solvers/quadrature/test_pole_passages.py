@@ -1,11 +1,13 @@
 """A way through a pole that is a convention is told in every tier, with when it is first taken."""
 
+import json
+
 import numpy as np
 import pytest
 
-from service.schemas.problem import read_problem
-from workers.computation import solve
-from workers.solvers.quadrature.description import FIRST_PASSAGE, SYMMETRIC_POLE_PASSAGE
+from service.schemas.problem.problem import read_problem
+from workers.computation.compute import solve, solve_document
+from workers.solvers.assembly.description import SYMMETRIC_POLE_PASSAGE
 
 # A = 2C, where the compiled solver has the motion too; V has terms in |g1|, whose slope jumps at the pole.
 DOCUMENT = {
@@ -20,7 +22,7 @@ DOCUMENT = {
 def test_the_first_passage_is_at_a_pole(tier):
     motion = solve(read_problem({**DOCUMENT, "accuracy": {"tier": tier}}))
     assert motion.conventions == (SYMMETRIC_POLE_PASSAGE,)
-    passage = motion.evidence[FIRST_PASSAGE]
+    passage = motion.first_passage
     assert isinstance(passage, float)
     there = motion.dense(np.array([passage]))[0]
     # Next to the pole g3 grows with time, and its time is known to a few ulp of the period.
@@ -28,3 +30,10 @@ def test_the_first_passage_is_at_a_pole(tier):
     assert abs(there[4]) == pytest.approx(1.0, abs=motion.error)
     before = motion.dense(np.linspace(0.0, passage, 50)[:-1])
     assert np.all(np.sign(before[:, 5]) == np.sign(before[0, 5]))
+
+
+def test_it_is_told_with_the_solution():
+    outcome = solve_document(json.dumps({**DOCUMENT, "accuracy": {"tier": "standard"}}))
+    motion = solve(read_problem({**DOCUMENT, "accuracy": {"tier": "standard"}}))
+    assert outcome.summary["evidence"]["first_pole_passage"] == motion.first_passage
+    assert "proven_samples" not in outcome.summary["evidence"]

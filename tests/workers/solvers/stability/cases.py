@@ -6,18 +6,18 @@ from fractions import Fraction
 from flint import acb, arb, ctx, fmpq
 
 from service.dynamics.body import RigidBody
-from service.dynamics.dense_output import Period
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
+from service.dynamics.solution.dense_output import Period
 from tests.support.planar import Exact, body, formula
-from workers.solvers.quadrature.orbit import make_orbit, starting_state
-from workers.solvers.quadrature.time_map import make_time_map
+from tests.support.witnesses.variational_system import jacobian_monodromy
+from workers.solvers.orbits.orbit import make_orbit, starting_state
+from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
 from workers.solvers.stability.hill import hill_monodromy
-from workers.solvers.stability.jacobian import jacobian_monodromy
 from workers.solvers.stability.monodromy import Monodromy
 
 TOLERANCE = 1e-8
@@ -68,7 +68,7 @@ def in_window(rigid_body: RigidBody, potential: Potential, motion: PlanarMotion,
     with ctx.workprec(PRECISION):
         start = starting_point(window, motion)
         orbit = make_orbit(start)
-        period = make_time_map(orbit.rate, orbit.corners, is_even=orbit.is_even).period
+        period = time_map_of(orbit).period
     return Case(rigid_body, potential, start, period)
 
 

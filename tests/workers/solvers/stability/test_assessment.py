@@ -6,11 +6,12 @@ from flint import ctx
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.dynamics.dense_output import Period
 from service.dynamics.errors import MissingMomentError
+from service.dynamics.solution.dense_output import Period
 from tests.workers.solvers.stability.cases import Case, bobylev_steklov, case, lambda_, nu
-from workers.solvers.quadrature.orbit import make_orbit
-from workers.solvers.quadrature.time_map import PrecisionLostError, QuadratureNotConvergedError
+from workers.solvers.errors import PrecisionLostError
+from workers.solvers.orbits.orbit import make_orbit
+from workers.solvers.quadrature.errors import QuadratureNotConvergedError
 from workers.solvers.stability import monodromy as turns
 from workers.solvers.stability.assessment import MAX_PERIODS, UNIT_ROUNDOFF, power_norms, trusted_time
 from workers.solvers.stability.hill import hill_monodromy

@@ -11,6 +11,7 @@ from service.dynamics.problem import PlanarMotion, StartAtRest
 from service.dynamics.reduction.windows import find_windows
 from tests.support.admissible import Case as AdmissibleCase
 from tests.support.admissible import cases as admissible
+from tests.support.effort import examples
 from tests.support.planar import body, formula
 from tests.workers.solvers.stability.cases import Case, bobylev_steklov, case, in_window, lambda_, nu
 from workers.solvers.stability.monodromy import StabilityUndefinedError
@@ -73,7 +74,7 @@ def test_four_multipliers_are_1_and_two_are_hills(name):
     ),
     Fraction(1, 5),
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(5, 15), deadline=None)
 def test_in_any_window_of_any_admissible_potential(problem, B):
     rigid_body = body(problem.A, problem.C, B)
     potential = formula(problem.text, rigid_body)
@@ -95,3 +96,25 @@ def test_no_multipliers_through_a_pole_where_the_field_is_not_smooth(by):
     # c = −5/t² there: q ~ t² or 1/t, and nothing says how either goes on.
     with pytest.raises(StabilityUndefinedError, match="not twice differentiable"):
         by(case(3, "5/2", 1, "-abs(g1)^(4/3)", lambda_(1)))
+
+
+def spike(exponent: int) -> Case:
+    text = f"-g1 + (2*g1^2+g3^2)*exp(-10^{2 * exponent}*(g2-3/10)^2)/100"
+    return case(2, "3/2", 1, text, lambda_(1))
+
+
+def test_the_trace_sees_a_spike_of_any_width():
+    """It is passed in a time proportional to its width, and so is what it does to the trace at first."""
+    plain, wide, narrow = (each.hill() for each in (bobylev_steklov(1, "3/2"), spike(3), spike(5)))
+    shifts = wide.trace - plain.trace, narrow.trace - plain.trace
+    # The second order is the first times the width, 1e-3, beside the errors.
+    errors = wide.error + plain.error + 100.0 * (narrow.error + plain.error)
+    assert abs(shifts[0] - 100.0 * shifts[1]) <= 2e-3 * abs(shifts[0]) + errors
+    assert abs(shifts[0]) > 1e-6
+
+
+def test_both_equations_see_it():
+    found = spike(4)
+    hill, jacobian = found.hill(), found.jacobian()
+    # Four multipliers are 1.
+    assert abs(jacobian.trace - 4.0 - hill.trace) <= hill.error + jacobian.error

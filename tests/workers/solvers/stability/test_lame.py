@@ -7,6 +7,7 @@ from flint import arb
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.effort import examples
 from tests.workers.solvers.stability.cases import bobylev_steklov, lame_trace
 
 MOMENTS = ("0.6", "1", "1.5", "2", "2.5", "3", "4")
@@ -62,7 +63,7 @@ def test_the_trace_is_the_tabulated_one(nu, B, trace):
     st.fractions(Fraction(1, 10), 20, max_denominator=50),
     st.fractions(Fraction(1, 5), 5, max_denominator=50).filter(lambda B: B != 1),
 )
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(7, 20), deadline=None)
 def test_the_error_covers_the_distance_from_the_closed_form(nu, B):
     stability = bobylev_steklov(nu, B).assess()
     distance = abs(lame_trace(nu, B) - arb(stability.trace))
@@ -84,7 +85,7 @@ def test_the_error_covers_the_distance_at_the_ends_of_the_family(nu, B):
     st.fractions(Fraction(1, 10), 5, max_denominator=20),
     st.fractions(Fraction(1, 2), 5, max_denominator=20),
 )
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(7, 20), deadline=None)
 def test_bands_of_stability_are_those_of_lames_equation(nu, B):
     # E lies in a band if and only if x = 2 nu (C − B)/B does; bands end at the zeros of x (1 − x² − nu x).
     x = float(2 * nu * (1 - B) / B)

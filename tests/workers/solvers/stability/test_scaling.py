@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.effort import examples
 from tests.workers.solvers.stability.cases import Case, case, lambda_, nu
 from workers.solvers.stability.assessment import Stability
 
@@ -32,13 +33,13 @@ def same(changed: Case, clock: float) -> None:
 
 
 @given(FACTORS)
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=examples(3, 8), deadline=None)
 def test_a_stronger_field_is_only_faster(k):
     same(case(2, B, 1, f"({k})*{FORMULA}", nu(1)), float(k) ** -0.5)
 
 
 @given(FACTORS)
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=examples(3, 8), deadline=None)
 def test_a_heavier_body_is_only_slower(k):
     same(case(2 * k, B * k, k, FORMULA, nu(1)), float(k) ** 0.5)
 

@@ -1,0 +1,82 @@
+"""Reads request bodies, so that every fault in them is answered by our own problem document."""
+
+import asyncio
+from collections.abc import Sequence
+from email.message import Message
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import Depends, Request
+
+from service.api.dependencies import Inside
+from service.api.replies.errors import ApiError
+from service.schemas.reading.strict_json import InvalidJsonError, parse_json
+
+MAX_BODY_BYTES = 1_000_000
+JSON, UTF_8, IDENTITY = "application/json", "utf-8", "identity"
+
+
+async def _read_body(request: Request, inside: Inside) -> bytes:
+    """Return the body, which must be declared as plain JSON in UTF-8; never buffer beyond the limit."""
+    _require_json(request.headers.get("content-type", ""))
+    _require_identity(request.headers.getlist("content-encoding"))
+    content, seconds = bytearray(), inside.settings.body_seconds
+    try:
+        async with asyncio.timeout(seconds):
+            async for chunk in request.stream():
+                content += chunk
+                if len(content) > MAX_BODY_BYTES:
+                    detail = f"at most {MAX_BODY_BYTES} bytes are accepted"
+                    raise ApiError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "body_too_large", detail)
+    except TimeoutError as fault:
+        detail = f"the body was not complete after {seconds:g} s"
+        headers = {"Connection": "close"}
+        raise ApiError(HTTPStatus.REQUEST_TIMEOUT, "request_timeout", detail, headers=headers) from fault
+    return bytes(content)
+
+
+def _require_json(header: str) -> None:
+    """Refuse a Content-Type other than JSON, or another charset than UTF-8."""
+    message = Message()
+    message["Content-Type"] = header or "none"
+    media_type, charset = message.get_content_type(), message.get_content_charset(UTF_8)
+    if media_type == JSON and charset in (UTF_8, "utf8"):
+        return
+    said = f"the Content-Type is {header[:100]}" if header else "the Content-Type is missing"
+    raise ApiError(
+        HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+        "unsupported_media_type",
+        f"{said}; {JSON} in {UTF_8} is accepted",
+        headers={"Accept": JSON},
+    )
+
+
+def _require_identity(headers: Sequence[str]) -> None:
+    """Refuse a body that is compressed (RFC 9110, 12.5.3: Accept-Encoding says what would be accepted)."""
+    codings = [coding.strip().lower() for header in headers for coding in header.split(",")]
+    unknown = [coding for coding in codings if coding not in ("", IDENTITY)]
+    if unknown:
+        raise ApiError(
+            HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+            "unsupported_content_encoding",
+            f"the Content-Encoding is {unknown[0][:40]}; only bodies without an encoding are accepted",
+            headers={"Accept-Encoding": IDENTITY},
+        )
+
+
+Body = Annotated[bytes, Depends(_read_body)]
+"""The type of an endpoint's parameter that receives the raw body."""
+
+
+def read_json(content: bytes) -> object:
+    """Parse a body as JSON.
+
+    Raises
+    ------
+    ApiError
+        400, with the place of the first syntax error.
+    """
+    try:
+        return parse_json(content)
+    except InvalidJsonError as error:
+        raise ApiError(HTTPStatus.BAD_REQUEST, "invalid_json", str(error)) from error

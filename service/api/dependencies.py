@@ -1,0 +1,60 @@
+"""The shared resources of the endpoints (stores, children, settings), made once by the application."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
+
+from anyio import CapacityLimiter
+from fastapi import Depends, Request
+
+from service.api.keys.keyring import KeyRing
+from service.api.keys.limits import LimitGuard
+from service.api.prometheus import Metrics
+from service.api.reading_threads import ReadingThreads
+from service.api.verdicts.verdict_queue import VerdictQueue
+from service.jobs.store import JobStore
+from service.local.restarts import WorkerStanding
+from service.local.wakeup import Doorbell
+from service.sandbox import Sandbox
+from service.settings import Settings
+from service.storage.database.database import Database
+from service.storage.solutions.solution_store import SolutionStore
+from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.upkeep.presence import ServicePresence
+
+
+@dataclass(frozen=True, slots=True)
+class Resources:
+    """Stores, the queue of the children that compute verdicts, and the wake-up of local workers."""
+
+    settings: Settings
+    database: Database
+    jobs: JobStore
+    solutions: SolutionStore
+    sweeps: SweepStore
+    sandbox: Sandbox
+    verdicts: VerdictQueue
+    reading: ReadingThreads
+    doorbell: Doorbell
+    metrics: Metrics
+    keys: KeyRing
+    limits: LimitGuard
+    presence: ServicePresence
+    """Keeps the presence row of this service, and knows whether the database can be written to."""
+    waiting: threading.BoundedSemaphore
+    """Limits the number of clients that wait for their job, since each one polls the database."""
+    checking: CapacityLimiter
+    """Threads for /readyz only."""
+    local_worker: Callable[[], WorkerStanding] | None
+    """Returns the status of the worker process beside this service, if there is one."""
+
+
+async def _resources(request: Request) -> Resources:
+    resources = request.app.state.resources
+    assert isinstance(resources, Resources)
+    return resources
+
+
+Inside = Annotated[Resources, Depends(_resources)]
+"""The type of an endpoint's parameter that receives the resources."""

@@ -1,0 +1,107 @@
+"""Adds request bodies, roles and refusals to the OpenAPI document, which FastAPI does not see."""
+
+from collections.abc import Mapping
+from importlib.metadata import version
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+from pydantic.json_schema import models_json_schema
+
+from service.api.keys.access import ACCESS, OPEN
+from service.api.replies.responses import refusals
+from service.schemas.problem.sections import ProblemIn, ValidationIn
+from service.schemas.replies.problem_details import ProblemDetailsOut
+from service.schemas.sweep.reading import SweepIn
+
+_SCHEME = "key"
+_TEMPLATE = "#/components/schemas/{model}"
+
+DESCRIPTION = (
+    "Motions of a rigid body about a fixed point with the angular velocity in a principal plane: "
+    "verdicts on potentials, motions by quadrature or integration, and a database of solutions. "
+    'Numbers may be JSON numbers or strings with an exact value: "17/10", "1e-12".'
+)
+
+
+_REFUSAL = {
+    "type": "urn:polhode:problem:invalid_problem",
+    "title": "The document is not a valid problem",
+    "status": 422,
+    "detail": "/body/A: 0 is not positive; a moment of inertia is > 0",
+    "errors": [
+        {
+            "pointer": "/body/A",
+            "code": "invalid_inertia",
+            "message": "0 is not positive; a moment of inertia is > 0",
+        }
+    ],
+    "request_id": "019f0000-0000-7000-8000-000000000000",
+}
+
+
+def request_body(model: str, examples: Mapping[str, object], *, several: bool = False) -> dict[str, object]:
+    """Return the OpenAPI extension of an endpoint whose JSON body is ``model``, or ``several`` of them."""
+    schema: dict[str, object] = {"$ref": _TEMPLATE.format(model=model)}
+    if several:
+        schema = {"oneOf": [schema, {"type": "array", "items": schema}]}
+    content = {"application/json": {"schema": schema, "examples": dict(examples)}}
+    return {"requestBody": {"required": True, "content": content}}
+
+
+def describe(app: FastAPI) -> dict[str, object]:
+    """Return the OpenAPI document of ``app``, with the models of bodies and refusals."""
+    document: dict[str, object] = get_openapi(
+        title="polhode", version=version("polhode"), description=DESCRIPTION, routes=app.routes
+    )
+    _, definitions = models_json_schema(
+        [
+            (ProblemIn, "validation"),
+            (ValidationIn, "validation"),
+            (SweepIn, "validation"),
+            (ProblemDetailsOut, "serialization"),
+        ],
+        ref_template=_TEMPLATE,
+    )
+    _describe_refusals(definitions["$defs"])
+    components = document.setdefault("components", {})
+    assert isinstance(components, dict)
+    schemas = components.setdefault("schemas", {})
+    schemas.update(definitions["$defs"])
+    components["schemas"] = dict(sorted(schemas.items()))
+    components["securitySchemes"] = {
+        _SCHEME: {
+            "type": "http",
+            "scheme": "bearer",
+            "description": "A key made by `polhode keys create`. Needed as soon as there is any key.",
+        }
+    }
+    _describe_access(document)
+    return document
+
+
+def _describe_refusals(schemas: dict[str, dict[str, object]]) -> None:
+    """Add what pydantic cannot express: required fields of refusals, and refusals inside a list's answer."""
+    problem = schemas["ProblemDetailsOut"]
+    problem["required"] = ["type", "title", "status", "detail"]
+    problem["examples"] = [_REFUSAL]
+    properties = schemas["JobItemOut"]["properties"]
+    assert isinstance(properties, dict)
+    refusal = {"$ref": _TEMPLATE.format(model="ProblemDetailsOut")}
+    properties["problem"] = {
+        "anyOf": [refusal, {"type": "null"}],
+        "description": properties["problem"]["description"],
+    }
+
+
+def _describe_access(document: Mapping[str, object]) -> None:
+    """Add to every operation the role it needs, and the refusals common to all."""
+    paths = document["paths"]
+    assert isinstance(paths, dict)
+    for_all = {str(status): entry for status, entry in refusals(500).items()}
+    with_keys = {str(status): entry for status, entry in refusals(401, 403, 429, 503).items()}
+    for path, operations in paths.items():
+        for method, operation in operations.items():
+            role = ACCESS[path][method.upper()]
+            further = for_all if role is OPEN else {**for_all, **with_keys}
+            operation["security"] = [] if role is OPEN else [{}, {_SCHEME: [role.value]}]
+            operation["responses"] = dict(sorted({**further, **operation["responses"]}.items()))

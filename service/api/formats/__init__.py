@@ -1,0 +1,1 @@
+"""Writes trajectories and points in each supported media type."""

@@ -1,0 +1,83 @@
+"""Writes Arrow streams; PyArrow, which has no type hints, is used in this module only."""
+
+import io
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Literal
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+ColumnKind = Literal["integer", "number", "word", "series"]
+"""The values of a column of points; NaN becomes null, and so does a series of NaN only."""
+
+
+def arrow_stream(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, str]) -> bytes:
+    """Return one record batch of float64 columns in the streaming format, with metadata in its schema."""
+    arrays = [pa.array(np.ascontiguousarray(values)) for values in columns.values()]
+    batch = pa.record_batch(arrays, names=list(columns)).replace_schema_metadata(dict(metadata))
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, batch.schema) as writer:
+        writer.write_batch(batch)
+    return bytes(sink.getvalue().to_pybytes())
+
+
+def arrow_batches(
+    kinds: Mapping[str, ColumnKind],
+    batches: Iterable[Mapping[str, NDArray[np.generic]]],
+    metadata: Mapping[str, str],
+) -> Iterator[bytes]:
+    """Yield a stream of record batches, one piece of bytes for each; without batches, the schema alone."""
+    fields = [pa.field(name, _TYPES[kind]()) for name, kind in kinds.items()]
+    schema = pa.schema(fields, metadata=dict(metadata))
+    sink = _Pieces()
+    with pa.ipc.new_stream(sink, schema) as writer:
+        yield sink.take()
+        for batch in batches:
+            arrays = [_array(batch[name], kind) for name, kind in kinds.items()]
+            writer.write_batch(pa.record_batch(arrays, schema=schema))
+            yield sink.take()
+    yield sink.take()
+
+
+_TYPES = {
+    "integer": pa.int64,
+    "number": pa.float64,
+    "word": pa.string,
+    "series": lambda: pa.list_(pa.float64()),
+}
+
+
+def _array(values: NDArray[np.generic], kind: ColumnKind) -> pa.Array:
+    if kind != "series":
+        return pa.array(values, type=_TYPES[kind](), from_pandas=True)
+    points, samples = values.shape
+    missing = np.isnan(values.astype(np.float64, copy=False)).all(axis=1)
+    ends = pa.array(np.arange(points + 1, dtype=np.int32) * samples)
+    numbers = pa.array(np.ascontiguousarray(values).reshape(-1))
+    return pa.ListArray.from_arrays(ends, numbers, mask=pa.array(missing))
+
+
+class _Pieces(io.RawIOBase):
+    """Buffers written bytes until they are taken."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._held = bytearray()
+        self._before = 0
+
+    def writable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._before + len(self._held)
+
+    def write(self, data: "memoryview | bytes") -> int:  # type: ignore[override]
+        self._held += data
+        return len(data)
+
+    def take(self) -> bytes:
+        piece = bytes(self._held)
+        self._before += len(piece)
+        self._held.clear()
+        return piece

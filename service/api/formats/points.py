@@ -1,0 +1,72 @@
+"""Writes points of a sweep as JSON objects, NDJSON, CSV or Arrow, a block at a time."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+
+from service.api.formats.arrow import ColumnKind, arrow_batches
+from service.api.queries.points import Wish
+from service.csv_text import CRLF, data_lines, header_line
+from service.storage.sweeps.point_query import INDEX, OUTCOME
+from service.storage.sweeps.point_reader import PointBlock
+
+JSON, CSV = "application/json", "text/csv"
+NDJSON, ARROW = "application/x-ndjson", "application/vnd.apache.arrow.stream"
+
+Writer = Callable[[Wish, Iterable[PointBlock], Mapping[str, str]], Iterator[bytes]]
+
+
+def rows(wish: Wish, block: PointBlock) -> Iterator[dict[str, object]]:
+    """Yield the points of a block as objects; a missing number is NaN, a missing series None."""
+    lists = [_values(block, name) for name in wish.columns]
+    for row in zip(*lists, strict=True):
+        yield dict(zip(wish.columns, row, strict=True))
+
+
+def ndjson(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Iterator[bytes]:
+    """Yield a line for each point."""
+    option = orjson.OPT_APPEND_NEWLINE | orjson.OPT_SERIALIZE_NUMPY
+    for block in blocks:
+        yield b"".join(orjson.dumps(row, option=option) for row in rows(wish, block))
+
+
+def csv(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Iterator[bytes]:
+    """Yield the header line and a line for each point; missing numbers are empty."""
+    yield header_line(wish.columns, CRLF).encode()
+    for block in blocks:
+        yield data_lines([_column(block, name) for name in wish.columns], CRLF).encode()
+
+
+def arrow(wish: Wish, blocks: Iterable[PointBlock], metadata: Mapping[str, str]) -> Iterator[bytes]:
+    """Yield an Arrow stream with a record batch for each block."""
+    kinds = {name: _kind(wish, name) for name in wish.columns}
+    batches = ({name: _column(block, name) for name in wish.columns} for block in blocks)
+    return arrow_batches(kinds, batches, metadata)
+
+
+STREAMS: Mapping[str, Writer] = {NDJSON: ndjson, CSV: csv, ARROW: arrow}
+"""The streaming formats, which have no pages."""
+
+
+def _kind(wish: Wish, name: str) -> ColumnKind:
+    if name in wish.series:
+        return "series"
+    return "integer" if name == INDEX else "word" if name == OUTCOME else "number"
+
+
+def _column(block: PointBlock, name: str) -> NDArray[np.generic]:
+    if name == INDEX:
+        return block.indices
+    if name == OUTCOME:
+        return block.outcomes
+    return block.series[name] if name in block.series else block.numbers[name]
+
+
+def _values(block: PointBlock, name: str) -> list[object]:
+    if name in block.series:
+        series = block.series[name]
+        return [None if np.isnan(row).all() else np.ascontiguousarray(row) for row in series]
+    values: list[object] = _column(block, name).tolist()
+    return values

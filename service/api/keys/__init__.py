@@ -1,0 +1,1 @@
+"""Authentication by API keys, roles of endpoints, and limits per key."""

@@ -1,0 +1,95 @@
+"""The table of the role each endpoint needs; an endpoint that is not in it is not served."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from http import HTTPStatus
+
+from fastapi import APIRouter
+from fastapi.routing import APIRoute
+from starlette.exceptions import HTTPException
+from starlette.routing import compile_path
+
+from service.jobs.keys import Role
+
+OPEN = None
+"""Open to everybody, even if keys are required: shows no stored data."""
+
+ACCESS: Mapping[str, Mapping[str, Role | None]] = {
+    "/livez": {"GET": OPEN},
+    "/readyz": {"GET": OPEN},
+    "/metrics": {"GET": Role.OPERATE},
+    # The documentation page, into which a key can be typed: it is the same for every installation.
+    "/docs": {"GET": OPEN, "HEAD": OPEN},
+    "/docs/favicon-32x32.png": {"GET": OPEN, "HEAD": OPEN},
+    "/docs/start.js": {"GET": OPEN, "HEAD": OPEN},
+    "/docs/swagger-ui-bundle.js": {"GET": OPEN, "HEAD": OPEN},
+    "/docs/swagger-ui.css": {"GET": OPEN, "HEAD": OPEN},
+    "/openapi.json": {"GET": OPEN, "HEAD": OPEN},
+    "/v1/accuracy": {"GET": Role.READ},
+    "/v1/families": {"GET": Role.READ},
+    # Stores nothing, but a verdict may occupy a child process for seconds, which Role.READ does not cover.
+    "/v1/validations": {"POST": Role.SUBMIT},
+    "/v1/jobs": {"GET": Role.READ, "POST": Role.SUBMIT},
+    "/v1/jobs/{job_id}": {"GET": Role.READ},
+    # For jobs of the same key; cancelling others' needs OPERATE, which the endpoint checks.
+    "/v1/jobs/{job_id}/cancel": {"POST": Role.SUBMIT},
+    "/v1/solutions": {"GET": Role.READ},
+    "/v1/solutions/{solution_id}": {"GET": Role.READ},
+    "/v1/solutions/{solution_id}/enclosures": {"GET": Role.READ},
+    "/v1/solutions/{solution_id}/trajectory": {"GET": Role.READ},
+    "/v1/sweeps": {"GET": Role.READ, "POST": Role.SUBMIT},
+    "/v1/sweeps/{sweep_id}": {"GET": Role.READ},
+    "/v1/sweeps/{sweep_id}/cancel": {"POST": Role.SUBMIT},
+    "/v1/sweeps/{sweep_id}/points": {"GET": Role.READ},
+}
+
+
+class MissingRoleError(LookupError):
+    """An endpoint has no row in the table of roles."""
+
+    def __init__(self, endpoint: str) -> None:
+        super().__init__(f"{endpoint} needs a row in service/api/keys/access.py with its role")
+
+
+class Access:
+    """Finds the role that a request needs."""
+
+    def __init__(self) -> None:
+        self._places = [(compile_path(path)[0], roles) for path, roles in ACCESS.items()]
+
+    def needed(self, method: str, path: str) -> Role | None:
+        """Return the role, or OPEN; where several rows match, the highest of theirs.
+
+        Raises
+        ------
+        HTTPException
+            404 if there is no such path, 405 if it does not have that method.
+        """
+        found = [roles for pattern, roles in self._places if pattern.match(path)]
+        if not found:
+            raise HTTPException(HTTPStatus.NOT_FOUND)
+        wanted = [roles[method] for roles in found if method in roles]
+        if not wanted:
+            allowed = ", ".join(sorted({name for roles in found for name in roles}))
+            raise HTTPException(HTTPStatus.METHOD_NOT_ALLOWED, headers={"Allow": allowed})
+        return max(wanted, key=lambda role: -1 if role is OPEN else list(Role).index(role))
+
+
+def check_roles(routers: Iterable[APIRouter]) -> None:
+    """Make sure that the table has all endpoints.
+
+    Raises
+    ------
+    MissingRoleError
+        An endpoint is missing.
+    """
+    for method, path in endpoints(routers):
+        if method not in ACCESS.get(path, {}):
+            raise MissingRoleError(f"{method} {path}")
+
+
+def endpoints(routers: Iterable[APIRouter]) -> Iterator[tuple[str, str]]:
+    """Return method and path of every endpoint."""
+    for router in routers:
+        for route in router.routes:
+            if isinstance(route, APIRoute):
+                yield from ((method, route.path) for method in sorted(route.methods or ()))

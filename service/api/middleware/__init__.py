@@ -1,0 +1,1 @@
+"""Processing that wraps every request: logging, metrics, authentication, error handling."""

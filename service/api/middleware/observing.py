@@ -1,0 +1,74 @@
+"""Gives every request an id, and times, counts and logs it."""
+
+import logging
+import re
+import time
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import Request
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from service.api.dependencies import Resources
+from service.logs import about
+from service.storage.database.ids import new_id
+
+logger = logging.getLogger(__name__)
+
+REQUEST_ID = "X-Request-ID"
+
+_SANE_ID = re.compile(r"[A-Za-z0-9._:-]{1,128}")
+_METHODS = frozenset({"GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"})
+_QUIET = ("/livez", "/readyz", "/metrics")
+"""Polled often by machines, so logged less."""
+
+
+class Observation:
+    """Our outermost middleware."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, and record the answer."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        request_id = _id_of(Headers(scope=scope))
+        scope.setdefault("state", {})["request_id"] = request_id
+        status = 500  # an unhandled error: an outer layer makes the answer
+        began = time.perf_counter()
+
+        async def send_with_id(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                MutableHeaders(scope=message)[REQUEST_ID] = request_id
+            await send(message)
+
+        with about(request_id=request_id):
+            try:
+                await self._app(scope, receive, send_with_id)
+            finally:
+                _observe(scope, status, time.perf_counter() - began)
+
+
+def id_of(request: Request) -> str | None:
+    """Return the id of the request, if it has one yet."""
+    found = request.scope.get("state", {}).get("request_id")
+    return found if isinstance(found, str) else None
+
+
+def _id_of(headers: Headers) -> str:
+    sent = headers.get(REQUEST_ID, "")
+    return sent if _SANE_ID.fullmatch(sent) else new_id()
+
+
+def _observe(scope: Scope, status: int, seconds: float) -> None:
+    method = scope["method"] if scope["method"] in _METHODS else "other"
+    # The route's template, not the path: otherwise every id or unknown path would be a metric of its own.
+    route = getattr(scope.get("route"), "path", "none")
+    resources: Resources = scope["app"].state.resources
+    resources.metrics.observe(method, route, status, seconds)
+    level = logging.DEBUG if scope["path"] in _QUIET else logging.INFO
+    fields = {"method": method, "path": scope["path"], "status": status, "seconds": round(seconds, 6)}
+    logger.log(level, "request", extra={"fields": fields})

@@ -1,0 +1,174 @@
+"""Authenticates every request and checks its rate and its role before the endpoint runs."""
+
+import contextlib
+from collections.abc import Sequence
+from http import HTTPStatus
+from typing import Annotated
+from urllib.parse import urlsplit
+
+from fastapi import Depends, Request
+from sqlalchemy.exc import SQLAlchemyError
+from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.websockets import WebSocketClose
+
+from service.api.dependencies import Resources
+from service.api.keys.access import OPEN, Access
+from service.api.keys.keyring import SECOND_LOOK_SECONDS
+from service.api.middleware.error_handlers import respond
+from service.api.middleware.origins import check_length, check_origin
+from service.api.replies.errors import ApiError
+from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
+from service.schemas.reading.faults import Fault
+from service.schemas.reading.numbers import HIGHEST_PRIORITY
+from service.settings import is_this_machine
+
+_CHALLENGE = "WWW-Authenticate"
+_STATE = "key"
+_PAST = {KeyStanding.EXPIRED: "expired", KeyStanding.REVOKED: "been revoked"}
+
+
+class Guard:
+    """Passes a request with its key to the endpoints, or refuses it."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._access = Access()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Check a request by its headers alone, before its body is read."""
+        if scope["type"] == "websocket":  # there are none
+            await WebSocketClose()(scope, receive, send)
+            return
+        if scope["type"] == "http":
+            try:
+                headers = Headers(scope=scope)
+                check_length(scope["http_version"], headers)
+                check_origin(scope["method"], headers, scope["app"].state.resources.settings.origins)
+                key = await self._admit(scope)
+            except (ApiError, HTTPException, SQLAlchemyError) as error:
+                answer = await respond(Request(scope), error)
+                await answer(scope, receive, send)
+                return
+            scope.setdefault("state", {})[_STATE] = key
+        await self._app(scope, receive, send)
+
+    async def _admit(self, scope: Scope) -> ApiKey | None:
+        place = scope["method"], scope["path"]
+        if self._is_open(*place):
+            return None
+        resources: Resources = scope["app"].state.resources
+        key = await _identify(Headers(scope=scope), resources)
+        resources.limits.admit(key)
+        needed = self._access.needed(*place)
+        if key is not None and needed is not OPEN and not key.role.may(needed):
+            raise _role_insufficient(key, needed)
+        return key
+
+    def _is_open(self, method: str, path: str) -> bool:
+        try:
+            return self._access.needed(method, path) is OPEN
+        except HTTPException:
+            # Only clients with a key learn whether the path exists.
+            return False
+
+
+async def _holder(request: Request) -> ApiKey | None:
+    key = request.scope["state"][_STATE]
+    assert key is None or isinstance(key, ApiKey)
+    return key
+
+
+Holder = Annotated[ApiKey | None, Depends(_holder)]
+"""The type of an endpoint's parameter that receives the key of the request; None where there are no keys."""
+
+
+def check_owner(holder: ApiKey | None, key_id: str | None) -> None:
+    """Make sure that the holder may cancel what was submitted with ``owner``.
+
+    Raises
+    ------
+    ApiError
+        403: it was another key's, and the role is below operate.
+    """
+    if holder is not None and holder.id != key_id and not holder.role.may(Role.OPERATE):
+        raise _role_insufficient(holder, Role.OPERATE, "it was not submitted with this key; ")
+
+
+def check_priority(holder: ApiKey | None, priority: int, pointer: str) -> None:
+    """Make sure that the holder may choose a priority: only operators may go before all others.
+
+    Raises
+    ------
+    ApiError
+        403: it is positive, and the role is below operate.
+    """
+    if priority > 0 and holder is not None and not holder.role.may(Role.OPERATE):
+        message = f"{priority}; -{HIGHEST_PRIORITY} to 0 are accepted from the role {holder.role}"
+        raise _role_insufficient(
+            holder,
+            Role.OPERATE,
+            "a positive priority goes before all other work; ",
+            faults=[Fault(pointer, "role_insufficient", message)],
+        )
+
+
+def _role_insufficient(key: ApiKey, needed: Role, why: str = "", faults: Sequence[Fault] = ()) -> ApiError:
+    detail = f"{why}the role {needed} is needed, and key {key.prefix} has the role {key.role}"
+    return ApiError(
+        HTTPStatus.FORBIDDEN,
+        "role_insufficient",
+        detail,
+        faults=faults,
+        extras={"needed_role": needed.value},
+        headers={_CHALLENGE: 'Bearer error="insufficient_scope"'},
+    )
+
+
+async def _identify(headers: Headers, resources: Resources) -> ApiKey | None:
+    """Return the key of a request; None where there are no keys and only this machine is served."""
+    ring = resources.keys
+    known = await ring.known()
+    if not known.keys and resources.settings.is_loopback:
+        _require_this_machine(headers.get("host"))
+        return None
+    text = _bearer(headers.get("authorization"))
+    prefix = key_prefix(text)
+    if prefix is not None and prefix not in known.keys:
+        known = await ring.known(SECOND_LOOK_SECONDS)  # the key may have been created a moment ago
+    key = None if prefix is None else known.keys.get(prefix)
+    if key is None or not key.opens_with(text):
+        raise _unauthorized("key_unknown", "this service has no such key")
+    now = ring.now(known)
+    if (standing := key.standing(now)) is not KeyStanding.LIVE:
+        raise _unauthorized(f"key_{standing}", f"key {key.prefix} has {_PAST[standing]}; ask for a new one")
+    ring.note_use(key)
+    return key
+
+
+def _require_this_machine(host: str | None) -> None:
+    """Refuse a foreign host name that resolves to this machine: a web page must not read an open service."""
+    with contextlib.suppress(ValueError):
+        if host is None or is_this_machine(urlsplit(f"//{host}").hostname or ""):
+            return
+    detail = (
+        f"without keys the service answers to 127.0.0.1, ::1 and localhost, not to {host!r}; "
+        "`polhode keys create` makes a key"
+    )
+    raise ApiError(HTTPStatus.FORBIDDEN, "host_not_local", detail)
+
+
+def _bearer(header: str | None) -> str:
+    scheme, _, text = (header or "").strip().partition(" ")
+    if scheme.lower() != "bearer" or not text:
+        detail = "a key is needed: Authorization: Bearer plh_…; `polhode keys create` makes one"
+        raise ApiError(
+            HTTPStatus.UNAUTHORIZED, "key_missing", detail, headers={_CHALLENGE: 'Bearer realm="polhode"'}
+        )
+    return text.strip()
+
+
+def _unauthorized(code: str, detail: str) -> ApiError:
+    challenge = 'Bearer realm="polhode", error="invalid_token"'
+    return ApiError(HTTPStatus.UNAUTHORIZED, code, detail, headers={_CHALLENGE: challenge})

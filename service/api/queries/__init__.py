@@ -1,0 +1,1 @@
+"""Reads URL queries and the header Prefer."""

@@ -1,0 +1,1 @@
+"""Writes answers and errors as JSON."""

@@ -1,0 +1,9 @@
+"""The path parameters (ids), described once for all endpoints."""
+
+from typing import Annotated
+
+from fastapi import Path
+
+JobId = Annotated[str, Path(description="Id of a job.")]
+SolutionId = Annotated[str, Path(description="Id of a solution.")]
+SweepId = Annotated[str, Path(description="Id of a sweep.")]

@@ -1,0 +1,50 @@
+"""GET /v1/solutions/{id}/enclosures: the proven samples of the certified tier."""
+
+from collections.abc import Mapping
+from http import HTTPStatus
+
+import numpy as np
+from fastapi import APIRouter, Response
+from numpy.typing import NDArray
+
+from service.api.dependencies import Inside
+from service.api.queries.queries import without_query
+from service.api.replies.errors import ApiError
+from service.api.replies.places import SolutionId
+from service.api.replies.responses import json_response, refusals
+from service.dynamics.motion import COLUMNS
+from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, as_decimals, join
+from service.schemas.replies.solution import EnclosureOut, EnclosuresOut
+from service.storage.codecs.arrays import decode_arrays
+
+FloatArray = NDArray[np.float64]
+
+router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
+
+
+@router.get(
+    "/{solution_id}/enclosures",
+    response_model=EnclosuresOut,
+    responses=refusals(404),
+    dependencies=[without_query],
+)
+def get_enclosures(solution_id: SolutionId, inside: Inside) -> Response:
+    """Return the six variables at the exact times that were asked, as decimals with proven radii."""
+    stored = decode_arrays(inside.solutions.samples(solution_id))
+    names = [name for name in COLUMNS if f"{name}.{RADIUS}" in stored]
+    if not names:
+        raise ApiError(
+            HTTPStatus.NOT_FOUND, "no_enclosures", "only solutions of the tier certified have enclosures"
+        )
+    columns = {name: _enclosures(stored, name) for name in names}
+    times = _enclosures(stored, "t")
+    return json_response(EnclosuresOut(t=stored["t"].tolist(), times=times, columns=columns))
+
+
+def _enclosures(stored: Mapping[str, FloatArray], name: str) -> list[EnclosureOut]:
+    further = sorted(set(stored) & {f"{name}.{part}" for part in range(1, MAX_PARTS)})
+    rows = zip(*(stored[part].tolist() for part in (name, *further)), strict=True)
+    # Times stored without radii are exact doubles.
+    radii = stored.get(f"{name}.{RADIUS}", np.zeros(len(stored[name]))).tolist()
+    pairs = (as_decimals(join(row, radius)) for row, radius in zip(rows, radii, strict=True))
+    return [EnclosureOut(value=value, radius=radius) for value, radius in pairs]

@@ -1,0 +1,71 @@
+"""GET /livez and /readyz: whether the process is alive, and whether it can serve."""
+
+from concurrent.futures import CancelledError
+from http import HTTPStatus
+
+from anyio import to_thread
+from fastapi import APIRouter, Response
+from sqlalchemy.exc import SQLAlchemyError
+
+from service.api.dependencies import Inside, Resources
+from service.api.queries.queries import without_query
+from service.api.replies.errors import ApiError
+from service.api.replies.responses import json_response, refusals
+from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.schemas.replies.solution import HealthOut
+from service.storage.database.revisions import fault_of, stored_revision
+from service.storage.database.sqlite_file import DatabaseFileError
+from service.verdicts.examination import answer_ping
+
+router = APIRouter(tags=["health"])
+
+OK = "ok"
+_PING_SECONDS = 5.0
+
+
+@router.get("/livez", response_model=HealthOut, responses=refusals(), dependencies=[without_query])
+async def get_liveness() -> Response:
+    """Answer: the process serves."""
+    return json_response(HealthOut(status="ok", checks={}))
+
+
+@router.get("/readyz", response_model=HealthOut, responses=refusals(503), dependencies=[without_query])
+async def get_readiness(inside: Inside) -> Response:
+    """Tell whether the database can be read and written and has this version's schema, and verdicts work.
+
+    A worker process that dies repeatedly is reported but does not count as unready: jobs are still accepted.
+    """
+    checks = await to_thread.run_sync(_checks, inside, limiter=inside.checking)
+    bad = [f"{name}: {said}" for name, said in checks.items() if said != OK]
+    if bad:
+        raise ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "not_ready", "; ".join(bad), extras={"checks": checks})
+    if inside.local_worker is not None:
+        checks["worker"] = str(inside.local_worker())
+    return json_response(HealthOut(status="ok", checks=checks))
+
+
+def _checks(inside: Resources) -> dict[str, str]:
+    return {"database": _database(inside), "sandbox": _sandbox(inside)}
+
+
+def _database(inside: Resources) -> str:
+    try:
+        with inside.database.read() as session:
+            stored = stored_revision(session.connection())
+    except SQLAlchemyError as fault:
+        lost = getattr(fault, "orig", None)
+        return str(lost) if isinstance(lost, DatabaseFileError) else "cannot be read"
+    if mismatch := fault_of(stored):
+        return mismatch
+    reason = inside.presence.fault()
+    return OK if reason is None else f"cannot be written to: {reason}"
+
+
+def _sandbox(inside: Resources) -> str:
+    if not (inside.verdicts.is_idle and inside.sandbox.is_idle):
+        return OK  # busy with verdicts, each of which has a time limit
+    try:
+        inside.sandbox.run(answer_ping, seconds=_PING_SECONDS)
+    except (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError, CancelledError):
+        return "no child process answers"
+    return OK

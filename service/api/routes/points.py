@@ -1,0 +1,123 @@
+"""GET /v1/sweeps/{id}/points: the computed points, as a page of JSON or a stream."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import chain, islice
+from typing import Annotated
+
+import orjson
+from fastapi import APIRouter, Depends, Response
+from fastapi.responses import StreamingResponse
+
+from service.api.dependencies import Inside
+from service.api.formats.negotiation import Accept, preferred
+from service.api.formats.points import CSV, JSON, STREAMS, rows
+from service.api.queries.points import (
+    DEFAULT_ROWS,
+    MOST_NUMBERS,
+    MOST_ROWS,
+    MOST_SORTED_NUMBERS,
+    PointsQuery,
+    Wish,
+    read_wish,
+)
+from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any
+from service.api.replies.errors import invalid_request
+from service.api.replies.places import SweepId
+from service.api.replies.responses import refusals
+from service.jobs.sweeps import SweepRecord
+from service.schemas.reading.faults import Fault
+from service.schemas.replies.sweep import PointPageOut
+from service.schemas.sweep.reading import read_sweep
+from service.storage.sweeps.point_reader import PointReader
+
+router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
+
+POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
+"""Headers with the number of points of the sweep, and of those computed; only these are in the answer."""
+
+
+@router.get(
+    "/{sweep_id}/points",
+    response_model=PointPageOut,
+    responses={
+        200: {
+            "model": PointPageOut,
+            "description": "The points that are done, as a page of JSON. NDJSON, CSV and Arrow have all of"
+            f" them, or `limit`, and the headers {POINTS_HEADER} and {DONE_HEADER}; CSV has no series.",
+            "content": {name: {"schema": {"type": "string", "format": "binary"}} for name in STREAMS},
+        },
+        **refusals(404, 406),
+    },
+    openapi_extra=query_parameters(PointsQuery),
+)
+def get_points(
+    sweep_id: SweepId,
+    asked: Annotated[Asked[PointsQuery], Depends(asked_of(PointsQuery))],
+    inside: Inside,
+    accept: Accept = None,
+) -> Response:
+    """Return the computed points, filtered, sorted, and with only the requested columns."""
+    media_type = preferred([JSON, *STREAMS], accept)
+    record = inside.sweeps.get(sweep_id)
+    sweep = read_sweep(record.document)
+    wish = read_wish(asked, sweep, has_lists=media_type != CSV)
+    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
+    if media_type == JSON:
+        refuse_if_any([*wish.faults, *_faults_of_page(wish.query.limit, reader)])
+        return _page(record, wish, reader)
+    refuse_if_any(wish.faults)
+    _check_size_of_sort(wish, reader)
+    told = {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
+    # Read the first block now, while an error can still be answered with a status.
+    blocks = reader.blocks(wish.query)
+    first = list(islice(blocks, 1))
+    content = STREAMS[media_type](wish, chain(first, blocks), {"sweep": record.id, **told})
+    return StreamingResponse(content, media_type=media_type, headers={**told, "Vary": "Accept"})
+
+
+def _page(record: SweepRecord, wish: Wish, reader: PointReader) -> Response:
+    query = replace(wish.query, limit=_page_rows(wish.query.limit, reader))
+    items = [row for block in reader.blocks(query) for row in rows(wish, block)]
+    # Not by json_response, which refuses NaN: missing numbers are NaN here and must become null.
+    content = orjson.dumps(
+        {
+            "items": items,
+            "total": reader.count(query),
+            "limit": query.limit,
+            "offset": query.offset,
+            "points": record.points,
+            "done": record.done,
+        },
+        option=orjson.OPT_SERIALIZE_NUMPY,
+    )
+    return Response(content, media_type=JSON, headers={"Vary": "Accept"})
+
+
+def _page_rows(asked: int | None, reader: PointReader) -> int:
+    return min(_most_rows(reader), DEFAULT_ROWS) if asked is None else asked
+
+
+def _most_rows(reader: PointReader) -> int:
+    return max(1, min(MOST_ROWS, MOST_NUMBERS // reader.row_numbers))
+
+
+def _faults_of_page(asked: int | None, reader: PointReader) -> Iterator[Fault]:
+    most = _most_rows(reader)
+    if asked is not None and asked > most:
+        message = f"{asked} points on a page; 1 to {most} are accepted. NDJSON and Arrow have no limit"
+        yield Fault("?limit", "out_of_range", message)
+
+
+def _check_size_of_sort(wish: Wish, reader: PointReader) -> None:
+    """Refuse to sort long series: every chunk would be read again and again."""
+    if wish.query.order is None or not wish.series:
+        return
+    points = reader.count(wish.query)
+    numbers = min(points, wish.query.limit or points) * reader.row_numbers
+    if numbers > MOST_SORTED_NUMBERS:
+        message = (
+            f"{numbers} numbers would be sorted with their series; at most {MOST_SORTED_NUMBERS} are accepted"
+            ", since all are read again for each 64 MB. Set a limit, or leave the series out of columns"
+        )
+        raise invalid_request([Fault("?order", "sort_too_large", message)])

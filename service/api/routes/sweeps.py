@@ -1,0 +1,160 @@
+"""/v1/sweeps: submit, list, show and cancel sweeps."""
+
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Response
+from pydantic import Field
+from starlette.concurrency import run_in_threadpool
+
+from service.api.bodies import Body, read_json
+from service.api.dependencies import Inside, Resources
+from service.api.descriptions import request_body
+from service.api.middleware.security import Holder, check_owner, check_priority
+from service.api.queries.queries import PageQuery, query_of, query_parameters, without_query
+from service.api.replies.places import SweepId
+from service.api.replies.responses import json_response, refusals
+from service.jobs.chunking import largest_chunk
+from service.jobs.keys import ApiKey
+from service.jobs.states import JobState
+from service.jobs.sweeps import SweepProgress, SweepRecord
+from service.schemas.reading.faults import Fault
+from service.schemas.replies.sweep import SweepOut, SweepPageOut, SweepStateOut
+from service.schemas.sweep.reading import InvalidSweepError, read_sweep
+from service.schemas.sweep.sweep import Sweep
+from service.settings import Settings
+
+router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
+
+EXAMPLES: dict[str, object] = {
+    "grid": {
+        "value": {
+            "base": {
+                "body": {"A": 2, "B": "3/2", "C": 1},
+                "potential": {
+                    "type": "expression",
+                    "expression": "a*g1 + b/g3^2",
+                    "parameters": {"a": -1, "b": "1/20"},
+                },
+                "motion": {"type": "planar", "lambda": 1},
+                "time": {"stop": 10, "samples": 101},
+                "accuracy": {"tolerance": 1e-9},
+            },
+            "axes": [
+                {"pointer": "/potential/parameters/a", "values": [-2, -1]},
+                {"pointer": "/motion/lambda", "linspace": [0.6, 2, 1000]},
+            ],
+            "combine": "grid",
+            "keep": ["period", "energy", "error"],
+            "series": False,
+        }
+    }
+}
+
+
+class SweepsQuery(PageQuery):
+    """Which sweeps."""
+
+    state: JobState | None = Field(default=None, description="Only sweeps in this state.")
+
+
+@router.post(
+    "",
+    response_model=SweepOut,
+    status_code=HTTPStatus.ACCEPTED,
+    responses=refusals(400, 408, 413, 415, 503),
+    openapi_extra=request_body("SweepIn", EXAMPLES),
+    dependencies=[without_query],
+)
+async def submit_sweep(content: Body, inside: Inside, holder: Holder) -> Response:
+    """Check a sweep and queue its first points; the others follow as those are done.
+
+    The base must be a problem with the first value of each axis. Whether a
+    point has a motion is told by the point.
+    """
+    document, sweep = await inside.reading.run(len(content), _checked, content, inside.settings)
+    return await run_in_threadpool(_submit, document, sweep, inside, holder)
+
+
+def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Sweep]:
+    document = read_json(content)
+    sweep = read_sweep(document, max_points=settings.max_sweep_points)
+    assert isinstance(document, dict)
+    if sweep.samples > settings.max_samples:
+        message = f"{sweep.samples} samples; 1 to {settings.max_samples} are accepted here"
+        raise InvalidSweepError([Fault("/base/time", "out_of_range", message)])
+    return document, sweep
+
+
+def _submit(document: dict[str, object], sweep: Sweep, inside: Resources, holder: ApiKey | None) -> Response:
+    priority = _priority(document)
+    check_priority(holder, priority, "/priority")
+    inside.limits.reserve_points(holder, sweep.points)
+    record = inside.sweeps.submit(
+        document,
+        points=sweep.points,
+        most=largest_chunk(sweep.samples, len(sweep.series_columns)),
+        priority=priority,
+        key_id=None if holder is None else holder.id,
+    )
+    inside.doorbell.ring()
+    headers = {"Location": f"/v1/sweeps/{record.id}"}
+    return json_response(_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
+
+
+def _priority(document: Mapping[str, object]) -> int:
+    priority = document.get("priority", 0)
+    assert isinstance(priority, int)
+    return priority
+
+
+@router.get(
+    "", response_model=SweepPageOut, responses=refusals(), openapi_extra=query_parameters(SweepsQuery)
+)
+def list_sweeps(query: Annotated[SweepsQuery, Depends(query_of(SweepsQuery))], inside: Inside) -> Response:
+    """List sweeps, newest first, without their documents."""
+    page = inside.sweeps.list_sweeps(state=query.state, limit=query.limit, offset=query.offset)
+    items = [SweepStateOut.model_validate(_state(record)) for record in page.sweeps]
+    return json_response(SweepPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset))
+
+
+@router.get("/{sweep_id}", response_model=SweepOut, responses=refusals(404), dependencies=[without_query])
+def get_sweep(sweep_id: SweepId, inside: Inside) -> Response:
+    """Show a sweep and its progress."""
+    return json_response(_out(inside.sweeps.get(sweep_id)))
+
+
+@router.post(
+    "/{sweep_id}/cancel", response_model=SweepOut, responses=refusals(404, 409), dependencies=[without_query]
+)
+def cancel_sweep(sweep_id: SweepId, inside: Inside, holder: Holder) -> Response:
+    """Cancel a queued or running sweep at once; computed points stay. Cancelling again changes nothing.
+
+    Cancelling a sweep that was submitted with another key needs the role operate.
+    """
+    check_owner(holder, inside.sweeps.get(sweep_id).key_id)
+    record = inside.sweeps.cancel(sweep_id)
+    inside.doorbell.ring()
+    return json_response(_out(record))
+
+
+def _out(record: SweepRecord) -> SweepOut:
+    return SweepOut.model_validate({**_state(record), "document": dict(record.document)})
+
+
+def _state(record: SweepProgress) -> dict[str, object]:
+    return {
+        "id": record.id,
+        "state": record.state.value,
+        "points": record.points,
+        "done": record.done,
+        "refused": record.refused,
+        "progress": record.done / record.points,
+        "point_seconds": record.point_seconds,
+        "remaining_seconds": record.remaining_seconds,
+        "priority": record.priority,
+        "created_at": record.created_at,
+        "started_at": record.started_at,
+        "finished_at": record.finished_at,
+    }

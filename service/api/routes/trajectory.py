@@ -1,0 +1,210 @@
+"""GET /v1/solutions/{id}/trajectory: stored samples, or samples at any other times."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from http import HTTPStatus
+from typing import Annotated, Literal
+
+import numpy as np
+from fastapi import APIRouter, Depends, Response
+from numpy.typing import NDArray
+from pydantic import Field, PlainValidator, WithJsonSchema
+
+from service.api.dependencies import Inside, Resources
+from service.api.formats.negotiation import Accept
+from service.api.formats.trajectories import Trajectory, choose_format, media_types
+from service.api.keys.limits import query_samples_faults
+from service.api.queries.queries import Asked, QueryModel, asked_of, query_parameters, refuse_if_any
+from service.api.replies.errors import ApiError
+from service.api.replies.places import SolutionId
+from service.api.replies.responses import refusals
+from service.dynamics.equations.orientation import (
+    QUATERNION,
+    column_names,
+    evaluated_alone,
+    orientation_errors,
+    trajectory_columns,
+    trajectory_errors,
+)
+from service.dynamics.motion import COLUMNS
+from service.dynamics.problem import TimeSpan
+from service.dynamics.sampling import SampleTimes, sample_times
+from service.dynamics.solution.ball_columns import is_part
+from service.dynamics.solution.dense_output import DenseOutput
+from service.jobs.errors import SolutionNotFoundError
+from service.schemas.problem.asked_series import asked_series
+from service.schemas.reading.faults import Fault
+from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
+from service.schemas.replies.solution import TrajectoryOut
+from service.settings import Settings
+from service.storage.codecs.arrays import decode_arrays, decode_dense
+
+router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
+
+SOURCE_HEADER = "Polhode-Samples"
+TIMES = ("start", "stop", "samples")
+"""The parameters that ask for other times than the stored ones."""
+
+FloatArray = NDArray[np.float64]
+Instant = Annotated[
+    Fraction,
+    PlainValidator(read_time),
+    WithJsonSchema({"type": "number", "minimum": -float(LATEST), "maximum": float(LATEST)}),
+]
+
+
+class TrajectoryQuery(QueryModel):
+    """The times and columns asked for."""
+
+    start: Instant | None = Field(default=None, description="0 if left out.")
+    stop: Instant | None = Field(default=None, description="Last time, not before start.")
+    samples: int | None = Field(
+        default=None, ge=1, le=MAX_SAMPLES, description="Equidistant from start to stop, both included."
+    )
+    columns: str | None = Field(default=None, description="Names with commas between, such as t,g1,g3.")
+
+
+@router.get(
+    "/{solution_id}/trajectory",
+    response_model=TrajectoryOut,
+    responses={
+        200: {
+            "model": TrajectoryOut,
+            "description": "The columns. CSV, NPZ and Arrow carry the error in the header Polhode-Error."
+            " Polhode-Samples says `stored`, or `evaluated` if made from the dense output just now.",
+            "content": media_types(),
+        },
+        **refusals(404, 406),
+    },
+    openapi_extra=query_parameters(TrajectoryQuery),
+)
+def get_trajectory(
+    solution_id: SolutionId,
+    asked: Annotated[Asked[TrajectoryQuery], Depends(asked_of(TrajectoryQuery))],
+    inside: Inside,
+    accept: Accept = None,
+) -> Response:
+    """Return the samples at the problem's times, or with start, stop and samples those at any other times.
+
+    Samples that are no longer stored are recomputed from the dense output.
+    """
+    write = choose_format(accept)
+    query, is_stored = asked.parameters, asked.sent.isdisjoint(TIMES)
+    faults = [*asked.faults, *([] if is_stored else _faults_of_times(asked, inside.settings))]
+    if faults:
+        refuse_if_any([*faults, *_faults_of_columns(inside, solution_id, query.columns)])
+    if is_stored:
+        packet = inside.solutions.samples_if_kept(solution_id)
+        samples = _remade(inside, solution_id) if packet is None else _stored(inside, solution_id, packet)
+    else:
+        dense = decode_dense(inside.solutions.dense(solution_id))
+        _require_series(dense.columns)
+        alone = dense if query.columns is None else evaluated_alone(dense, _names(query.columns))
+        samples = _evaluated(alone, _times(query))
+    response = write(_selected(samples, query.columns))
+    response.headers[SOURCE_HEADER] = samples.source
+    return response
+
+
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """Columns with the bounds of their absolute errors."""
+
+    columns: Mapping[str, FloatArray]
+    error: float
+    """The error bound of the six variables."""
+    orientation: Mapping[str, float]
+    """The error bound of each column of the orientation."""
+    source: Literal["stored", "evaluated"]
+
+
+def _stored(inside: Resources, solution_id: str, packet: bytes) -> _Samples:
+    summary = inside.solutions.get(solution_id).summary
+    stored = decode_arrays(packet)
+    columns = {name: values for name, values in stored.items() if not is_part(name)}
+    _require_series(columns)
+    error = summary["error"]
+    assert isinstance(error, int | float)
+    own: Mapping[str, float] = {}
+    if QUATERNION[0] in columns:
+        own = orientation_errors(decode_dense(inside.solutions.dense(solution_id)), columns["t"])
+    return _Samples(columns, float(error), own, "stored")
+
+
+def _remade(inside: Resources, solution_id: str) -> _Samples:
+    """Recompute deleted samples: the same times and columns, with the error of the dense output."""
+    asked = asked_series(inside.solutions.get(solution_id).problem)
+    dense = decode_dense(inside.solutions.dense(solution_id))
+    _require_series(dense.columns)
+    times = sample_times(asked.time.to_domain(), dense.period)
+    remade = _evaluated(dense, times)
+    left_out = set(COLUMNS) - set(asked.columns())
+    columns = {name: values for name, values in remade.columns.items() if name not in left_out}
+    return replace(remade, columns=columns)
+
+
+def _evaluated(dense: DenseOutput, times: SampleTimes) -> _Samples:
+    columns = {"t": times.doubles, **trajectory_columns(dense, times.doubles, times.rests)}
+    errors = trajectory_errors(dense, times.doubles)
+    error = max((errors[name] for name in COLUMNS if name in errors), default=0.0)
+    return _Samples(columns, error, errors, "evaluated")
+
+
+def _require_series(columns: Collection[str]) -> None:
+    if not columns:
+        detail = "the problem asked for no function of time, so this solution has no trajectory"
+        raise ApiError(HTTPStatus.NOT_FOUND, "no_series", detail)
+
+
+def _faults_of_times(asked: Asked[TrajectoryQuery], settings: Settings) -> Iterator[Fault]:
+    """Yield the faults of the times, beside those of unreadable parameters."""
+    query = asked.parameters
+    for name in ("stop", "samples"):
+        if name not in asked.sent:
+            message = "start, stop and samples belong together; only start may be left out"
+            yield Fault(f"?{name}", "missing_parameter", message)
+    start = query.start or Fraction(0)
+    is_start_known = query.start is not None or "start" not in asked.sent
+    if is_start_known and query.stop is not None and query.stop < start:
+        yield Fault("?stop", "out_of_range", f"stop must be ≥ start = {float(start)}")
+    yield from query_samples_faults(query.samples or 0, settings)
+
+
+def _faults_of_columns(inside: Resources, solution_id: str, columns: str | None) -> list[Fault]:
+    """Return the faults of the columns that the solution shows."""
+    if columns is None:
+        return []
+    try:
+        dense = decode_dense(inside.solutions.dense(solution_id))
+    except SolutionNotFoundError:
+        return []
+    return _unknown_columns(_names(columns), ["t", *column_names(dense)])
+
+
+def _unknown_columns(wanted: Sequence[str], there: Sequence[str]) -> list[Fault]:
+    listed = ", ".join(there)
+    return [
+        Fault("?columns", "unknown_column", f"there is no column {name[:40]!r} here; accepted are {listed}")
+        for name in dict.fromkeys(wanted)
+        if name not in there
+    ]
+
+
+def _times(query: TrajectoryQuery) -> SampleTimes:
+    assert query.stop is not None
+    assert query.samples is not None
+    return sample_times(TimeSpan(query.start or Fraction(0), query.stop, query.samples), None)
+
+
+def _names(columns: str) -> list[str]:
+    return [name.strip() for name in columns.split(",")]
+
+
+def _selected(samples: _Samples, names: str | None) -> Trajectory:
+    """Return the columns asked for, with the largest of their errors."""
+    wanted = list(samples.columns) if names is None else _names(names)
+    refuse_if_any(_unknown_columns(wanted, list(samples.columns)))
+    errors = {**samples.orientation, **dict.fromkeys(COLUMNS, samples.error), "t": 0.0}
+    error = max(errors.get(name, samples.error) for name in wanted)
+    return Trajectory({name: samples.columns[name] for name in wanted}, error)

@@ -1,0 +1,163 @@
+"""POST /v1/validations: returns a verdict, and stores nothing."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request, Response
+from pydantic import Field
+from starlette.concurrency import run_in_threadpool
+
+from service.api.bodies import Body, read_json
+from service.api.dependencies import Inside, Resources
+from service.api.descriptions import request_body
+from service.api.keys.limits import check_problem_samples
+from service.api.middleware.disconnects import while_connected
+from service.api.middleware.security import Holder
+from service.api.queries.queries import QueryModel, query_of, query_parameters
+from service.api.replies.responses import json_response, refusals
+from service.api.submission import needs_verdict, settle
+from service.api.verdicts.children import examine
+from service.api.verdicts.formulas import examine_with_formulas
+from service.api.verdicts.verdict_queue import Claimant
+from service.schemas.problem.budgets import seconds_of
+from service.schemas.problem.problem import CheckedProblem, Question, read_question
+from service.schemas.problem.sections import ProblemIn
+from service.schemas.replies.verdict import VerdictOut
+from service.settings import Settings
+from service.storage.solutions.accuracy_store import AccuracyStore
+from service.typesetting.equations import FORMATS, Format
+from service.verdicts.documents import plan_document
+from service.verdicts.examination import examine_question
+
+FORMAT = "(text|latex|mathml)"
+
+
+class ValidationQuery(QueryModel):
+    """Which further forms of the formulas."""
+
+    formulas: str | None = Field(
+        default=None,
+        pattern=f"^{FORMAT}(,{FORMAT})*$",
+        description="Formats with commas between: `text`, `latex`, `mathml`. The answer then has `formulas`,"
+        " simplified where that takes no longer than a second or two in all.",
+        examples=["latex", "text,latex,mathml"],
+    )
+
+    @property
+    def formats(self) -> list[Format]:
+        """The formats, each once."""
+        asked = [] if self.formulas is None else self.formulas.split(",")
+        return [each for each in FORMATS if each in asked]
+
+
+router = APIRouter(prefix="/v1/validations", tags=["validations"])
+
+EXAMPLES: dict[str, object] = {
+    "admissible": {
+        "value": {
+            "body": {"A": 2, "C": 1},
+            "potential": {
+                "type": "expression",
+                "expression": "a*g1 + b/g3^2",
+                "parameters": {"a": -1, "b": "1/20"},
+            },
+            "motion": {"type": "planar", "lambda": 1},
+        }
+    },
+    "whole problem": {
+        "value": {
+            "body": {"A": 2, "C": 1},
+            "potential": {"type": "gravity", "a": -1},
+            "motion": {"type": "planar", "lambda": 1},
+            "time": {"periods": 1, "samples": 101},
+            "accuracy": {"tolerance": 1e-12},
+        }
+    },
+    "inadmissible": {"value": {"body": {"A": 2, "C": 1}, "potential": {"type": "gravity", "a": 1, "b": 1}}},
+}
+
+
+@router.post(
+    "",
+    response_model=VerdictOut,
+    responses=refusals(400, 408, 413, 415, 503),
+    openapi_extra={**request_body("ValidationIn", EXAMPLES), **query_parameters(ValidationQuery)},
+)
+async def validate(
+    content: Body,
+    inside: Inside,
+    holder: Holder,
+    request: Request,
+    query: Annotated[ValidationQuery, Depends(query_of(ValidationQuery))],
+) -> Response:
+    """Tell whether a potential admits planar motions, with the proof, and list the motions.
+
+    A document with a motion and times is a whole problem. It is refused with
+    the errors that `POST /v1/jobs` would give; otherwise `plan` tells what its job
+    would do. Nothing is stored.
+    """
+    asked = await inside.reading.run(len(content), _checked, content, inside.settings)
+    whole, verdict = asked.question.problem, None
+    if whole is None or needs_verdict(whole):
+        claimant = Claimant(None if holder is None else holder.id)
+        verdict = await while_connected(request, _judged(inside, asked, query.formats, claimant))
+    if whole is None:
+        return json_response(VerdictOut.model_validate(verdict))
+    return await run_in_threadpool(_planned, inside, asked.document, whole, verdict)
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    question: Question
+    document: Mapping[str, object]
+    text: str
+
+
+async def _judged(
+    inside: Resources, asked: _Asked, formats: Sequence[Format], claimant: Claimant
+) -> Mapping[str, object] | None:
+    if not formats:
+        return await examine(inside.verdicts, examine_question, asked.text, claimant)
+    seconds = inside.settings.formula_seconds
+    return await examine_with_formulas(inside.verdicts, asked.document, formats, claimant, seconds=seconds)
+
+
+def _checked(content: bytes, settings: Settings) -> _Asked:
+    document = read_json(content)
+    question = read_question(document)
+    assert isinstance(document, dict)
+    if question.problem is not None:
+        check_problem_samples(question.problem.problem, settings)
+    return _Asked(question, document, json.dumps(document))
+
+
+def _planned(
+    inside: Resources,
+    document: Mapping[str, object],
+    checked: CheckedProblem,
+    verdict: Mapping[str, object] | None,
+) -> Response:
+    if verdict is None:
+        plan = plan_document(checked.problem, None)
+        verdict = {**dict.fromkeys(VerdictOut.model_fields), "warnings": [], "plan": plan}
+    plan = _completed(inside, document, checked, verdict["plan"])
+    return json_response(VerdictOut.model_validate({**verdict, "plan": plan}))
+
+
+def _completed(
+    inside: Resources, document: Mapping[str, object], checked: CheckedProblem, plan: object
+) -> dict[str, object]:
+    """Add to the plan of a job the expected seconds and a stored solution."""
+    assert isinstance(plan, dict)
+    window, table = plan["window"], AccuracyStore(inside.database).current()
+    problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
+    accepted = settle(problem, checked, window, table)
+    return {
+        **plan,
+        "tier": accepted.problem.accuracy.tier,
+        "tolerance": accepted.problem.tolerance,
+        "expected_seconds": seconds_of(accepted.problem, window, table),
+        "solution": inside.solutions.of_problem(accepted.digest),
+    }

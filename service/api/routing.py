@@ -1,0 +1,62 @@
+"""Registers all endpoints, error handlers and the OpenAPI description on an application."""
+
+from fastapi import FastAPI
+from fastapi.routing import APIRoute
+
+from service.api.descriptions import describe
+from service.api.keys.access import check_roles
+from service.api.middleware import error_handlers
+from service.api.middleware.observing import Observation
+from service.api.middleware.security import Guard
+from service.api.routes import (
+    accuracy,
+    docs_page,
+    enclosures,
+    families,
+    health,
+    jobs,
+    metrics,
+    points,
+    solutions,
+    sweeps,
+    trajectory,
+    validations,
+)
+
+
+def install(app: FastAPI) -> None:
+    """Register the endpoints on ``app``; they use ``app.state.resources``."""
+    routers = [
+        resource.router
+        for resource in (
+            validations,
+            jobs,
+            solutions,
+            trajectory,
+            enclosures,
+            sweeps,
+            points,
+            families,
+            accuracy,
+            health,
+            metrics,
+            docs_page,
+        )
+    ]
+    check_roles(routers)
+    for router in routers:
+        app.include_router(router)
+        for route in router.routes:
+            if isinstance(route, APIRoute):
+                # Generated clients use these names: short, and independent of the path.
+                route.operation_id = route.name
+    error_handlers.install(app)
+    app.add_middleware(Guard)
+    app.add_middleware(Observation)
+
+    def openapi() -> dict[str, object]:
+        if app.openapi_schema is None:
+            app.openapi_schema = describe(app)
+        return app.openapi_schema
+
+    app.openapi = openapi  # type: ignore[method-assign]

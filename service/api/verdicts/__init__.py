@@ -1,0 +1,1 @@
+"""Computes verdicts for waiting clients in child processes, in a fair order."""

@@ -1,0 +1,1 @@
+"""The catalogue for clients: families of potentials, and named cases of the literature."""

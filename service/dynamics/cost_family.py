@@ -1,0 +1,20 @@
+"""Groups potentials into families of similar cost, as in the table of accuracy and speed."""
+
+from service.dynamics.accuracy import Family
+from service.dynamics.body import RigidBody
+from service.dynamics.potentials.potential import NoClosedFormError, Potential
+from service.dynamics.potentials.recognition.three_terms import recognise
+
+MOST_PRODUCTS = 500
+"""Usual three-term formulas need some ten products; the limit protects against costly formulas."""
+
+
+def family_of(body: RigidBody, potential: Potential) -> Family:
+    """Return the family of a potential, however its formula is written."""
+    try:
+        assert potential.tape
+    except NoClosedFormError:
+        return "integral"
+    if recognise(body, potential, most_products=MOST_PRODUCTS) is not None:
+        return "three-term"
+    return "rational" if body.A == 2 * body.C else "general alpha"

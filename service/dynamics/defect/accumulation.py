@@ -1,0 +1,170 @@
+r"""The integrated defect of a function of time: what it leaves of the differential equations.
+
+.. math:: D(t) = y_p(t) - y_p(t_0) - \int_{t_0}^t F(y_p)\,dt .
+
+Nothing is differentiated, so the rounding of D is that of y_p and of F, where that of y_p' − F(y_p) would be
+larger by the square of the degree over the length of a piece. F(y_p) is interpolated in N + 1 points of every
+stretch and integrated exactly; what that leaves out is bounded by :mod:`.stretches`, so the bound of |D|
+holds on the whole of every settled stretch.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.defect.stretches import Stretches, cut, intervals_for
+from service.dynamics.solution.dense_output import DenseOutput, chebyshev_coefficients, chebyshev_points
+
+FloatArray = NDArray[np.float64]
+
+_BLOCK = 1024  # pieces whose nodes are in memory at once
+
+Evaluate = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""Of states, shape (n, 6): F, same shape, and the three integrals, shape (n, 3)."""
+Bound = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, slots=True)
+class StretchBatch:
+    """Stretches of some pieces with the states at their nodes."""
+
+    stretches: Stretches
+    times: FloatArray
+    """Half the length of each stretch in time, shape (n,)."""
+    states: FloatArray
+    """At the nodes, from the end of a stretch to its beginning, shape (n, N + 1, 6)."""
+    rates: FloatArray
+    """F of the states."""
+    integrals: FloatArray
+    """Energy, areas integral and γ·γ of the states, shape (n, N + 1, 3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Accumulated:
+    """D along the stretches; shapes (n,) and (n, 6)."""
+
+    starts: FloatArray
+    """Times at which the stretches begin, and the last one's end, shape (n + 1,)."""
+    before: FloatArray
+    """D at the beginning of each stretch, rounded."""
+    within: FloatArray
+    """Bound of how far D goes from there on the stretch."""
+    is_settled: NDArray[np.bool_]
+    truncation: float
+    """Bound of what truncation adds to the bounds at most."""
+
+    @property
+    def sizes(self) -> FloatArray:
+        """Bounds of the largest |D| of any column on each stretch, shape (n,)."""
+        sizes: FloatArray = (np.abs(self.before) + self.within).max(axis=1, initial=0.0)
+        return sizes
+
+    @property
+    def settled_share(self) -> float:
+        """How much of the time the bounds hold for."""
+        spans = np.diff(self.starts)
+        whole = float(spans.sum())
+        return float(spans[self.is_settled].sum()) / whole if whole != 0.0 else 1.0
+
+
+def blocks_of(
+    dense: DenseOutput, evaluate: Evaluate, bound: Bound | None, goal: float
+) -> Iterator[StretchBatch]:
+    """Cut the pieces of ``dense``, some at a time; without a ``bound`` they stay whole and without one."""
+    lengths = np.diff(dense.breaks)
+    whole = float(lengths.sum())
+    for first in range(0, len(lengths), _BLOCK):
+        part = slice(first, first + _BLOCK)
+        coefficients, spans = dense.coefficients[part], lengths[part]
+        if bound is None:
+            count = len(spans)
+            none = np.full((count, 6), np.nan)
+            found = Stretches(np.arange(count), np.zeros(count), np.ones(count), none)
+        else:
+            found = cut(coefficients, spans, bound, goal * float(spans.sum()) / whole)
+        states = _states(coefficients, found)
+        halves = 0.5 * spans[found.piece] * found.half
+        rates, integrals = evaluate(states.reshape(-1, 6))
+        moved = Stretches(found.piece + first, found.middle, found.half, found.tail)
+        shape = states.shape[:2]
+        yield StretchBatch(moved, halves, states, rates.reshape(*shape, 6), integrals.reshape(*shape, 3))
+
+
+@np.errstate(all="ignore")
+def defect_within(block: StretchBatch) -> tuple[FloatArray, FloatArray]:
+    """Return ∫F over each stretch, and the bound of |D| on it if D is 0 at its beginning; shape (n, 6) each.
+
+    The bound holds where the stretch is settled; elsewhere it is that of the interpolated F.
+    """
+    states = block.states
+    transform, integral = _matrices(states.shape[1] - 1)
+    gained = block.times[:, None, None] * (integral @ block.rates)
+    series = -gained
+    series[:, :-1] += transform @ states
+    series[:, 0] -= states[:, -1]
+    tail = 2.0 * block.times[:, None] * block.stretches.tail
+    return gained.sum(axis=1), np.abs(series).sum(axis=1) + np.where(np.isfinite(tail), tail, 0.0)
+
+
+@np.errstate(all="ignore")
+def accumulate(dense: DenseOutput, blocks: list[StretchBatch], *, has_bounds: bool) -> Accumulated:
+    """Return D from t = 0 on, both ways; if there are bounds of F, of settled stretches only."""
+    ends, steps, within, settled = [], [], [], []
+    for block in blocks:
+        states = block.states
+        step, extent = defect_within(block)
+        is_settled = block.stretches.is_settled & np.isfinite(extent).all(axis=1)
+        lost = ~is_settled if has_bounds else ~np.isfinite(step).all(axis=1)
+        # Where F is not known nothing is found: D stays what it is. At a kink or next to a pole F may
+        # depend on the rounding of y_p, and says nothing.
+        step[lost] = (states[:, 0] - states[:, -1])[lost]
+        extent[lost] = 0.0
+        ends.append(states[:, [-1, 0]])
+        steps.append(step)
+        within.append(extent)
+        settled.append(is_settled)
+    starts = _starts(dense, [block.stretches for block in blocks])
+    tails = np.concatenate([2.0 * block.times[:, None] * block.stretches.tail for block in blocks])
+    tails = np.where(np.isfinite(tails), tails, 0.0)
+    gone = np.cumsum(np.concatenate(steps).astype(np.longdouble), axis=0)
+    states = np.concatenate(ends)
+    before = np.vstack([np.zeros((1, 6)), (states[1:, 0] - states[0, 0]) - gone[:-1]])
+    origin = int(np.argmin(np.abs(starts[:-1])))
+    missing = np.abs(np.cumsum(tails, axis=0) - tails - np.cumsum(tails, axis=0)[origin])
+    return Accumulated(
+        starts,
+        (before - before[origin]).astype(np.float64),
+        np.concatenate(within) + missing,
+        np.concatenate(settled),
+        float(tails.sum(axis=0).max()),
+    )
+
+
+def _starts(dense: DenseOutput, stretches: list[Stretches]) -> FloatArray:
+    piece = np.concatenate([part.piece for part in stretches])
+    begins = np.concatenate([part.middle - part.half for part in stretches])
+    left, right = dense.breaks[piece], dense.breaks[piece + 1]
+    return np.append(left + (right - left) * (0.5 * (1.0 + begins)), dense.breaks[-1])
+
+
+def _states(coefficients: FloatArray, stretches: Stretches) -> FloatArray:
+    degree = coefficients.shape[1] - 1
+    points = chebyshev_points(intervals_for(degree))
+    chosen = coefficients[stretches.piece]
+    states = np.polynomial.chebyshev.chebvander(points, degree) @ chosen
+    cut_ones = stretches.half < 1.0
+    if cut_ones.any():
+        x = stretches.middle[cut_ones, None] + stretches.half[cut_ones, None] * points
+        states[cut_ones] = np.polynomial.chebyshev.chebvander(x, degree) @ chosen[cut_ones]
+    return states
+
+
+@cache
+def _matrices(intervals: int) -> tuple[FloatArray, FloatArray]:
+    """Return what makes series of values at the nodes, and series of the integrals from −1 on."""
+    transform = chebyshev_coefficients(np.eye(intervals + 1))
+    integral = np.polynomial.chebyshev.chebint(transform, lbnd=-1.0, axis=0).astype(np.float64)
+    return transform, integral

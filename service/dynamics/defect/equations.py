@@ -1,0 +1,115 @@
+"""The six equations of a body in a potential for arrays of states, in doubles and on discs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.defect.field import Integrals, integrals_at, rates_at, value_and_gradient
+from service.dynamics.formula.algebras.discs import Disc, DiscAlgebra
+from service.dynamics.formula.algebras.interval_bounds import ARITHMETIC, widened
+from service.dynamics.formula.algebras.intervals import IntervalAlgebra
+from service.dynamics.formula.algebras.real import RealAlgebra
+from service.dynamics.formula.tape import Tape
+from service.dynamics.potentials.potential import NoClosedFormError, Potential
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Equations:
+    """The six equations of a body in a potential, for arrays of states."""
+
+    body: RigidBody
+    potential: Potential
+    tape: Tape | None
+
+    @staticmethod
+    def of(body: RigidBody, potential: Potential) -> "Equations":
+        """Return the equations; a potential given by an integral has no formula, and no bounds."""
+        try:
+            return Equations(body, potential, potential.tape)
+        except NoClosedFormError:
+            return Equations(body, potential, None)
+
+    @property
+    def moments(self) -> FloatArray:
+        """The principal moments, a B that is left out as :func:`.field.rates_at` takes it."""
+        body = self.body
+        return np.array([float(body.A), float(body.A + body.C if body.B is None else body.B), float(body.C)])
+
+    def at(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return F at states of shape (n, 6), same shape, and the three integrals, shape (n, 3)."""
+        algebra, columns = RealAlgebra(), list(states.T)
+        gradient: Sequence[FloatArray]
+        if self.tape is None:
+            value, gradient = (
+                self.potential.value(states[:, 3:]),
+                list(self.potential.gradient(states[:, 3:]).T),
+            )
+        else:
+            value, gradient = value_and_gradient(algebra, self.tape, columns[3:])
+        found = integrals_at(algebra, self.body, columns, value)
+        integrals = _stacked((found.energy, found.areas, found.geometric), len(states))
+        return _stacked(rates_at(algebra, self.body, columns, gradient), len(states)).T, integrals.T
+
+    @np.errstate(all="ignore")
+    def bound(self, centres: FloatArray, radii: FloatArray) -> FloatArray:
+        """Return bounds of |F| on discs, shapes (6, n)."""
+        discs = self._rates_on(centres, radii)
+        return _stacked([DiscAlgebra().bound(disc) for disc in discs], centres.shape[1])
+
+    @np.errstate(all="ignore")
+    def spread(self, centres: FloatArray, radii: FloatArray) -> FloatArray:
+        """Return bounds of how far F is from its rounded value at the centres, shapes (6, n)."""
+        discs = self._rates_on(centres, radii)
+        return _stacked([disc.radius for disc in discs], centres.shape[1])
+
+    @np.errstate(all="ignore")
+    def integrals_on(self, centres: FloatArray, radii: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return centres and radii of the three integrals on real boxes; shapes (6, n) and (3, n).
+
+        By discs; where V has no bound on these, as about a kink, by intervals. NaN where nothing is known.
+        """
+        state = _discs(centres, radii)
+        value = self._formula().evaluate(DiscAlgebra(), state[3:])
+        if not np.isfinite(value.radius).all():
+            spread = self.value_spread(centres[3:], radii[3:]) + ARITHMETIC * np.abs(value.centre)
+            value = Disc(value.centre, np.where(np.isfinite(value.radius), value.radius, spread))
+        found: Integrals[Disc] = integrals_at(DiscAlgebra(), self.body, state, value)
+        parts = (found.energy, found.areas, found.geometric)
+        count = centres.shape[1]
+        return _stacked([part.centre for part in parts], count), _stacked(
+            [part.radius for part in parts], count
+        )
+
+    @np.errstate(all="ignore")
+    def value_spread(self, centres: FloatArray, radii: FloatArray) -> FloatArray:
+        """Return by how much V varies over real boxes at most, shapes (3, n) and (n,); NaN if not known."""
+        algebra = IntervalAlgebra(())
+        sides = [
+            algebra.interval(*widened(c - r, c + r, ARITHMETIC)) for c, r in zip(centres, radii, strict=True)
+        ]
+        lo, hi = algebra.bounds(self._formula().evaluate(algebra, sides))
+        return np.broadcast_to(hi - lo, centres.shape[1:])
+
+    def _rates_on(self, centres: FloatArray, radii: FloatArray) -> tuple[Disc, ...]:
+        state = _discs(centres, radii)
+        algebra = DiscAlgebra()
+        _, gradient = value_and_gradient(algebra, self._formula(), state[3:])
+        return rates_at(algebra, self.body, state, gradient)
+
+    def _formula(self) -> Tape:
+        if self.tape is None:
+            raise NoClosedFormError("a potential given by an integral has no bounds on discs")
+        return self.tape
+
+
+def _discs(centres: FloatArray, radii: FloatArray) -> list[Disc]:
+    return [Disc(centre, radius) for centre, radius in zip(centres, radii, strict=True)]
+
+
+def _stacked(parts: Sequence[FloatArray], count: int) -> FloatArray:
+    return np.stack([np.broadcast_to(part, (count,)) for part in parts])

@@ -1,0 +1,241 @@
+r"""What a function of time shows of its own error, and the least claim that goes with it.
+
+Let ε be the claimed bound of the error of the six variables. If it is true, then at every time
+
+.. math::
+    |D(t)| \le 2\varepsilon + \int |F(y) - F(y_p)|\,dt , \qquad
+    |I(y_p(t)) - I| \le \max_{|y - y_p| \le \varepsilon} |I(y) - I(y_p)|
+
+for the integrated defect D (:mod:`.accumulation`) and each of the three integrals I. Both right-hand sides
+are bounded by discs of the radius ε about the states. A claim that breaks one of the bounds is false, and is
+raised: by D to all of what D has accumulated, times what F amplifies over the same time, as far as ``GROWTH``
+goes; by an integral until the bound holds; and beyond all bounds by a stretch too short to be cut on which V
+may vary without any node having seen it (:mod:`.unresolved`). So the claim is never below what the solution
+itself shows. It is not proved by that: errors grow where motions are unstable, and no defect tells how far.
+"""
+
+from dataclasses import dataclass
+from math import inf, isfinite, nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.bounds import is_within, largest
+from service.dynamics.defect.accumulation import StretchBatch, accumulate, blocks_of
+from service.dynamics.defect.equations import Equations
+from service.dynamics.defect.unresolved import hides_something
+from service.dynamics.motion import Estimate
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.solution.dense_output import DenseOutput
+
+FloatArray = NDArray[np.float64]
+
+GROWTH = 64.0
+"""Largest multiple of the claim that is put down to its own growth by F: in a feature narrower than the claim
+any defect would pass for that."""
+GOAL = 0.1
+"""Share of the claim that the truncation of F may be."""
+FINEST = 1e-17
+"""Least truncation asked for, beside variables of the size 1: far below their rounding."""
+COARSE = 1e-7
+"""The truncation allowed at first."""
+FAR = 1e3
+"""A defect beyond so many claims is told without more digits."""
+ROUNDING = 2.0**-50
+"""Of a state, relative to its size."""
+QUARTERS = np.arange(1.0, 31.0)
+"""Powers of 1/4 of an error that are tried where V is not bounded within it: down to 1e-18 of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What a function of time shows."""
+
+    defect: float
+    """Bound of |D| over all stretches that are settled; without a formula the value seen."""
+    drift: float
+    """Largest departure of the energy, the areas integral, or γ·γ seen between and at the nodes."""
+    settled: float
+    """Share of the time for which the bound of the defect is a theorem; 0 without a formula."""
+    error: float
+    """The claim, raised as far as the above shows that it is too small."""
+
+
+def hold_against_equations(
+    body: RigidBody,
+    potential: Potential,
+    dense: DenseOutput,
+    claim: float,
+    energy: Estimate,
+    *,
+    is_planar: bool,
+) -> Shown:
+    """Hold the six variables of ``dense``, claimed to be within ``claim``, against equations and integrals.
+
+    The integrals of a planar motion are its energy, 0 and 1; of another those at t = 0.
+    """
+    if not (np.isfinite(dense.coefficients).all() and np.isfinite(dense.breaks).all() and isfinite(claim)):
+        return Shown(nan, nan, 0.0, nan)
+    equations = Equations.of(body, potential)
+    has_formula = equations.tape is not None
+    goal = max(GOAL * claim, FINEST * float(np.abs(dense.coefficients).max(initial=1.0)))
+    bound = equations.bound if has_formula else None
+    for wanted in (max(goal, COARSE), goal):
+        # What was not resolved shows at once, where bounds to the last digit would be dear.
+        blocks = list(blocks_of(dense, equations.at, bound, wanted))
+        found = accumulate(dense, blocks, has_bounds=has_formula)
+        defect = float(found.sizes.max())
+        if found.truncation <= goal or defect - found.truncation > FAR * claim + COARSE:
+            break
+    error = claim if is_within(defect, 2.0 * claim) else _by_defect(equations, blocks, defect, claim)
+    if has_formula and any(hides_something(equations, block).any() for block in blocks):
+        error = inf
+    drift, raised = _by_integrals(equations, dense, blocks, error, energy, is_planar=is_planar)
+    return Shown(defect, drift, found.settled_share if has_formula else 0.0, raised)
+
+
+def hold_samples(
+    body: RigidBody, potential: Potential, samples: FloatArray, claim: float, energy: Estimate
+) -> float:
+    """Return the claim of planar ``samples``, shape (n, 6), raised as far as their integrals show."""
+    equations = Equations.of(body, potential)
+    reference = np.array([energy.value, 0.0, 1.0])
+    slack = np.array([energy.error, 0.0, 0.0])
+    drifts = _drifts(equations.at(samples)[1], reference)
+    return _raised(equations, samples, drifts, claim, reference, slack)
+
+
+def _by_defect(equations: Equations, blocks: list[StretchBatch], defect: float, claim: float) -> float:
+    if equations.tape is None:
+        # Without bounds of F its rounding is not known: D counts beyond the claim's own growth only.
+        return claim if is_within(defect, (2.0 + GROWTH) * claim) else defect
+    rounding, growth = (_spread(equations, blocks, radius) for radius in (0.0, claim))
+    # What is not known amplifies nothing: NaN is not larger than anything.
+    amplified = min(growth - rounding, GROWTH * claim) if growth > rounding else 0.0
+    if is_within(defect, 2.0 * claim + amplified + rounding):
+        return claim
+    return defect * (1.0 + amplified / claim) if claim != 0.0 else defect
+
+
+def _spread(equations: Equations, blocks: list[StretchBatch], radius: float) -> float:
+    """Return what the integral of F differs by, where states differ by ``radius`` and their rounding."""
+    total = np.zeros(6)
+    for block in blocks:
+        states = block.states.reshape(-1, 6).T
+        radii = radius + ROUNDING * np.abs(states)
+        wide = equations.spread(states, radii).T.reshape(block.states.shape).max(axis=1)
+        total += (2.0 * block.times[:, None] * np.where(np.isfinite(wide), wide, 0.0)).sum(axis=0)
+    return float(total.max())
+
+
+def _by_integrals(
+    equations: Equations,
+    dense: DenseOutput,
+    blocks: list[StretchBatch],
+    claim: float,
+    energy: Estimate,
+    *,
+    is_planar: bool,
+) -> tuple[float, float]:
+    reference, slack = np.array([energy.value, 0.0, 1.0]), np.array([energy.error, 0.0, 0.0])
+    if not is_planar:
+        at_0 = dense(np.clip(np.zeros(1), dense.breaks[0], dense.breaks[-1]))
+        reference[1:] = equations.at(at_0)[1][0, 1:]
+    drift, error = 0.0, claim
+    for block in blocks:
+        drifts = _drifts(block.integrals.reshape(-1, 3), reference)
+        drift = largest((drift, float(drifts.max(initial=0.0))))
+        error = _raised(equations, block.states.reshape(-1, 6), drifts, error, reference, slack)
+    return drift, error
+
+
+@np.errstate(all="ignore")
+def _drifts(integrals: FloatArray, reference: FloatArray) -> FloatArray:
+    """Return the departures; 0 for the energy of a state where V has no value, as next to a pole.
+
+    NaN where the state, or what it is compared with, is not finite: that passes no bound.
+    """
+    drifts: FloatArray = np.abs(integrals - reference)
+    # The other two integrals have a value wherever the state has one.
+    has_none = ~np.isfinite(integrals[:, 0]) & np.isfinite(integrals[:, 1:]).all(axis=1)
+    drifts[has_none & np.isfinite(reference[0]), 0] = 0.0
+    return drifts
+
+
+@np.errstate(all="ignore")
+def _raised(
+    equations: Equations,
+    states: FloatArray,
+    drifts: FloatArray,
+    claim: float,
+    reference: FloatArray,
+    slack: FloatArray,
+) -> float:
+    """Return the claim, doubled until the integrals are where it lets them be; NaN if one is not known."""
+    if not (np.isfinite(drifts).all() and np.isfinite(slack).all()):
+        return nan
+    if equations.tape is None:
+        return claim
+    is_small = _are_small(equations, states, drifts, claim, slack)
+    if is_small.all():
+        return claim
+    error = largest((claim, float(np.finfo(np.float64).tiny)))
+    columns = states[~is_small].T
+    says_nothing = _has_no_energy(equations, columns)
+    while error < 1.0:
+        explained = _explained(equations, columns, error, reference, slack)
+        explained[0] |= says_nothing
+        # V may be unbounded within the claim of a state: a smaller error that explains it will do. Next to a
+        # pole on a coordinate plane that is one relative to the coordinate, or rounding alone.
+        for less in (np.minimum(error, 0.5 * np.abs(columns)), 0.0, *(error * 4.0**-QUARTERS)):
+            if explained.all():
+                break
+            explained |= _explained(equations, columns, less, reference, slack)
+        beyond = ~explained.all(axis=0)
+        if not beyond.any():
+            return error
+        columns, says_nothing = columns[:, beyond], says_nothing[beyond]
+        error = 2.0 * error
+    return error
+
+
+def _explained(
+    equations: Equations,
+    columns: FloatArray,
+    error: float | FloatArray,
+    reference: FloatArray,
+    slack: FloatArray,
+) -> NDArray[np.bool_]:
+    """Say which integrals an ``error`` of the states lets be what they are, shape (3, n); not if unknown.
+
+    The error is one for all variables, or one for each, shape (6, n).
+    """
+    centres, radii = equations.integrals_on(columns, error + ROUNDING * np.abs(columns))
+    return np.asarray(np.abs(centres - reference[:, None]) <= radii + slack[:, None])
+
+
+def _has_no_energy(equations: Equations, columns: FloatArray) -> NDArray[np.bool_]:
+    """Say which states doubles do not tell from a place where V has no value, shape (n,)."""
+    centres, radii = equations.integrals_on(columns, ROUNDING * np.abs(columns))
+    has_none: NDArray[np.bool_] = ~np.isfinite(centres[0] + radii[0])
+    return has_none
+
+
+def _are_small(
+    equations: Equations, states: FloatArray, drifts: FloatArray, claim: float, slack: FloatArray
+) -> NDArray[np.bool_]:
+    """Say at which states, shape (n,), the drifts are below what the claim lets the integrals change.
+
+    V is left out: the kinetic energy, the areas and γ·γ.
+    """
+    moments, size = equations.moments, np.abs(states)
+    least = claim * np.stack(
+        [
+            (size[:, :3] * moments).sum(axis=1),
+            (size * np.concatenate([moments, moments])).sum(axis=1),
+            2.0 * size[:, 3:].sum(axis=1),
+        ],
+        axis=1,
+    )
+    return np.asarray((drifts <= least + slack).all(axis=1))

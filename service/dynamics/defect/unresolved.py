@@ -1,0 +1,48 @@
+"""Stretches too short to be cut again, about which the equations have no bound, and what may hide on them.
+
+At a kink, or where a power such as |g1|^(4/3) has no second derivative, V itself hardly varies on a stretch
+so short. A wall or a well that is narrower than it lets V vary by its height, which no node need have seen.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.defect.accumulation import StretchBatch
+from service.dynamics.defect.equations import Equations
+
+FloatArray = NDArray[np.float64]
+
+HEIGHT = 1e-6
+"""Variation of V on such a stretch that is looked for."""
+MORE = 100.0
+"""How many times the variation seen at the nodes it must be: intervals add up what cancels."""
+LEBESGUE = 4.0
+"""More than the Lebesgue constant of forty Chebyshev points: a polynomial that is at most 1 at them is
+at most this between them."""
+POLE = 1e-3
+"""Of |g1| and |g3|, where one is next to a pole: V may have a limit there and no value."""
+ROUNDING = 2.0**-48
+
+
+@np.errstate(all="ignore")
+def hides_something(equations: Equations, block: StretchBatch) -> NDArray[np.bool_]:
+    """Say on which stretches V may vary by more than any node shows, shape (n,); not where F is bounded."""
+    hidden = ~block.stretches.is_settled
+    if not hidden.any():
+        return hidden
+    gamma = block.states[hidden, :, 3:]
+    middle = gamma[:, gamma.shape[1] // 2]
+    size = np.abs(gamma).max(axis=1)
+    radius = LEBESGUE * np.abs(gamma - middle[:, None]).max(axis=1) + ROUNDING * size
+    varies = equations.value_spread(middle.T, radius.T)
+    V = block.integrals[hidden, :, 0] - kinetic_of(equations, block.states[hidden])
+    seen = V.max(axis=1) - V.min(axis=1)
+    at_pole = (size[:, [0, 2]] < POLE).all(axis=1)
+    hidden[hidden] = ~(varies <= HEIGHT + MORE * np.where(np.isfinite(seen), seen, 0.0)) & ~at_pole
+    return hidden
+
+
+def kinetic_of(equations: Equations, states: FloatArray) -> FloatArray:
+    """Return (A p² + B q² + C r²)/2, shape (...)."""
+    kinetic: FloatArray = 0.5 * (equations.moments * states[..., :3] ** 2).sum(axis=-1)
+    return kinetic

@@ -1,0 +1,1 @@
+"""The differential equations: compatibility, Euler-Poisson, and their integrals."""

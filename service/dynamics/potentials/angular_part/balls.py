@@ -1,0 +1,170 @@
+"""Encloses the angular part V1[F] in balls."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from flint import acb, arb, ctx, fmpq
+
+from service.dynamics.body import RigidBody
+from service.dynamics.potentials.angular_part.curve_function import CurveFunction
+from service.dynamics.potentials.angular_part.curve_kinks import curve_pieces
+
+EVALUATIONS_PER_BIT = 200
+"""Limit of the integrator. Smooth functions need some 10; what is not reached is honestly wide."""
+NEWTON_STEPS = 10
+"""The slope is monotonic and between 1 and α: more than enough, and what is left enters the bounds."""
+
+
+def angular_balls(
+    body: RigidBody, function: CurveFunction, order: int, g1: arb, g3: arb, reference_angle: arb
+) -> tuple[arb, ...]:
+    """Return enclosures of V1[θ^k F] for k = 0..``order``, at the current ``flint.ctx.prec``.
+
+    NaN where the balls of g1 or g3 contain zero, and where F is undefined
+    anywhere between the reference direction and the point.
+    """
+    alpha = _ball(body.alpha)
+    squares = g1 * g1, g3 * g3
+    zeta, rho = squares[1] / squares[0], squares[0] + squares[1]
+    if not (zeta.is_finite() and zeta > 0):
+        return (arb("nan"),) * (order + 1)
+    scale = ((_ball(abs(body.A - body.C)) * rho).log() * (alpha - 1)).exp()
+    T = (alpha * squares[0] + squares[1]) / rho
+    start = reference_angle.tan() ** 2
+    paths = [_Path(function, k, alpha, 1 - alpha, scale, start, zeta) for k in range(order + 1)]
+    at_point = function.ball(curve_ball(body, g1, g3), order)
+    at_start = [path.real(start.log()) for path in paths]
+    if not all(value.is_finite() for value in (*at_point, *at_start)):
+        return (arb("nan"),) * (order + 1)
+    # V1 needs the accuracy of F, to which it is added; θF may be zero.
+    size = sum((abs(value) for value in (*at_point, *at_start)), start=arb(0))
+    size = size if size > 0 else arb(1)
+    return tuple((1 - alpha) * T * _integral(path, size) for path in paths)
+
+
+def curve_ball(body: RigidBody, g1: arb, g3: arb) -> arb:
+    """Return the enclosure of w, NaN where the ball of g1 or g3 contains zero."""
+    alpha = _ball(body.alpha)
+    return (
+        (alpha - 1) * _ball(abs(body.A - body.C)).log() + 2 * (alpha * abs(g3).log() - abs(g1).log())
+    ).exp()
+
+
+@dataclass(slots=True)
+class _Path:
+    """∫ θ^k F(w) dz / (α + z)² over log z, from z = ``start`` to z = ``end``."""
+
+    function: CurveFunction
+    k: int
+    alpha: arb
+    exponent: arb
+    """1 − α."""
+    scale: arb
+    """(|A − C| ρ)^(α−1)."""
+    start: arb
+    end: arb
+    is_undefined: bool = False
+    """F has no real value at a point of the integration."""
+
+    def log_w(self, y: arb) -> arb:
+        """Return log w; its slope is between 1 and α."""
+        return self.scale.log() + self.alpha * y + self.exponent * y.exp().log1p()
+
+    def places(self, log_w: arb) -> tuple[arb, arb]:
+        """Return exact numbers just below and just above all y with this log w, wherever in its ball ρ is."""
+        y, least = arb(0), min(arb(1), self.alpha)
+        for _ in range(NEWTON_STEPS):
+            share = y.exp() / (1 + y.exp())
+            y = (y - (self.log_w(y) - log_w) / (self.alpha + self.exponent * share)).mid()
+        apart = (abs(self.log_w(y) - log_w) / least).abs_upper() * 2
+        return (y - apart).mid(), (y + apart).mid()
+
+    def real(self, y: arb) -> arb:
+        """Return the integrand over y = log z; NaN where F is undefined as a real function."""
+        alpha, exponent = self.alpha, self.exponent
+        # On either side the form whose terms vary little on a wide ball of y.
+        if y > 0:
+            t = (-y).exp()
+            shape, weight = y + exponent * t.log1p(), t / (1 + alpha * t) ** 2
+        else:
+            t = y.exp()
+            shape, weight = alpha * y + exponent * t.log1p(), t / (alpha + t) ** 2
+        return self.function.ball(self.scale * shape.exp(), self.k)[self.k] * weight
+
+    def __call__(self, y: acb, analytic: bool) -> acb:
+        """Return the integrand for ``acb.integral``."""
+        if self.is_undefined:
+            return acb(0)  # so that the integrator comes to its end at once
+        if not analytic and y.imag.is_zero():
+            value = self.real(y.real)
+            self.is_undefined = not value.is_finite() and not self.real(y.real.mid()).is_finite()
+            return acb(value)
+        alpha, exponent = self.alpha, self.exponent
+        if y.real > 0:
+            t = (-y).exp()
+            shape, weight = y + exponent * (1 + t).log(analytic), t / (1 + alpha * t) ** 2
+        else:
+            t = y.exp()
+            shape, weight = alpha * y + exponent * (1 + t).log(analytic), t / (alpha + t) ** 2
+        w = self.scale * shape.exp()
+        return self.function.complex_ball(w, self.k, analytic=analytic)[self.k] * weight
+
+
+def _integral(path: _Path, size: arb) -> arb:
+    """Return the enclosure of the integral: between the midpoints of its ends, and what the ends add.
+
+    Its error is small against ``size``, or against the integral if that is larger.
+    """
+    start, end = path.start.log(), path.end.log()
+    at_start, at_end = path.real(start), path.real(end)
+    accuracy = max(8, min(ctx.prec, path.end.rel_accuracy_bits() + 8))
+    tolerance = arb(2) ** -accuracy
+    integral = arb(0)
+    for piece, low, high in _split(path, start.mid(), end.mid()):
+        if piece is None:
+            # About a kink: the stretch is as short as the precision.
+            integral += path.real(low.union(high)) * (high - low)
+            continue
+        part = acb.integral(
+            piece,
+            acb(low),
+            acb(high),
+            rel_tol=tolerance,
+            abs_tol=(tolerance * size).mid(),
+            eval_limit=EVALUATIONS_PER_BIT * ctx.prec,
+        )
+        path.is_undefined = path.is_undefined or piece.is_undefined
+        integral += part.real
+    integral = integral if start.mid() < end.mid() else -integral
+    if path.is_undefined:
+        return arb("nan")
+    return integral + at_end * (end - end.mid()) - at_start * (start - start.mid())
+
+
+def _split(path: _Path, start: arb, end: arb) -> Iterator[tuple[_Path | None, arb, arb]]:
+    """Yield stretches low ≤ y ≤ high of the way between exact ends, with F on them; None about a kink."""
+    first, last = (start, end) if start < end else (end, start)
+    pieces = curve_pieces(path.function.tape)
+    if not pieces or not (path.log_w(first) > pieces[0].lower and path.log_w(last) < pieces[-1].upper):
+        yield path, first, last
+        return
+    here = first
+    for piece in pieces:
+        if piece.upper < path.log_w(first) or piece.lower > path.log_w(last):
+            continue
+        below, above = path.places(piece.upper)
+        below = max(below, here)
+        is_last = not below < last
+        stop = last if is_last else below
+        own = None if piece.has_kink else replace(path, function=CurveFunction(piece.tape))
+        yield own, here, stop
+        if is_last:
+            return
+        here = min(max(above, stop), last)
+        yield None, stop, here
+    yield None, here, last
+
+
+def _ball(value: Fraction) -> arb:
+    return arb(fmpq(value.numerator, value.denominator))

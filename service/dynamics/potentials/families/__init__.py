@@ -1,0 +1,1 @@
+"""The families of potentials, one file each; they do not know each other."""

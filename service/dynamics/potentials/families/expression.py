@@ -1,0 +1,49 @@
+"""A potential given by a client's formula."""
+
+from collections.abc import Mapping
+from fractions import Fraction
+
+from service.dynamics.body import RigidBody
+from service.dynamics.formula.binding import bind
+from service.dynamics.formula.errors import FormulaError
+from service.dynamics.formula.parser import LocatedTree, parse_located
+from service.dynamics.formula.traversal import post_order
+from service.dynamics.formula.tree import Symbol
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.terms.names import require_parameter_names
+
+FAMILY = "expression"
+EXPRESSION_POINTER = "/potential/expression"
+
+
+def expression_potential(text: str, parameters: Mapping[str, Fraction], body: RigidBody) -> Potential:
+    """Return the potential of a formula in g1, g2, g3, the parameters and the moments A, B, C.
+
+    Raises
+    ------
+    FormulaError
+        The text is not a formula, is too large, has an unknown name or a
+        constant without a value; the pointer is EXPRESSION_POINTER.
+    ParameterNameError
+        A parameter cannot have its name.
+    MissingMomentError
+        The formula has B, and the body does not.
+    """
+    require_parameter_names(parameters)
+    try:
+        located = parse_located(text)
+        constants = dict(parameters) | _moments(located, body)
+        tree = bind(located.tree, constants, positions=located.positions)
+        return Potential.from_tree(tree, FAMILY)
+    except FormulaError as error:
+        raise error.at(pointer=EXPRESSION_POINTER) from error
+
+
+def _moments(located: LocatedTree, body: RigidBody) -> dict[str, Fraction]:
+    """Return the moments that are known, insisting on B where the formula has it."""
+    moments = {"A": body.A, "C": body.C}
+    if any(isinstance(node, Symbol) and node.name == "B" for node in post_order(located.tree)):
+        moments["B"] = body.require_B("the formula")
+    elif body.B is not None:
+        moments["B"] = body.B
+    return moments

@@ -1,0 +1,1 @@
+"""Recognises properties of a potential that allow faster or more exact methods."""

@@ -1,0 +1,252 @@
+r"""The curve of a planar motion as a closed loop with one coordinate v.
+
+For A > C the curve |g3| = λ |g1|^{C/A} with g1 of one sign closes through both
+poles g2 = ±1. With Z and G the values of |g3| and |g1| at the equator
+(Z² + G² = 1, G = (Z/λ)^α, α = A/C) it is covered once by
+
+.. math:: g_3 = Z \sin v,\quad |g_1| = G|\sin v|^{\alpha},\quad g_2 = c(v)\cos v,
+
+.. math:: c^2 = Z^2 + G^2 \frac{1-|\sin v|^{2\alpha}}{\cos^2 v} ,
+
+where v = 0 is the north pole, π/2 the equator, π the south pole and v < 0 the
+mirror curve g3 → −g3. On it the motion is
+
+.. math:: \dot v = -\frac{c\,p}{Z},\qquad
+          p^2 = P(v) = \frac{C\,g_3\,D}{(A-C)\,A\,g_1},\qquad r = -\frac{A g_1}{C g_3}\,p ,
+
+so that every turning type is a feature of the one function P: a simple zero is
+a rest point, a double zero an equilibrium or separatrix, and the equator and
+(where P stays finite) the poles are ordinary points. A body with A < C is
+mirrored first: (A, C; g1, g3; p, r) → (C, A; g3, g1; −r, −p), λ → λ^{−A/C}.
+"""
+
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+import numpy as np
+from flint import arb, ctx, fmpq
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.geometry.height import (
+    c_squared_ball,
+    log_sine_ball,
+    log_sine_real,
+    numerator_real,
+)
+
+FloatArray = NDArray[np.float64]
+
+
+class NuNeedsDoubleMomentError(DynamicsError):
+    """``nu`` was given for a body with A ≠ 2C."""
+
+    code = "nu_needs_double_moment"
+
+
+FEW_BITS = 640
+"""Up to which the equator is looked for with all bits from the beginning."""
+BOX = 2.0**-40
+"""Half the side of the boxes about the poles on which V is looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopPoint:
+    """Where the loop is at one v, in balls; primed (mirrored) axes if the loop is mirrored."""
+
+    g1: arb
+    g2: arb
+    g3: arb
+    c: arb
+    """g2 / cos v, positive."""
+    P: arb
+    """p² in primed axes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """The curve of one planar motion together with its radicand P(v)."""
+
+    potential: Potential
+    A: Fraction
+    C: Fraction
+    """Moments in primed axes: A > C."""
+    mirrored: bool
+    """The body has A < C and the first and third axes are exchanged."""
+    g1_sign: int
+    """Sign of the primed g1, constant on the loop."""
+    factor: Fraction
+    """C / ((A − C) A), the constant of P."""
+    lambda_squared: Fraction
+    """λ² of the client's (not mirrored) axes."""
+    Z: arb
+    G: arb
+    balls: dict[int, tuple[arb, arb]] = field(default_factory=dict, init=False, compare=False, repr=False)
+    """alpha and the factor as balls, cached by precision, since every point needs them."""
+
+    @property
+    def alpha(self) -> Fraction:
+        """A/C > 1 in primed axes."""
+        return self.A / self.C
+
+    def is_smooth_at_poles(self) -> bool:
+        """Tell whether the motion through the poles is the only one the equations allow.
+
+        It needs |g3|^α to be a polynomial in g3 (α an even integer), and V to
+        have bounded second derivatives about the poles.
+        """
+        if self.alpha.denominator != 1 or self.alpha.numerator % 2:
+            return False
+        return all(_has_bounded_curvature(self.potential, pole) for pole in (1, -1))
+
+    def refined(self) -> "Loop":
+        """Return the loop with Z and G recomputed at the current precision."""
+        Z, G = _equator(self.alpha, _log_lambda(self))
+        return replace(self, Z=Z, G=G)
+
+    def point(self, v: arb) -> LoopPoint:
+        """Return the point at ``v`` (sin v ≠ 0 and cos v ≠ 0), at the current precision."""
+        return self.point_from(*v.sin_cos())
+
+    def point_from(self, sine: arb, cosine: arb) -> LoopPoint:
+        """Return the point with these sin v ≠ 0 and cos v ≠ 0: no digits are lost near v = π."""
+        alpha, _ = self._constants()
+        square = cosine * cosine
+        log_sine = log_sine_ball(sine, square)
+        g1 = self.G * (alpha * log_sine).exp() * self.g1_sign
+        g3 = self.Z * sine
+        c = c_squared_ball(self.Z * self.Z, self.G * self.G, alpha, log_sine, square).sqrt()
+        g2 = cosine * c
+        return LoopPoint(g1, g2, g3, c, self.radicand_at(g1, g2, g3))
+
+    def radicand_at(self, g1: arb, g2: arb, g3: arb) -> arb:
+        """Return P at a place, in primed axes."""
+        _, factor = self._constants()
+        return factor * g3 * self._D(g1, g2, g3) / g1
+
+    def _constants(self) -> tuple[arb, arb]:
+        found = self.balls.get(ctx.prec)
+        if found is None:
+            found = self.balls[ctx.prec] = ball(self.alpha), ball(self.factor)
+        return found
+
+    def energy(self, v: arb) -> arb:
+        """Return h = V + A Q P / (2 C g3²), the same at every v if the potential is admissible."""
+        at = self.point(v)
+        first, third = (at.g3, at.g1) if self.mirrored else (at.g1, at.g3)
+        A, C = ball(self.A), ball(self.C)
+        Q = A * at.g1 * at.g1 + C * at.g3 * at.g3
+        return self.potential.value_ball(first, at.g2, third) + A * Q * at.P / (2 * C * at.g3 * at.g3)
+
+    def radicand_real(self, sine: FloatArray, cosine: FloatArray) -> FloatArray:
+        """Return P in doubles at the points with these sin v and cos v; not finite where it overflows."""
+        square = cosine * cosine
+        with np.errstate(all="ignore"):
+            log_sine = log_sine_real(sine, square)
+            alpha, Z, G = float(self.alpha), float(self.Z), float(self.G)
+            g1 = self.g1_sign * G * np.exp(alpha * log_sine)
+            g3 = Z * sine
+            g2 = np.sign(cosine) * np.sqrt(Z * Z * square + G * G * numerator_real(alpha, log_sine))
+            first, third = (g3, g1) if self.mirrored else (g1, g3)
+            D = self.potential.D_real(first, g2, third)
+            factor = float(self.factor) * (-1.0 if self.mirrored else 1.0)
+            result: FloatArray = factor * g3 * D / g1
+        return result
+
+    def _D(self, g1: arb, g2: arb, g3: arb) -> arb:
+        if self.mirrored:
+            return -self.potential.D_ball(g3, g2, g1)
+        return self.potential.D_ball(g1, g2, g3)
+
+
+def make_loop(body: RigidBody, potential: Potential, motion: PlanarMotion) -> Loop:
+    """Return the loop of ``motion``, at the current precision.
+
+    Raises
+    ------
+    EqualMomentsError
+        A = C.
+    NuNeedsDoubleMomentError
+        ``nu`` is given and A ≠ 2C.
+    """
+    body.require_planar()
+    if motion.nu is not None and body.A != 2 * body.C:
+        raise NuNeedsDoubleMomentError(
+            f"nu = g3²/g1 is constant only for A = 2C (here A/C = {body.alpha}); give lambda",
+            pointer="/motion/nu",
+        )
+    mirrored = body.A < body.C
+    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
+    unset = arb(0)
+    factor = C / ((A - C) * A)
+    sign = motion.g3_sign if mirrored else motion.sign_of_g1
+    return Loop(potential, A, C, mirrored, sign, factor, motion.lambda_squared, unset, unset).refined()
+
+
+def start_g3_sign(loop: Loop, motion: PlanarMotion) -> int:
+    """Return the sign of the primed g3 on the half of the loop where ``motion`` is asked."""
+    if loop.mirrored:
+        return motion.sign_of_g1
+    return motion.g3_sign
+
+
+def _has_bounded_curvature(potential: Potential, pole: int) -> bool:
+    """Tell whether V is proved twice differentiable on a small box about g2 = ``pole``.
+
+    A derivative that jumps, as that of |g1|, is bounded but does not settle as the box shrinks.
+    """
+    near = arb(0, BOX)
+    _, first, second = potential.jet_ball(near, pole + near, near)
+    entries = [entry for row in second for entry in row]
+    if not all(entry.is_finite() for entry in entries):
+        return False
+    slope = 1 + max(float(abs(entry).upper()) for entry in entries)
+    return all(float(slot.rad()) < 16.0 * BOX * slope for slot in first)
+
+
+def ball(value: Fraction) -> arb:
+    """Return the ball of a rational at the current precision."""
+    return arb(fmpq(value.numerator, value.denominator))
+
+
+def _log_lambda(loop: Loop) -> arb:
+    half = ball(loop.lambda_squared).log() / 2
+    # λ' = λ^(−A/C) with the client's A/C = 1/α'.
+    return -half / ball(loop.alpha) if loop.mirrored else half
+
+
+def _equator(alpha: Fraction, log_lambda: arb) -> tuple[arb, arb]:
+    """Solve Z² + (Z/λ)^{2α} = 1 for Z, by Newton in log Z, and return (Z, G).
+
+    F(u) = e^{2u} + e^{2α(u − log λ)} − 1 is convex and increasing and starts
+    from u = min(0, log λ), where 0 < F ≤ 1: Newton goes down monotonically.
+    The last step is turned into a proof: |u − u*| ≤ F/F' by convexity, and the
+    ball is widened by it.
+    """
+    a = ball(alpha)
+
+    def terms(u: arb) -> tuple[arb, arb]:
+        return (2 * u).exp(), (2 * a * (u - log_lambda)).exp()
+
+    u = log_lambda.mid() if log_lambda < 0 else arb(0)
+    # Newton's method doubles the digits: the first steps need few bits.
+    precisions = [ctx.prec]
+    while precisions[-1] > FEW_BITS:
+        precisions.append(precisions[-1] // 2 + 16)
+    for precision in reversed(precisions):
+        with ctx.workprec(precision):
+            for _ in range(60 + precision.bit_length()):
+                first, second = terms(u)
+                step = ((first + second - 1) / (2 * first + 2 * a * second)).mid()
+                u = (u - step).mid()
+                # What is left is the square of it.
+                if abs(step) < arb(2) ** (-8 - precision // 2):
+                    break
+    first, second = terms(u)
+    # A slope at least half of the one at u holds within the tiny radius.
+    radius = 2 * (first + second - 1).abs_upper() / (2 * first + 2 * a * second).abs_lower()
+    u = arb(u, radius.abs_upper())
+    return u.exp(), (a * (u - log_lambda)).exp()

@@ -1,0 +1,1 @@
+"""Finds the zeros of p² on a loop, their orders, and gaps too narrow for doubles."""

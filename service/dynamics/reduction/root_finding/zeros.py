@@ -1,0 +1,251 @@
+"""Encloses in balls the zeros of the radicand between places where its sign is known."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+from flint import arb, ctx
+
+from service.dynamics.reduction.root_finding.orders import exponent_at, lowest_place, order_of_zero
+
+Region = Literal["north", "middle", "south"]
+"""Near a pole the coordinate x is the distance to it; in the middle it is v."""
+PoleKind = Literal["passable", "blocked", "collision", "asymptotic", "flat"]
+
+
+@dataclass(frozen=True, slots=True)
+class LoopPlace:
+    """A point 0 < v < π: x in its region, with the sign of g3 of the half."""
+
+    region: Region
+    x: arb
+    nothing: arb | float = 0.0
+    """Values of P up to this size count as zero here: set at critical points. It may be below any double."""
+    sign: int | None = None
+    """The sign of P where doubles leave no doubt of it."""
+
+    def v(self) -> arb:
+        """Return the loop coordinate, 0 < v < π."""
+        return arb.pi() - self.x if self.region == "south" else self.x
+
+
+LEFT_BITS = 200
+"""A bracket about a zero of high order is halved to 2^-200 of where it is: enough for what comes near."""
+MOST_HALVINGS = 4000
+ENOUGH_BITS = 32
+"""Relative accuracy at which a value and its sign are believed."""
+POLE_EXPONENTS = (-1408, -704, -352)
+"""log2 of the distances to a pole that determine the behaviour of P there: terms of V whose coefficients
+differ by 1e600 may change places at 2^-1000. A formula that cancels next to the pole needs more
+bits at the nearest than there are: then the others serve."""
+
+STEEPEST = 2000.0
+"""Largest power of the distance to a pole that P is taken to be like."""
+
+Radicand = Callable[[LoopPlace], arb]
+"""P as a function of the place."""
+
+
+ZeroKind = Literal["simple", "multiple", "flat", "edge"]
+"""A zero of order one; of order two or more: an equilibrium or separatrix; of no order that is known;
+the edge of where P is defined."""
+
+
+@dataclass(frozen=True, slots=True)
+class Zero:
+    """A place v (a ball that contains it) where P ceases to be positive, or touches zero."""
+
+    v: arb
+    kind: ZeroKind
+
+
+def zeros_between(cuts: list[LoopPlace], radicand: Radicand) -> tuple[list[Zero], list[int]]:
+    """Return the zeros between the cuts, and the signs around them.
+
+    Between neighbouring cuts P is monotone, so a change of sign is exactly one
+    zero. A cut at which P vanishes is itself a zero. Where P is not defined
+    there is no motion: the sign is negative, and a positive stretch ends at an edge.
+    """
+    zeros: list[Zero] = []
+    signs: list[int] = []
+    last: LoopPlace | None = None  # the cut before, unless P vanished there
+    last_is_defined = True
+    touched: LoopPlace | None = None
+    for place, found in _with_edges(cuts, radicand):
+        if found == 0:
+            touched = touched or place
+            continue
+        sign, is_defined = found or -1, found is not None
+        if last is None:
+            signs.append(sign)
+        elif not (is_defined and last_is_defined):
+            if sign != signs[-1]:
+                zeros.append(Zero((place if is_defined else last).v(), "edge"))
+                signs.append(sign)
+        elif touched is not None:
+            crosses = sign != signs[-1]
+            zeros.append(_crossing(radicand, last, place) if crosses else _touch(radicand, touched))
+            signs.append(sign)
+        elif sign != signs[-1]:
+            zeros.append(_crossing(radicand, last, place))
+            signs.append(sign)
+        last, last_is_defined, touched = place, is_defined, None
+    return zeros, signs or [-1]
+
+
+def _with_edges(cuts: list[LoopPlace], radicand: Radicand) -> list[tuple[LoopPlace, int | None]]:
+    """Return the cuts with their signs, and between one with a value and one without the edge itself."""
+    signed: list[tuple[LoopPlace, int | None]] = []
+    for place in cuts:
+        sign = place.sign if place.sign is not None else _sign(radicand(place), place.nothing)
+        if signed and (sign is None) != (signed[-1][1] is None):
+            edge = _edge(radicand, signed[-1][0], place)
+            signed.append((edge, _sign(radicand(edge), 0.0)))
+        signed.append((place, sign))
+    return signed
+
+
+def _edge(radicand: Radicand, left: LoopPlace, right: LoopPlace) -> LoopPlace:
+    """Return the last place with a value between one that has a value and one that has none."""
+    if left.region != right.region:
+        left, right = _common_region(left, right)
+
+    def is_defined(x: arb) -> bool:
+        return bool(radicand(LoopPlace(left.region, x)).is_finite())
+
+    a, b = left.x.mid(), right.x.mid()
+    defined, undefined = (a, b) if is_defined(a) else (b, a)
+    for _ in range(ctx.prec):
+        middle = ((defined + undefined) / 2).mid()
+        if middle in (defined, undefined):
+            break
+        defined, undefined = (middle, undefined) if is_defined(middle) else (defined, middle)
+    return LoopPlace(left.region, defined)
+
+
+def is_known(value: arb) -> bool:
+    """Tell whether a value of P is known well enough."""
+    return bool(value.is_finite() and value.rel_accuracy_bits() >= ENOUGH_BITS)
+
+
+def _sign(value: arb, nothing: arb | float) -> int | None:
+    """Return the certain sign of a value, 0 if it is as good as zero, None if undefined."""
+    if not value.is_finite():
+        return None
+    if abs(value).upper() <= nothing:
+        return 0
+    return 1 if value > 0 else -1 if value < 0 else 0
+
+
+def _crossing(radicand: Radicand, left: LoopPlace, right: LoopPlace) -> Zero:
+    """Enclose the one zero between two places of opposite sign."""
+    if left.region != right.region:
+        left, right = _common_region(left, right)
+
+    def function(x: arb) -> arb:
+        return radicand(LoopPlace(left.region, x))
+
+    root = LoopPlace(left.region, enclose_zero(function, left.x, right.x))
+    # Two simple zeros that are close look like a double one from afar.
+    if _is_simple(radicand, root) or _is_simple(radicand, root, -3 * ctx.prec // 8):
+        return Zero(root.v(), "simple")
+    # Where P is flat, or has orders of magnitude to pass, its values say little of where its zero is, and
+    # its signs all.
+    root = LoopPlace(left.region, _by_signs(function, left.x, right.x))
+    return Zero(root.v(), "simple") if _is_simple(radicand, root) else _of_order(radicand, root)
+
+
+def _touch(radicand: Radicand, place: LoopPlace) -> Zero:
+    """Return the zero at a place where P touches 0."""
+    zero = _of_order(radicand, place)
+    if zero.kind == "multiple":
+        return zero
+    # The place may be too far from a zero of high order for its order to be seen.
+    x = place.x.mid()
+    reach = abs(x) * arb(2) ** -8
+    better = lowest_place(lambda at: radicand(LoopPlace(place.region, at)), x - reach, x + reach, arb(0))
+    return _of_order(radicand, LoopPlace(place.region, better))
+
+
+def _of_order(radicand: Radicand, place: LoopPlace) -> Zero:
+    order = order_of_zero(lambda x: radicand(LoopPlace(place.region, x)), place.x)
+    return Zero(place.v(), "multiple" if order == "power" else "flat")
+
+
+def _by_signs(function: Callable[[arb], arb], a: arb, b: arb) -> arb:
+    """Return the place between a and b where the sign changes, by halving alone."""
+    a, b = a.mid(), b.mid()
+    rises = function(b) > 0
+    for _ in range(MOST_HALVINGS):
+        middle = ((a + b) / 2).mid()
+        if middle in (a, b) or abs(b - a) < abs(middle) * arb(2) ** -LEFT_BITS:
+            break
+        a, b = (a, middle) if (function(middle) > 0) == rises else (middle, b)
+    return a
+
+
+def _common_region(left: LoopPlace, right: LoopPlace) -> tuple[LoopPlace, LoopPlace]:
+    """Express two neighbouring places in one coordinate; regions meet far away from the poles."""
+    return LoopPlace("middle", left.v()), LoopPlace("middle", right.v())
+
+
+def enclose_zero(function: Callable[[arb], arb], a: arb, b: arb) -> arb:
+    """Return a ball around the zero of ``function`` between a and b, where its signs differ.
+
+    Regula falsi with Anderson and Björck's weights (1973) on midpoints, then the
+    ball is proved by the signs at its ends.
+    """
+    a, b = a.mid(), b.mid()
+    fa, fb = function(a).mid(), function(b).mid()
+    small = arb(2) ** (16 - ctx.prec)
+    for step in range(8 * ctx.prec):
+        # Every fourth step halves: a bracket never shrinks slower than bisection / 4.
+        x = ((a + b) / 2 if step % 4 == 3 else (a * fb - b * fa) / (fb - fa)).mid()
+        fx = function(x).mid()
+        if fx == 0 or abs(b - a) < small * abs(b) or x in (a, b):
+            break
+        if (fx > 0) == (fb > 0):
+            weight = 1 - fx / fb
+            fa = fa * (weight if weight > 0 else arb("0.5")).mid()
+        else:
+            a, fa = b, fb
+        b, fb = x, fx
+        if abs(fx) < abs(fa) * arb(2) ** (8 - ctx.prec):
+            break
+    return _proved(function, x)
+
+
+def _proved(function: Callable[[arb], arb], x: arb) -> arb:
+    """Return the smallest ball x ± 2^k ulp at whose ends the signs provably differ."""
+    radius = abs(x) * arb(2) ** (12 - ctx.prec)
+    for _ in range(ctx.prec // 4):
+        low, high = function((x - radius).mid()), function((x + radius).mid())
+        if (low > 0 and high < 0) or (low < 0 and high > 0):
+            break
+        radius = (radius * 4).mid()
+    return arb(x.mid(), radius.abs_upper())
+
+
+def _is_simple(radicand: Radicand, place: LoopPlace, exponent: int = -60) -> bool:
+    """Tell whether P grows like the first power of the distance from its zero, at 2^exponent of x."""
+    distance = abs(place.x.mid()) * arb(2) ** (exponent - 1)
+    grows = exponent_at(lambda x: radicand(LoopPlace(place.region, x)), place.x.mid(), distance)
+    # 0 of a place that only looks like a zero of high order, next to it.
+    return 0.5 < grows < 1.5
+
+
+def classify_pole(radicand: Radicand, side: Region) -> PoleKind:
+    """Return the behaviour of P at a pole, from its power law at the nearest distances where it is known."""
+    for nearest, farthest in pairwise(POLE_EXPONENTS):
+        near, far = (radicand(LoopPlace(side, arb(2) ** e)) for e in (nearest, farthest))
+        if is_known(near) and is_known(far):
+            break
+    if not (near > 0 and far > 0):
+        return "blocked"
+    slope = float((near / far).log() / (arb(2).log() * (nearest - farthest)))
+    if not abs(slope) < STEEPEST:
+        return "flat"
+    if abs(slope) < 1e-3:
+        return "passable"
+    return "asymptotic" if slope > 0 else "collision"

@@ -1,0 +1,264 @@
+r"""Proves the sign of p² on whole stretches of many loops at once, in outward-rounded doubles.
+
+A cell is a stretch 0 ≤ v₋ < v ≤ v₊ ≤ π/2 of the northern or southern quarter of a half loop. On it
+|g3| = Z s and |g1| = G s^α are powers of s = sin v, and g2 falls as v grows: their bounds are those at
+the ends. D = g1 V_3 − g3 V_1, whose sign is that of p² up to the signs of g1 and g3, is evaluated in
+:class:`.IntervalAlgebra` with s as a scale. So a cell may begin at the pole itself, where D is known by
+its leading power. What the bounds leave open is halved.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.intervals import Interval, IntervalAlgebra
+from service.dynamics.formula.algebras.jets import FirstOrderJets
+from service.dynamics.formula.tape import Tape
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.geometry.height import log_sine_real, numerator_real
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+Bounds = tuple[FloatArray, FloatArray]
+
+QUARTER = 0.5 * np.pi
+"""The equator, just below π/2; a cell that ends here includes it."""
+ULPS = 2.0**-49
+HEIGHTS = 2.0**-45
+"""More than the relative error of |g2|: 2α log s is off by some 2^-50 of it, hence 1 − s^2α by no more."""
+NARROWEST = 1e-11
+"""Relative width of a cell that is not halved any more."""
+NEAREST = 1e-60
+"""A cell at the pole that ends here is not cut again: no single term of D leads there."""
+MOST_CELLS = 2048
+"""Of one loop at a time."""
+NUMBERS = 4_000_000
+"""In memory at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """The common data of the loops of a body and the signs of a motion; primed axes, as in :mod:`.loop`."""
+
+    alpha: Fraction
+    is_mirrored: bool
+    first_sign: int
+    """That of the primed g1."""
+    third_sign: int
+    """That of the primed g3."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """Z and G as powers of a scale, λ or 1/λ, beside bounds of their coefficients: for stretches of λ."""
+
+    scale: Bounds
+    """Shape (loops,), as all the others; the lower one may be 0."""
+    Z: Bounds
+    G: Bounds
+    Z_power: Fraction
+    G_power: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """Bounds of Z and G of each loop, and of the inputs that its formula has beside g1, g2, g3."""
+
+    shape: Shape
+    Z: Bounds
+    G: Bounds
+    inputs: tuple[FloatArray, ...] = ()
+    """Numbers, each the double nearest to the one meant, shape (loops,)."""
+    scaled: Scaled | None = None
+    """Z and G for stretches of λ, if each loop represents one."""
+
+    def at(self, chosen: IntArray) -> "Loops":
+        """Return some of them."""
+
+        def part(bounds: Bounds) -> Bounds:
+            return bounds[0][chosen], bounds[1][chosen]
+
+        scaled = self.scaled
+        if scaled is not None:
+            scaled = replace(scaled, scale=part(scaled.scale), Z=part(scaled.Z), G=part(scaled.G))
+        inputs = tuple(numbers[chosen] for numbers in self.inputs)
+        return Loops(self.shape, part(self.Z), part(self.G), inputs, scaled)
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Stretches of loops, as arrays of one shape."""
+
+    owner: IntArray
+    """The number of the loop."""
+    hemisphere: FloatArray
+    """The sign of g2."""
+    low: FloatArray
+    high: FloatArray
+
+    def at(self, chosen: BoolArray | IntArray | slice) -> "Cells":
+        """Return some of them."""
+        return Cells(self.owner[chosen], self.hemisphere[chosen], self.low[chosen], self.high[chosen])
+
+    def halves(self) -> "Cells":
+        """Return both parts of each; next to a pole the nearer one is much the smaller."""
+        at_pole, is_wide = self.low == 0.0, self.high > 2.0 * self.low
+        middle = np.where(is_wide, np.sqrt(self.low) * np.sqrt(self.high), 0.5 * (self.low + self.high))
+        middle = np.where(at_pole, self.high / 16.0, middle)
+        return Cells(
+            np.concatenate([self.owner, self.owner]),
+            np.concatenate([self.hemisphere, self.hemisphere]),
+            np.concatenate([self.low, middle]),
+            np.concatenate([middle, self.high]),
+        )
+
+
+def shape_of(body: RigidBody, motion: PlanarMotion) -> Shape:
+    """Return the shape of the loops on the half that ``motion`` names; A ≠ C."""
+    if body.A < body.C:
+        return Shape(body.C / body.A, True, motion.g3_sign, motion.sign_of_g1)
+    return Shape(body.alpha, False, motion.sign_of_g1, motion.g3_sign)
+
+
+def radicand_bounds(tape: Tape, loops: Loops, cells: Cells) -> Bounds:
+    """Return bounds of p² on each cell, up to positive factors that vary there; NaN if there are none.
+
+    The inputs of the tape are g1, g2, g3 and ``loops.inputs``.
+    """
+    # Every instruction leaves bounds of a value and of a slope behind.
+    most = min(max(NUMBERS // (4 * len(tape.instructions) + 4), 64), 8192)
+    count = len(cells.owner)
+    lo, hi = np.full(count, np.nan), np.full(count, np.nan)
+    for start in range(0, count, most):
+        here = slice(start, start + most)
+        bounds = _radicand_bounds(tape, loops, cells.at(here))
+        if bounds is not None:
+            lo[here], hi[here] = bounds
+    is_turned = (loops.shape.first_sign * loops.shape.third_sign < 0) != loops.shape.is_mirrored
+    return (-hi, -lo) if is_turned else (lo, hi)
+
+
+def _radicand_bounds(tape: Tape, loops: Loops, cells: Cells) -> Bounds | None:
+    algebra = IntervalAlgebra(scales(loops, cells))
+    first, third = axes(algebra, loops, cells)
+    g1, g3 = (third, first) if loops.shape.is_mirrored else (first, third)
+    inputs = [algebra.about(numbers[cells.owner]) for numbers in loops.inputs]
+    return derivative_bounds(algebra, tape, (g1, algebra.interval(*heights(loops, cells)), g3), inputs)
+
+
+def radicand_signs(tape: Tape, loops: Loops, cells: Cells) -> IntArray:
+    """Return for each cell the sign that p² certainly has all over it, 0 if that is not known."""
+    lo, hi = radicand_bounds(tape, loops, cells)
+    known: IntArray = ((lo > 0.0) & (hi >= lo)).astype(np.int64) - ((hi < 0.0) & (lo <= hi))
+    return known
+
+
+def derivative_bounds(
+    algebra: IntervalAlgebra, tape: Tape, g: tuple[Interval, Interval, Interval], inputs: Sequence[Interval]
+) -> Bounds | None:
+    """Return bounds of D without its powers of the scales; None where D is 0."""
+    g1, g2, g3 = g
+    jets = FirstOrderJets(algebra, 1)
+    seeds = [jets.seed(g1, (algebra.negate(g3),)), jets.seed(g2, (None,)), jets.seed(g3, (g1,))]
+    with np.errstate(all="ignore"):
+        found = tape.evaluate(jets, [*seeds, *(jets.seed(each, (None,)) for each in inputs)]).first[0]
+    if found is None:
+        return None
+    shape = g2.lo.shape
+    return np.broadcast_to(found.lo, shape), np.broadcast_to(found.hi, shape)
+
+
+def have_no_motion(
+    tape: Tape,
+    loops: Loops,
+    most_cells: int = MOST_CELLS,
+    narrowest: FloatArray | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> BoolArray:
+    """Tell for each loop whether p² < 0 on the whole half is proved, with so many cells at a time.
+
+    Cells of a loop are not halved below the relative width ``narrowest``. False is no claim: there
+    may be a motion, the bounds do not decide, or it was stopped.
+    """
+    count = len(loops.Z[0])
+    narrowest = np.full(count, NARROWEST) if narrowest is None else narrowest
+    open_loops = ~np.isnan(loops.Z[0]) & ~np.isnan(loops.G[0])
+    cells = _quarters(np.flatnonzero(open_loops))
+    while len(cells.owner):
+        if should_stop():
+            open_loops[cells.owner] = False
+            break
+        signs = radicand_signs(tape, loops, cells)
+        undecided = signs == 0
+        given_up = undecided & np.where(
+            cells.low > 0.0,
+            cells.high - cells.low < narrowest[cells.owner] * cells.high,
+            cells.high < NEAREST,
+        )
+        open_loops[cells.owner[(signs > 0) | given_up]] = False
+        crowded = np.bincount(cells.owner[undecided], minlength=count) > most_cells
+        open_loops[crowded] = False
+        cells = cells.at(undecided & open_loops[cells.owner]).halves()
+    return open_loops
+
+
+def _quarters(owners: IntArray) -> Cells:
+    """Return the quarters of half loops, north and south, each a cell."""
+    both = np.concatenate([owners, owners])
+    hemisphere = np.repeat([1.0, -1.0], len(owners))
+    return Cells(both, hemisphere, np.zeros(len(both)), np.full(len(both), QUARTER))
+
+
+def _sines(cells: Cells) -> Bounds:
+    low = np.sin(cells.low) * (1.0 - ULPS)
+    return low, np.where(cells.high >= QUARTER, 1.0, np.minimum(np.sin(cells.high) * (1.0 + ULPS), 1.0))
+
+
+def scales(loops: Loops, cells: Cells) -> list[Bounds]:
+    """Return what the powers of an algebra are to be of: s, and λ where a loop stands for a stretch of it."""
+    found, of = [_sines(cells)], cells.owner
+    if loops.scaled is not None:
+        found.append((loops.scaled.scale[0][of], loops.scaled.scale[1][of]))
+    return found
+
+
+def axes(algebra: IntervalAlgebra, loops: Loops, cells: Cells) -> tuple[Interval, Interval]:
+    """Return the primed g1 and g3 on every cell, in an algebra with these ``scales``."""
+    shape, scaled, of = loops.shape, loops.scaled, cells.owner
+    first_powers, third_powers = [shape.alpha], [Fraction(1)]
+    Z, G = loops.Z, loops.G
+    if scaled is not None:
+        first_powers.append(scaled.G_power)
+        third_powers.append(scaled.Z_power)
+        Z, G = scaled.Z, scaled.G
+    first = algebra.interval(G[0][of], G[1][of], tuple(first_powers))
+    third = algebra.interval(Z[0][of], Z[1][of], tuple(third_powers))
+    return (
+        first if shape.first_sign > 0 else algebra.negate(first),
+        third if shape.third_sign > 0 else algebra.negate(third),
+    )
+
+
+def heights(loops: Loops, cells: Cells) -> Bounds:
+    """Return bounds of g2: |g2| = cos v √(Z² + G² R), R = (1 − s^2α)/cos² v, falls as v grows."""
+    alpha = float(loops.shape.alpha)
+    of = cells.owner
+    with np.errstate(all="ignore"):
+        low = _height(alpha, loops.Z[0][of], loops.G[0][of], cells.high) * (1.0 - HEIGHTS)
+        high = _height(alpha, loops.Z[1][of], loops.G[1][of], cells.low) * (1.0 + HEIGHTS)
+    low = np.where(cells.high >= QUARTER, 0.0, np.maximum(low, 0.0))
+    high = np.where(cells.low == 0.0, 1.0, np.minimum(high, 1.0))
+    north = cells.hemisphere > 0.0
+    return np.where(north, low, -high), np.where(north, high, -low)
+
+
+def _height(alpha: float, Z: FloatArray, G: FloatArray, v: FloatArray) -> FloatArray:
+    sine, cosine = np.sin(v), np.cos(v)
+    square = cosine * cosine
+    found: FloatArray = np.sqrt(Z * Z * square + G * G * numerator_real(alpha, log_sine_real(sine, square)))
+    return found

@@ -1,0 +1,140 @@
+"""Classifies cells of half a loop by bounds in doubles: sign of P known, P monotone, or neither."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+from flint import arb
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.intervals import Interval, IntervalAlgebra
+from service.dynamics.formula.tape import Tape
+from service.dynamics.reduction.geometry.loop import Loop
+from service.dynamics.reduction.geometry.pole_form import pole_forms
+from service.dynamics.reduction.geometry.slopes import derivatives_along
+from service.dynamics.reduction.geometry.tight_form import tight_form
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
+    Bounds,
+    Cells,
+    Loops,
+    Shape,
+    axes,
+    heights,
+    scales,
+)
+
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+FAINT = 1e-300
+"""Below it a double is next to 0, and smaller cells do not help."""
+
+
+class _DomainIntervals(IntervalAlgebra):
+    """Intervals that remember where a root or a logarithm certainly has no value."""
+
+    def __init__(self, scales: Sequence[Bounds]) -> None:
+        super().__init__(scales)
+        self.is_undefined: BoolArray = np.zeros((), dtype=np.bool_)
+
+    def power(self, base: Interval, exponent: Fraction) -> Interval:
+        """Return base^exponent."""
+        if exponent.denominator > 1 and base.sign <= 0:
+            self.is_undefined = self.is_undefined | (base.hi < 0.0)
+        return super().power(base, exponent)
+
+    def call(self, name: str, argument: Interval) -> Interval:
+        """Return the function."""
+        if name == "log" and argument.sign <= 0:
+            self.is_undefined = self.is_undefined | (argument.hi < 0.0)
+        return super().call(name, argument)
+
+
+@dataclass(frozen=True)
+class Half:
+    """One half of a loop, 0 < v < π on the side of one sign of g3, with Z and G in doubles."""
+
+    loop: Loop
+    tape: Tape
+    body: RigidBody
+    """In the axes of the client."""
+    loops: Loops
+    """It alone."""
+    g3_sign: int
+    """Of the primed g3."""
+    turn: int
+    """The sign of P / D."""
+
+    @cached_property
+    def pole_forms(self) -> dict[int, tuple[Tape, Tape]]:
+        """Return the tape as it is next to each pole, g2 = 1 and −1."""
+        return {sigma: pole_forms(self.tape, sigma) for sigma in (1, -1)}
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The results for each cell, as arrays."""
+
+    sign: IntArray
+    """That P certainly has all over it; 0 if that is not known."""
+    slope: IntArray
+    """That which dP/dv certainly has, but for a positive factor of P; 0 if that is not known."""
+    is_undefined: BoolArray
+    """P certainly has no value anywhere on it."""
+    is_faint: BoolArray
+    """The bounds are so small that doubles lose them."""
+
+
+def half_of(loop: Loop, tape: Tape, g3_sign: int) -> Half:
+    """Return the half of the loop where the primed g3 has this sign."""
+    shape = Shape(loop.alpha, loop.mirrored, loop.g1_sign, g3_sign)
+    A, C = (loop.C, loop.A) if loop.mirrored else (loop.A, loop.C)
+    loops = Loops(shape, _bounds(loop.Z), _bounds(loop.G))
+    is_turned = (loop.g1_sign * g3_sign < 0) != loop.mirrored
+    return Half(
+        loop,
+        tight_form(tape),
+        RigidBody(A, None, C, allow_unphysical=True),
+        loops,
+        g3_sign,
+        -1 if is_turned else 1,
+    )
+
+
+def look_at(half: Half, cells: Cells, *, with_slope: bool) -> Found:
+    """Return what bounds say of the cells."""
+    algebra = _DomainIntervals(scales(half.loops, cells))
+    first, third = axes(algebra, half.loops, cells)
+    g1, g3 = (third, first) if half.loops.shape.is_mirrored else (first, third)
+    g2 = algebra.interval(*heights(half.loops, cells))
+    with np.errstate(all="ignore"):
+        D, *slopes = derivatives_along(algebra, half.tape, half.body, (g1, g2, g3), 1 if with_slope else 0)
+    shape = cells.low.shape
+    slope = _signs(slopes[0], shape) * half.turn if slopes else np.zeros(shape, dtype=np.int64)
+    is_undefined = np.broadcast_to(algebra.is_undefined, shape)
+    return Found(_signs(D, shape) * half.turn, slope, is_undefined, _are_faint(D, shape))
+
+
+def _signs(element: Interval | None, shape: tuple[int, ...]) -> IntArray:
+    if element is None:
+        return np.zeros(shape, dtype=np.int64)
+    # Written so that NaN is no sign.
+    is_ordered = element.lo <= element.hi
+    signs = ((element.lo > 0.0) & is_ordered).astype(np.int64) - ((element.hi < 0.0) & is_ordered)
+    return np.broadcast_to(signs, shape)
+
+
+def _are_faint(element: Interval | None, shape: tuple[int, ...]) -> BoolArray:
+    if element is None:
+        return np.zeros(shape, dtype=np.bool_)
+    return np.broadcast_to((element.lo > -FAINT) & (element.hi < FAINT), shape)
+
+
+def _bounds(ball: arb) -> Bounds:
+    low, high = float(ball.lower()), float(ball.upper())
+    # A ball's end is rounded to the nearest double.
+    lower, upper = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
+    return np.array([max(lower, 0.0)]), np.array([min(upper, 1.0)])

@@ -1,0 +1,194 @@
+r"""Finds the zeros of P on one half of a loop, and proves that there are no others.
+
+For a potential with a formula all of this is proved, by bounds that hold on the whole half from pole to
+pole (:mod:`.signs`; :mod:`.rest` where doubles do not settle it):
+
+* P has the stated sign on all cells, which cover the half except for narrow gaps;
+* on a gap whose slope has one sign P has one zero, if its signs before and after differ, else none;
+* on a gap where X² D has one sign P turns at one place, which is enclosed, and where its sign is known.
+  If it is not, at the bits in use, P may touch 0 there: that is a zero of even order, or none, or two
+  which these bits do not distinguish.
+
+What remains is evidence, and such gaps are at most 1e-5 wide against their distance to a pole: a zero of
+order three or more, or of no order; the edge of where P is defined. Values in balls then say that P is 0
+to all bits in use, or changes its sign, and its growth names the zero (:mod:`.orders`); that there is
+one zero only in this gap is not proved. Where a gap is none of these the motion is refused.
+
+A potential that is given by an integral has no tape: there all is evidence, of the scan (:mod:`.radicand`).
+"""
+
+import numpy as np
+from flint import arb, ctx
+from numpy.typing import NDArray
+
+from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.potential import NoClosedFormError
+from service.dynamics.reduction.geometry.loop import Loop
+from service.dynamics.reduction.root_finding.orders import lowest_place
+from service.dynamics.reduction.root_finding.radicand import (
+    DOUBLE_SHARE,
+    HalfLoop,
+    half_between,
+    in_order,
+    precise_radicand,
+    scan_half,
+    vanishes,
+)
+from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, Region
+from service.dynamics.reduction.separatrices import with_near_rests
+from service.dynamics.reduction.sign_proofs.cells import Half, half_of
+from service.dynamics.reduction.sign_proofs.rest import MOST_GAPS, ends_of, settled, width_of
+from service.dynamics.reduction.sign_proofs.signs import Gap, Picture, first_picture, refined
+from service.dynamics.reduction.sign_proofs.signs_in_balls import (
+    Side,
+    height_at,
+    is_negative_where_defined,
+    turn_on_stretch,
+)
+
+IntArray = NDArray[np.int64]
+
+ROUNDS = 6
+"""Of cuts in doubles before anything else is tried."""
+NAMED = 1e-5
+"""Width, against the distance to the pole, that a stretch about a zero of higher order, or of none, or about
+an edge may have."""
+AROUND = 1 / 16
+"""Relative distance from it at which P has its size."""
+NEXT = 1e-14
+UNDEFINED = 2
+"""In place of a sign."""
+
+
+class SignsUnsettledError(DynamicsError):
+    """On a part of the curve the bounds do not decide where p² is positive."""
+
+    code = "signs_unsettled"
+
+
+def proved_half(loop: Loop, g3_sign: int) -> HalfLoop:
+    """Return the zeros and signs of P where g3 has this sign (primed axes).
+
+    Raises
+    ------
+    SignsUnsettledError
+        The bounds do not decide the sign of P on a part of the half.
+    """
+    try:
+        tape = loop.potential.tape
+    except NoClosedFormError:
+        return with_near_rests(loop, scan_half(loop, g3_sign), g3_sign, ())
+    radicand = precise_radicand(loop, g3_sign)
+    half = half_of(loop, tape, g3_sign)
+    picture = refined(half, first_picture(half), ROUNDS)
+    if (picture.found.sign == 0).all() and vanishes(radicand):
+        return HalfLoop((), (-1,), "blocked", "blocked")
+    if picture.open_gaps():
+        picture = settled(half, picture)
+    cuts, gaps = _cuts(picture), picture.open_gaps()
+    if len(gaps) > MOST_GAPS:
+        raise _unsettled(half, *ends_of(picture, gaps[0]))
+    turns = [place for gap in gaps for place in _cuts_inside(half, picture, gap, radicand)]
+    cuts.extend(turns)
+    found = half_between(in_order(cuts), g3_sign, radicand)
+    for gap in gaps:
+        start, stop = ends_of(picture, gap)
+        # A zero without a name would have to be the only one by bounds of the slope.
+        if not picture.is_bounded(gap) and any(
+            zero.kind == "simple" and _is_between(zero.v, start, stop) for zero in found.zeros
+        ):
+            raise _unsettled(half, start, stop)
+    return with_near_rests(loop, found, g3_sign, (place.v() for place in turns))
+
+
+def _is_between(v: arb, start: Side, stop: Side) -> bool:
+    """Tell whether a zero, on either half, lies on the stretch, as far as doubles resolve."""
+    low, high = (x if side > 0 else np.pi - x for side, x in (start, stop))
+    return bool(low * (1.0 - NEXT) <= abs(float(v)) <= high * (1.0 + NEXT))
+
+
+def _cuts(picture: Picture) -> list[LoopPlace]:
+    """Return a place on the first and the last cell of each stretch where P has a sign."""
+    cells = picture.cells
+    label = _labels(picture)
+    is_inside = np.zeros(len(label), dtype=np.bool_)
+    is_inside[1:-1] = (label[:-2] == label[1:-1]) & (label[1:-1] == label[2:])
+    cuts = []
+    for k in np.flatnonzero((label != 0) & ~is_inside).tolist():
+        x = arb(0.5 * (float(cells.low[k]) + float(cells.high[k])))
+        cuts.append(
+            LoopPlace(
+                _region(float(cells.hemisphere[k])), x, sign=int(label[k]) if label[k] != UNDEFINED else None
+            )
+        )
+    return cuts
+
+
+def _labels(picture: Picture) -> IntArray:
+    """Return the sign of P on each cell, 0 if it is not known, UNDEFINED where P has no value."""
+    return np.where(picture.found.is_undefined, UNDEFINED, picture.found.sign)
+
+
+def _region(hemisphere: float) -> Region:
+    return "north" if hemisphere > 0 else "south"
+
+
+def _cuts_inside(half: Half, picture: Picture, gap: Gap, radicand: Radicand) -> list[LoopPlace]:
+    """Return the place where P turns, or touches 0, in a gap that is not closed; none if it has an edge."""
+    start, stop = ends_of(picture, gap)
+    first, last = gap
+    labels = _labels(picture)
+    before, after = (int(labels[k]) if 0 <= k < len(labels) else 0 for k in (first - 1, last))
+    if 0 in (before, after):
+        raise _unsettled(half, start, stop)
+    if UNDEFINED in (before, after):
+        if before == after or not width_of(start, stop) < NAMED:
+            raise _unsettled(half, start, stop)
+        return []
+    if picture.is_bounded(gap):
+        turns = [turn_on_stretch(half, *ends_of(picture, turn)) for turn in picture.turns(gap)]
+        return [turn.place for turn in turns if turn is not None and turn.place is not None]
+    if not width_of(start, stop) < NAMED:
+        raise _unsettled(half, start, stop)
+    if before != after:
+        return []
+    touch = _touch(start, stop, radicand)
+    if touch is not None:
+        return [touch]
+    if before < 0 and is_negative_where_defined(half, start, stop):
+        return []
+    raise _unsettled(half, start, stop)
+
+
+def _touch(start: Side, stop: Side, radicand: Radicand) -> LoopPlace | None:
+    """Return the place in a narrow gap where balls do not exclude P = 0, None if there is none."""
+    region: Region = "middle" if start[0] != stop[0] else _region(start[0])
+    left, right = (
+        arb.pi() - arb(x) if region == "middle" and side < 0 else arb(x) for side, x in (start, stop)
+    )
+
+    def value(x: arb) -> arb:
+        return radicand(LoopPlace(region, x))
+
+    middle = (left + right) / 2
+    # As balls: beside a flat zero P is below all doubles.
+    one, other = (abs(value(middle * (1 + share))).mid() for share in (arb(AROUND), -arb(AROUND)))
+    size = one.max(other)
+    nothing = size * arb(2) ** -int(DOUBLE_SHARE * ctx.prec)
+    x = lowest_place(value, left, right, nothing)
+    at_x = value(x)
+    if at_x.is_finite():
+        touches = abs(at_x).upper() <= nothing
+    else:
+        # The formula has no value there, such as exp(-1/x²) at 0: P is 0 if it comes to 0 on both sides.
+        touches = all(abs(value(end)).upper() <= nothing for end in (left, right))
+    return LoopPlace(region, x, np.inf) if touches else None
+
+
+def _unsettled(half: Half, start: Side, stop: Side) -> SignsUnsettledError:
+    low, high = sorted(height_at(half, side) for side in (start, stop))
+    return SignsUnsettledError(
+        f"between g2 = {low:.15g} and {high:.15g} on the curve the sign of p² is not settled: bounds "
+        "do not decide where it is positive",
+        pointer="/potential",
+    )

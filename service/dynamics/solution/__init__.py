@@ -1,0 +1,1 @@
+"""A computed motion as a function of time, with its evidence."""

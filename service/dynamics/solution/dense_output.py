@@ -1,0 +1,259 @@
+"""A solution as a function of time: piecewise Chebyshev polynomials.
+
+Each piece maps [breaks[k], breaks[k+1]] onto [-1, 1] and holds, for every
+column, the coefficients of a Chebyshev series of the first kind. A periodic
+motion stores one period; its length is the sum hi + lo of two doubles, so that
+reducing a time by n periods costs no digits for any n up to 2^53. A column such
+as an angle may grow by a fixed advance per period, kept in the same way.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.bounds import largest
+from service.dynamics.errors import DynamicsError
+
+FloatArray = NDArray[np.float64]
+
+EPSILON = float(np.finfo(np.float64).eps)
+_SPLIT = 134217729.0  # 2^27 + 1: Veltkamp's constant for doubles
+_BLOCK = 2048  # times whose sums stay in the cache
+
+
+class OutsideHorizonError(DynamicsError):
+    """A requested time is outside the solution."""
+
+    code = "outside_horizon"
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """A period hi + lo (|lo| ≤ ulp(hi)/2) and the bound of its absolute error."""
+
+    hi: float
+    lo: float
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Advance:
+    """Growth of a column per period: hi + lo (|lo| ≤ ulp(hi)/2), and the bound of its absolute error."""
+
+    hi: float = 0.0
+    lo: float = 0.0
+    error: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class DenseOutput:
+    """Columns as functions of time.
+
+    Parameters
+    ----------
+    columns
+        Names, in the order of the last axis.
+    breaks
+        Shape (pieces + 1,), strictly increasing. Periodic: from 0 to the period.
+    coefficients
+        Shape (pieces, degree + 1, columns).
+    period
+        None if the motion is not periodic (or not known to be): then only
+        times within ``breaks`` can be asked.
+    error
+        Bound of the absolute error within ``breaks`` of every column not in ``errors``.
+    errors
+        The same for columns with a bound of their own, by name.
+    advances
+        Of the columns that grow from period to period, by name; the others are periodic.
+    """
+
+    columns: tuple[str, ...]
+    breaks: FloatArray
+    coefficients: FloatArray
+    period: Period | None
+    error: float
+    errors: Mapping[str, float] = field(default_factory=dict)
+    advances: Mapping[str, Advance] = field(default_factory=dict)
+
+    def __call__(self, times: FloatArray, rests: FloatArray | None = None) -> FloatArray:
+        """Return the columns at ``times``, shape (len(times), columns).
+
+        With ``rests`` the times are the sums of both, as
+        :class:`~service.dynamics.sampling.SampleTimes` has them.
+
+        Raises
+        ------
+        OutsideHorizonError
+            A time is outside ``breaks`` and the motion is not periodic.
+        """
+        times = np.asarray(times, dtype=np.float64)
+        if self.period is None:
+            self.require_within(times)
+            return self._within(times, rests)
+        local, turns = split_time(times, self.period, rests)
+        values = self._within(local)
+        self.advance(values, turns)
+        return values
+
+    def only(self, columns: Sequence[str]) -> "DenseOutput":
+        """Return the function of time of these columns alone: no other is evaluated with it."""
+        chosen = [self.columns.index(name) for name in columns]
+        return replace(
+            self,
+            columns=tuple(columns),
+            coefficients=self.coefficients[:, :, chosen],
+            errors={name: error for name, error in self.errors.items() if name in columns},
+            advances={name: advance for name, advance in self.advances.items() if name in columns},
+        )
+
+    def advance(self, values: FloatArray, turns: FloatArray) -> None:
+        """Add to columns that grow, shape (times, columns), what they gain in so many periods."""
+        for name, advance in self.advances.items():
+            k = self.columns.index(name)
+            # The large part last: the small ones keep their digits.
+            values[:, k] = (values[:, k] + turns * advance.lo) + turns * advance.hi
+
+    def error_at(self, times: FloatArray) -> float:
+        """Return the bound of the absolute error of any column at any of ``times``; see :meth:`errors_at`."""
+        return largest(self.errors_at(times).values())
+
+    def errors_at(self, times: FloatArray) -> dict[str, float]:
+        """Return the bound of the absolute error of each column at any of ``times``, by name.
+
+        For a periodic motion the error of the phase comes on top: that of the
+        period, once for every period that has passed, and the rounding of a
+        time by a few ulp. What it does is measured by moving the times by it.
+        The error of an advance counts once for every period as well.
+        """
+        times = np.asarray(times, dtype=np.float64)
+        samples = self(times)
+        bounds = np.array([self.errors.get(name, self.error) for name in self.columns])
+        bounds += EPSILON * np.abs(samples).max(axis=0, initial=0.0)
+        if self.period is not None and len(times):
+            phase = self.phase_error(times)
+            # Reduced first: a small shift would drown in the rounding of a late time.
+            local, turns = split_time(times, self.period)
+            here = self._within(local)
+            bounds += np.max([np.abs(self(local + by) - here).max(axis=0) for by in (-phase, phase)], axis=0)
+            gains = [self.advances.get(name, Advance()).error for name in self.columns]
+            bounds += np.abs(turns).max() * np.array(gains)
+        return dict(zip(self.columns, bounds.tolist(), strict=True))
+
+    def phase_error(self, times: FloatArray) -> float:
+        """Return the bound of the error of the phase, as a time, at any of ``times``; 0 without a period."""
+        if self.period is None or not len(times):
+            return 0.0
+        turns = float(np.abs(times).max()) / self.period.hi
+        return self.period.error * turns + 4.0 * EPSILON * self.period.hi
+
+    def _within(self, local: FloatArray, rests: FloatArray | None = None) -> FloatArray:
+        piece = np.clip(np.searchsorted(self.breaks, local, side="right") - 1, 0, len(self.breaks) - 2)
+        left, right = self.breaks[piece], self.breaks[piece + 1]
+        x = ((local - left) - (right - local)) / (right - left)
+        if rests is not None:
+            x = x + 2.0 * rests / (right - left)
+        x = np.clip(x, -1.0, 1.0)
+        return _clenshaw(self.coefficients, piece, x)
+
+    def require_within(self, times: FloatArray) -> None:
+        """Refuse times before the first or after the last of ``breaks``.
+
+        Raises
+        ------
+        OutsideHorizonError
+            A time is outside.
+        """
+        first, last = float(self.breaks[0]), float(self.breaks[-1])
+        outside = times[~((times >= first) & (times <= last))]
+        if outside.size:
+            raise OutsideHorizonError(
+                f"t = {outside[0]:.17g} is outside [{first:.17g}, {last:.17g}], "
+                "where this solution was computed"
+            )
+
+
+def reduce_time(times: FloatArray, period: Period) -> FloatArray:
+    """Return t − n (hi + lo) in [0, hi], with the product n hi formed exactly."""
+    return split_time(times, period)[0]
+
+
+def split_time(
+    times: FloatArray, period: Period, rests: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return t − n (hi + lo) in [0, hi] as :func:`reduce_time` does, and n, whole numbers as doubles.
+
+    With ``rests`` the times t are the sums of both.
+    """
+    turns = np.floor(times / period.hi)
+    local = _remainder(times, turns, period, rests)
+    shift = np.where(local < 0.0, -1.0, np.where(local >= period.hi, 1.0, 0.0))
+    local = np.where(shift == 0.0, local, _remainder(times, turns + shift, period, rests))
+    return np.clip(local, 0.0, period.hi), turns + shift
+
+
+def _remainder(times: FloatArray, turns: FloatArray, period: Period, rests: FloatArray | None) -> FloatArray:
+    product, rest = two_product(turns, period.hi)
+    small = turns * period.lo if rests is None else turns * period.lo - rests
+    return ((times - product) - rest) - small
+
+
+def two_product(a: FloatArray, b: float) -> tuple[FloatArray, FloatArray]:
+    """Return a·b as an unevaluated sum of two doubles (Dekker 1971)."""
+    product = a * b
+    a_high = _SPLIT * a - (_SPLIT * a - a)
+    b_high = _SPLIT * b - (_SPLIT * b - b)
+    a_low, b_low = a - a_high, b - b_high
+    rest = ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
+    return product, rest
+
+
+def _clenshaw(coefficients: FloatArray, piece: NDArray[np.intp], x: FloatArray) -> FloatArray:
+    """Sum the Chebyshev series of each time's piece; all columns at once.
+
+    Every time has its own sum, so that its digits do not depend on the other times.
+    """
+    values = np.empty((len(x), coefficients.shape[2]))
+    by_degree = np.ascontiguousarray(coefficients.swapaxes(0, 1))
+    for start in range(0, len(x), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        _clenshaw_block(by_degree, piece[block], x[block], values[block])
+    return values
+
+
+def _clenshaw_block(
+    by_degree: FloatArray, piece: NDArray[np.intp], x: FloatArray, values: FloatArray
+) -> None:
+    # Arrays of one shape, written in place: broadcasting and new arrays would take half of the time.
+    wide = np.repeat(x[:, None], values.shape[1], axis=1)
+    twice = 2.0 * wide
+    first, second = np.zeros_like(wide), np.zeros_like(wide)
+    following, coefficient = np.empty_like(wide), np.empty_like(wide)
+    for k in range(len(by_degree) - 1, 0, -1):
+        np.take(by_degree[k], piece, axis=0, out=coefficient, mode="clip")
+        np.multiply(twice, first, out=following)
+        np.add(coefficient, following, out=following)
+        np.subtract(following, second, out=following)
+        first, second, following = following, first, second
+    np.take(by_degree[0], piece, axis=0, out=coefficient, mode="clip")
+    np.multiply(wide, first, out=values)
+    np.add(coefficient, values, out=values)
+    np.subtract(values, second, out=values)
+
+
+def chebyshev_points(degree: int) -> FloatArray:
+    """Return cos(π j / degree), j = 0..degree: from 1 down to -1."""
+    return np.sin(np.pi * np.arange(degree, -degree - 1, -2) / (2 * degree))
+
+
+def chebyshev_coefficients(values: FloatArray) -> FloatArray:
+    """Return the series that takes ``values`` (axis 0) at :func:`chebyshev_points`."""
+    degree = values.shape[0] - 1
+    j = np.arange(degree + 1)
+    # The angle is reduced in integers: cos of a large one would cost two digits.
+    matrix = np.cos(np.pi * (np.outer(j, j) % (2 * degree)) / degree) * (2.0 / degree)
+    matrix[:, [0, -1]] *= 0.5
+    matrix[[0, -1], :] *= 0.5
+    return np.tensordot(matrix, values, axes=(1, 0))

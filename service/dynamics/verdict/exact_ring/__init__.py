@@ -1,0 +1,1 @@
+"""Exact arithmetic for proofs: elements of a ring, their factors, their signs."""

@@ -1,0 +1,183 @@
+r"""Proves or refuses a single planar motion of an undecided potential, on the motion's own arc.
+
+For one motion L(V) = 0 is needed on its own arc only. The equation of q there is
+B dq/dt = (C - A) r p + g3 V_1 - g1 V_3 = 2 (A - C) g1 g3 (h - H)/Q, with p and r from the energy h and
+H = V + Q D/(2 (A - C) g1 g3); so q stays 0 if H is constant along the arc.
+
+The arc is covered with cells on which the argument of every absolute value of the formula has a certain
+sign, but for cells that may have a kink in them. On each piece that the arc meets, X(H) = 0 is proved in
+the exact ring, everywhere or on the curve; at the kinks V and H are proved the same on both sides.
+Nothing less is accepted: an enclosure of X(H) on a cell, however small, leaves room for q ≠ 0.
+"""
+
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from itertools import product
+from math import nextafter
+from typing import ClassVar
+
+import numpy as np
+from flint import arb, ctx
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.equations.compatibility import pde_residual
+from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.families.general_solution import GeneralPotential
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.arc import Arc
+from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.verdict.piecewise import is_harmless, is_joined
+from service.dynamics.verdict.proofs.exact_on_curve import CurveOfMotion, holds_on_piece
+from service.dynamics.verdict.proofs.proof import Signs as Octant
+from service.dynamics.verdict.proofs.proof import prove
+from service.dynamics.verdict.refutations.counterexample import DecimalBall, decimal_ball, decimal_point
+from service.dynamics.verdict.sphere.boxes import DomainIntervals, bounds_of
+from service.dynamics.verdict.sphere.cells_of_arc import Cell, cells_of, place_on
+from service.dynamics.verdict.sphere.pieces import Crossing, TooManyPiecesError, combinations, crossings_of
+from service.dynamics.verdict.sphere.switches import Signs, Switches, find_switches
+
+FloatArray = NDArray[np.float64]
+
+MOST_HALVINGS = 24
+MOST_CELLS = 400
+PRECISIONS = (192, 1024)
+"""Bits of the enclosures of L(V) on the curve, by which a motion is refuted."""
+POINTS_PER_CELL = 8
+
+
+class InadmissibleMotionError(DynamicsError):
+    """L(V) is certainly not 0 at a point of the motion's own curve: q does not stay 0."""
+
+    code: ClassVar[str] = "inadmissible_motion"
+
+    def __init__(self, g: tuple[str, str, str], radius: str, residual: DecimalBall) -> None:
+        super().__init__(
+            "the potential does not satisfy the compatibility equation on the curve of this motion, "
+            "hence q does not stay 0; the residual at the point given is certainly not 0",
+            pointer="/motion",
+        )
+        self.g = g
+        self.radius = radius
+        self.residual = residual
+
+
+class UndecidedMotionError(DynamicsError):
+    """L(V) = 0 is not proved on the motion's own curve."""
+
+    code: ClassVar[str] = "undecided_motion"
+
+
+def require_proof_on_arc(
+    body: RigidBody, potential: Potential, motion: PlanarMotion, arc: Arc, is_late: Callable[[], bool]
+) -> None:
+    """Prove L(V) = 0 on the arc of a motion, at the current precision.
+
+    Raises
+    ------
+    InadmissibleMotionError
+        It is certainly not 0 at a point of the arc.
+    UndecidedMotionError
+        It is not proved.
+    """
+    if isinstance(potential, GeneralPotential):
+        raise _undecided("V is given by an integral")
+    cells = list(cells_of(arc))
+    doubt = _doubt(body, find_switches(potential.tape), motion, cells, is_late)
+    if doubt is None:
+        return
+    for bits in PRECISIONS:
+        with ctx.workprec(bits):
+            _refute(body, potential, arc, cells, is_late)
+    raise _undecided(doubt)
+
+
+def _undecided(doubt: str) -> UndecidedMotionError:
+    return UndecidedMotionError(
+        f"it is neither proved nor refuted that q = 0 on the curve of this motion: {doubt}", pointer="/motion"
+    )
+
+
+def _doubt(
+    body: RigidBody,
+    switches: Switches,
+    motion: PlanarMotion,
+    cells: list[Cell],
+    is_late: Callable[[], bool],
+) -> str | None:
+    """Return what is not proved on the cells, None if all is."""
+    try:
+        met, crossings = _pieces_on(switches, cells, is_late)
+    except TooManyPiecesError as error:
+        return str(error)
+    curve = CurveOfMotion(body, motion.lambda_squared, motion.lambda_)
+    for octant, signs in sorted(met):
+        piece = switches.on_piece(signs)
+        if is_late() or not (holds_on_piece(body, piece, octant, curve) or prove(body, piece) is not None):
+            return "the compatibility equation is not proved on a piece that the curve meets"
+    for crossing in crossings:
+        harmless = not is_late() and is_harmless(body, switches, crossing.switch)
+        if not harmless and (is_late() or not is_joined(body, switches, crossing)):
+            return "V and its energy are not proved the same on both sides of a kink that the curve crosses"
+    return None
+
+
+def _pieces_on(
+    switches: Switches, cells: list[Cell], is_late: Callable[[], bool]
+) -> tuple[set[tuple[Octant, Signs]], set[Crossing]]:
+    """Return the pieces that the cells meet or may meet, and the kinks that they may cross."""
+    met: set[tuple[Octant, Signs]] = set()
+    crossings: set[Crossing] = set()
+    for halving in range(MOST_HALVINGS + 1):
+        if is_late():
+            raise TooManyPiecesError("the time for a verdict is over")
+        is_last = halving == MOST_HALVINGS or 2 * len(cells) > MOST_CELLS
+        left: list[Cell] = []
+        for cell, pattern in zip(cells, _patterns(switches, cells), strict=True):
+            if 0 not in pattern:
+                met.add((cell.octant, pattern))
+            elif is_last:
+                met |= {(cell.octant, each) for each in combinations(pattern)}
+                crossings |= set(crossings_of(pattern))
+            else:
+                left.append(cell)
+        if not left:
+            break
+        cells = [half for cell in left for half in cell.halves()]
+    return met, crossings
+
+
+def _patterns(switches: Switches, cells: list[Cell]) -> Iterator[Signs]:
+    """Yield the sign of every absolute value's argument on each cell, 0 where both may be."""
+    algebra = DomainIntervals(())
+    axes = [algebra.interval(*_doubles([cell.g[position] for cell in cells])) for position in range(3)]
+    low, high = bounds_of(algebra, axes, switches.tape, switches.absolutes, len(cells))
+    signs = np.where(low > 0.0, 1, np.where(high < 0.0, -1, 0))
+    for number in range(len(cells)):
+        yield tuple(int(sign) for sign in signs[:, number])
+
+
+def _doubles(balls: list[arb]) -> tuple[FloatArray, FloatArray]:
+    """Return bounds of balls in doubles."""
+    low = [nextafter(float(each.lower()), -2.0) for each in balls]
+    high = [nextafter(float(each.upper()), 2.0) for each in balls]
+    return np.array(low), np.array(high)
+
+
+def _refute(
+    body: RigidBody, potential: Potential, arc: Arc, cells: list[Cell], is_late: Callable[[], bool]
+) -> None:
+    """Raise InadmissibleMotionError if L(V) is certainly not 0 at one of some points in each cell."""
+    loop, A, C = arc.loop.refined(), ball(body.A), ball(body.C)
+    for cell, part in product(cells, range(POINTS_PER_CELL)):
+        if is_late():
+            return
+        share = ball(Fraction(2 * part + 1, 2 * POINTS_PER_CELL))
+        g = place_on(loop, (cell.lower + (cell.upper - cell.lower) * share).mid())
+        V, gradient, hessian = potential.jet_ball(*g)
+        residual = pde_residual(A, C, g, gradient, hessian)
+        if V.is_finite() and residual.is_finite() and not residual.contains(0):
+            found = decimal_ball(residual)
+            if found.excludes_zero:
+                raise InadmissibleMotionError(*decimal_point(g), found)

@@ -1,0 +1,1 @@
+"""Proves that a potential is admissible, and derives the energy from the proof."""

@@ -1,0 +1,1 @@
+"""Writes roots, logarithms, exponentials, sines and cosines as elements of the ring."""

@@ -1,0 +1,174 @@
+"""Evaluates formulas in the ring of a proof: each function becomes an element with its rules."""
+
+from fractions import Fraction
+
+from service.dynamics.verdict.exact_ring.factors import conjugate, factorise
+from service.dynamics.verdict.exact_ring.generators import Divisor, Element
+from service.dynamics.verdict.exact_ring.layout import NoProofError
+from service.dynamics.verdict.exact_ring.products import Splitting, irreducible_factors
+from service.dynamics.verdict.exact_ring.ring import Ring
+from service.dynamics.verdict.ring_functions.algebraic_numbers import AlgebraicNumbers
+from service.dynamics.verdict.ring_functions.radicals import Radicals
+from service.dynamics.verdict.ring_functions.transcendental import Transcendental
+from service.dynamics.verdict.ring_functions.trigonometry import Trigonometry
+
+MAX_EXPANDED = 24
+"""Powers of sums with up to this many terms are expanded; higher ones are kept as powers of their base."""
+
+
+class RingAlgebra:
+    """An Algebra over :class:`Element`.
+
+    Raises (all methods)
+    --------------------
+    UndefinedInOctantError
+        A division by zero, or a root or logarithm of what is never positive.
+    LayoutTooSmallError, NoProofError
+        See :class:`Ring`.
+    """
+
+    def __init__(self, ring: Ring) -> None:
+        self._ring = ring
+        self._numbers = AlgebraicNumbers(ring)
+        self._splitting = splitting = Splitting(ring)
+        self._radicals = Radicals(ring, self, self._numbers, splitting)
+        self._trigonometry = Trigonometry(ring, self, self._numbers)
+        self._transcendental = Transcendental(ring, self, splitting, self._radicals)
+        self._powers: dict[int, tuple[Element, Element, int]] = {}
+
+    def assume(self, operand: Element, sign: int) -> None:
+        """Take it for known that ``operand`` has the sign wherever the formula is looked at.
+
+        Raises UndefinedInOctantError if it has the other sign in the whole octant.
+        """
+        self._splitting.assume(operand, sign)
+
+    def constant(self, value: Fraction) -> Element:
+        """Return an exact number."""
+        return self._ring.constant(value)
+
+    def pi(self) -> Element:
+        """Return π."""
+        return self._ring.pi()
+
+    def add(self, left: Element, right: Element) -> Element:
+        """Return left + right."""
+        return self._ring.add(left, right)
+
+    def subtract(self, left: Element, right: Element) -> Element:
+        """Return left - right."""
+        return self._ring.add(left, self._ring.negate(right))
+
+    def negate(self, operand: Element) -> Element:
+        """Return -operand."""
+        return self._ring.negate(operand)
+
+    def multiply(self, left: Element, right: Element) -> Element:
+        """Return left · right."""
+        return self._ring.multiply(left, right)
+
+    def divide(self, left: Element, right: Element) -> Element:
+        """Return left / right."""
+        return self._ring.multiply(left, self.reciprocal(right))
+
+    def reciprocal(self, operand: Element) -> Element:
+        """Return 1 / operand: the monomial inverted, what else there is made a divisor."""
+        ring = self._ring
+        factors = factorise(ring, operand)
+        inverse = ring.multiply(
+            ring.constant(1 / factors.coefficient),
+            ring.monomial({i: -e for i, e in enumerate(factors.exponents) if e}),
+        )
+        if factors.is_monomial:
+            return inverse
+        rest = ring.polynomial(factors.rest)
+        if self._numbers.contains(rest):
+            number = self._numbers.reciprocal(rest)
+            if number is not None:
+                return ring.multiply(inverse, number)
+        mirrored = conjugate(ring, factors.rest)
+        if mirrored is not None:
+            norm = ring.multiply(rest, mirrored)
+            return ring.multiply(ring.multiply(inverse, mirrored), self.reciprocal(norm))
+        # Divisors made before were split off by factorise: this one is new.
+        index = ring.atom(f"divisor:{factors.rest}", Divisor(rest))
+        return ring.multiply(inverse, ring.monomial({index: -1}))
+
+    def power(self, base: Element, exponent: Fraction) -> Element:
+        """Return base^exponent."""
+        if exponent.denominator == 1:
+            if exponent < 0:
+                base, exponent = self.reciprocal(base), -exponent
+            return self._integer_power(base, exponent.numerator)
+        # The root of a power, before it was expanded: (x²)^(1/2) is |x|.
+        _, origin, times = self._powers.get(id(base), (base, base, 1))
+        return self._radicals.power(origin, exponent, times)
+
+    def general_power(self, base: Element, exponent: Element) -> Element:
+        """Return exp(exponent · log(base))."""
+        return self.call("exp", self._ring.multiply(exponent, self.call("log", base)))
+
+    def call(self, name: str, argument: Element) -> Element:
+        """Return the function of ``argument``."""
+        match name:
+            case "exp":
+                return self._transcendental.exponential(argument)
+            case "log":
+                _, origin, times = self._powers.get(id(argument), (argument, argument, 1))
+                return self._transcendental.logarithm(origin, times)
+            case "sin":
+                return self._trigonometry.cosine_and_sine(argument)[1]
+            case "cos":
+                return self._trigonometry.cosine_and_sine(argument)[0]
+            case "tan":
+                cosine, sine = self._trigonometry.cosine_and_sine(argument)
+                return self.divide(sine, cosine)
+            case "abs":
+                if self._ring.normal(argument).is_zero:
+                    return argument
+                return self._radicals.power(argument, Fraction(1, 2), 2)
+        raise NoProofError(f"no exact rules for {name}")
+
+    def _integer_power(self, base: Element, exponent: int) -> Element:
+        """Return base^exponent, exponent ≥ 0: expanded if that is short, else as a power of generators."""
+        ring = self._ring
+        terms = len(base.numerator)
+        if exponent < 2 or terms < 2 or _terms_of_power(terms, exponent) <= MAX_EXPANDED:
+            result = ring.integer_power(base, exponent)
+        else:
+            # Of what the base itself is a power of, before it was expanded.
+            _, base, times = self._powers.get(id(base), (base, base, 1))
+            exponent *= times
+            result = self._kept_power(base, exponent)
+        if exponent > 1:
+            self._powers[id(result)] = (result, base, exponent)
+        return result
+
+    def _kept_power(self, base: Element, exponent: int) -> Element:
+        ring = self._ring
+        if ring.normal(base).is_zero:
+            return ring.constant(Fraction(0))
+        factors = factorise(ring, base)
+        monomial = ring.monomial({i: e * exponent for i, e in enumerate(factors.exponents) if e})
+        number, pieces = irreducible_factors(ring, factors.rest)
+        result = ring.multiply(self._number_power(number * factors.coefficient, exponent), monomial)
+        for piece, power in pieces:
+            key = f"divisor:{piece}"
+            index = ring.find(key)
+            if index is None:
+                index = ring.atom(key, Divisor(ring.polynomial(piece)))
+            result = ring.multiply(result, ring.monomial({index: power * exponent}))
+        return result
+
+    def _number_power(self, number: Fraction, exponent: int) -> Element:
+        return self._ring.integer_power(self._ring.constant(number), exponent)
+
+
+def _terms_of_power(terms: int, exponent: int) -> int:
+    """Return the number of terms of a power of a sum of ``terms``, cut off where it is large."""
+    count = 1
+    for k in range(1, terms):
+        count = count * (exponent + k) // k
+        if count > MAX_EXPANDED:
+            break
+    return count

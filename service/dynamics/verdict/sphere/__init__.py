@@ -1,0 +1,1 @@
+"""Cuts the unit sphere into pieces on which a formula is analytic."""

@@ -1,0 +1,154 @@
+"""Wakes workers on the same machine when a job arrives, and waiting clients when one finishes.
+
+A pair of connected sockets: one byte from the API means "look at the jobs table", a
+line with a job's id from the worker means "this job is finished". It only shortens
+waiting: a lost message is made up for by polling the jobs table, the source of truth.
+"""
+
+import asyncio
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import dataclass
+
+_LOOK_SECONDS = 0.25
+"""How often a waiting client's job is looked up without a message: another machine may finish it."""
+
+
+class Doorbell:
+    """The API's side: wakes workers, and waits for their jobs. Thread-safe."""
+
+    def __init__(self) -> None:
+        # Reentrant: a signal handler may call close() while its thread holds the lock.
+        self._lock = threading.RLock()
+        self._lines: list[socket.socket] = []
+        self._waiting: dict[str, set[_Waiter]] = {}
+        self._closed = False
+
+    def new_line(self) -> socket.socket:
+        """Return the worker's end of a new pair of sockets.
+
+        Pass its file descriptor to the worker process, then close it here, so that
+        each side notices when the other has died.
+        """
+        ours, theirs = socket.socketpair()
+        with self._lock:
+            self._lines.append(ours)
+        threading.Thread(target=self._listen, args=(ours,), name="doorbell", daemon=True).start()
+        return theirs
+
+    def ring(self) -> None:
+        """Wake every worker: there is a new job, or one was cancelled."""
+        with self._lock:
+            for line in self._lines:
+                # A full buffer is wake-up enough; the thread that reads from a dead worker ends by itself.
+                with contextlib.suppress(OSError):
+                    line.send(b".", socket.MSG_DONTWAIT)
+
+    async def wait_for(
+        self, job_id: str, *, is_finished: Callable[[], Awaitable[bool]], timeout: float
+    ) -> bool:
+        """Return whether the job is finished within ``timeout`` seconds; blocks no thread.
+
+        ``is_finished`` asks the store: at once, whenever a worker reports the job,
+        and at regular intervals. After :meth:`close` nothing waits.
+        """
+        deadline = time.monotonic() + timeout
+        with self._registered(job_id) as woken:
+            while not await is_finished():
+                rest = deadline - time.monotonic()
+                if rest <= 0 or self._closed:
+                    return False
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(woken.wait(), min(rest, _LOOK_SECONDS))
+                woken.clear()
+        return True
+
+    def announce(self, job_id: str) -> None:
+        """Wake the clients that wait for that job."""
+        with self._lock:
+            for waiter in self._waiting.get(job_id, ()):
+                waiter.tell()
+
+    def close(self) -> None:
+        """Close all sockets: the workers finish their jobs and stop, and waiting clients are released."""
+        self._closed = True
+        with self._lock:
+            for waiters in self._waiting.values():
+                for waiter in waiters:
+                    waiter.tell()
+            for line in self._lines:
+                with contextlib.suppress(OSError):
+                    line.shutdown(socket.SHUT_RDWR)
+
+    @contextlib.contextmanager
+    def _registered(self, job_id: str) -> Iterator[asyncio.Event]:
+        """Register before the first look, so that no message in between is missed."""
+        waiter = _Waiter(asyncio.get_running_loop(), asyncio.Event())
+        with self._lock:
+            self._waiting.setdefault(job_id, set()).add(waiter)
+        try:
+            yield waiter.woken
+        finally:
+            with self._lock:
+                waiters = self._waiting[job_id]
+                waiters.discard(waiter)
+                if not waiters:
+                    del self._waiting[job_id]
+
+    def _listen(self, line: socket.socket) -> None:
+        with line, line.makefile("r", encoding="ascii") as reader:
+            with contextlib.suppress(OSError):
+                for word in reader:
+                    self.announce(word.strip())
+            with self._lock:
+                self._lines.remove(line)
+
+
+@dataclass(frozen=True, eq=False)
+class _Waiter:
+    """A coroutine that waits on an event loop."""
+
+    loop: asyncio.AbstractEventLoop
+    woken: asyncio.Event
+
+    def tell(self) -> None:
+        """Wake it, from any thread."""
+        # The loop may have been closed meanwhile.
+        with contextlib.suppress(RuntimeError):
+            self.loop.call_soon_threadsafe(self.woken.set)
+
+
+class WorkerLine:
+    """The worker's side of a pair of sockets, from the file descriptor it was started with."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._socket = socket.socket(fileno=descriptor)
+        self._socket.setblocking(False)
+
+    def fileno(self) -> int:
+        """Return the descriptor to select on."""
+        return self._socket.fileno()
+
+    def is_open(self) -> bool:
+        """Read and discard pending wake-ups; False if the API has closed its end."""
+        try:
+            while received := self._socket.recv(4096):
+                if len(received) < 4096:
+                    return True
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        return False
+
+    def tell(self, job_id: str) -> None:
+        """Report that a job is finished."""
+        with contextlib.suppress(OSError):
+            self._socket.sendall(job_id.encode("ascii") + b"\n")
+
+    def close(self) -> None:
+        """Hang up."""
+        self._socket.close()

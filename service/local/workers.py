@@ -1,0 +1,112 @@
+"""Starts, restarts and stops the worker process that a service runs on its own machine."""
+
+import logging
+import os
+import subprocess
+import sys
+import threading
+import time
+
+from service.local.restarts import Restarts, WorkerStanding
+from service.local.wakeup import Doorbell
+from service.settings import Settings
+
+logger = logging.getLogger(__name__)
+
+
+class LocalWorkers:
+    """The worker process of a service: started, started again if it dies, stopped at the end.
+
+    It has a session of its own, so that Ctrl-C in a terminal reaches only the
+    service, which then shuts it down. If the service is killed, the worker sees
+    its wake-up socket closed, and stops.
+
+    Raises
+    ------
+    OSError
+        The system cannot start the first process.
+    """
+
+    def __init__(self, settings: Settings, doorbell: Doorbell) -> None:
+        self._settings = settings
+        self._doorbell = doorbell
+        self._stopping = threading.Event()
+        self._restarts = Restarts()
+        self._last_code: int | None = None
+        self._starts_at: float | None = None
+        self._process = self._start()
+        self._keeper = threading.Thread(target=self._keep, name="keeper of workers", daemon=True)
+        self._keeper.start()
+
+    def standing(self) -> WorkerStanding:
+        """Return whether the process runs, and how often it has died. Thread-safe."""
+        starts_at = self._starts_at
+        left = None if starts_at is None else max(0.0, starts_at - time.monotonic())
+        return WorkerStanding(self._restarts, self._last_code, left)
+
+    def expect_end(self) -> None:
+        """Start no other process when this one ends. Safe in a signal handler."""
+        self._stopping.set()
+
+    def stop(self) -> None:
+        """Let running jobs finish within the grace period, then kill the process if it is still there."""
+        self._stopping.set()
+        self._process.terminate()
+        self._keeper.join(self._settings.grace_seconds + 5.0)
+        if self._keeper.is_alive():
+            self._process.kill()
+            self._keeper.join()
+
+    def _start(self) -> "subprocess.Popen[bytes]":
+        line = self._doorbell.new_line()
+        with line:
+            options = ["--slots", str(self._settings.workers), "--wake-fd", str(line.fileno())]
+            return subprocess.Popen(
+                worker_command("run", *options),
+                pass_fds=[line.fileno()],
+                env=worker_environment(self._settings),
+                start_new_session=True,
+            )
+
+    def _keep(self) -> None:
+        began = time.monotonic()
+        while True:
+            code = self._process.wait()
+            if self._stopping.is_set() or not self._start_again(code, time.monotonic() - began):
+                return
+            began = time.monotonic()
+            if self._stopping.is_set():
+                # It was asked to stop between the check and the start.
+                self._process.terminate()
+
+    def _start_again(self, code: int | None, lived_seconds: float) -> bool:
+        """Start another process, after a pause if there must be one; return False if it is to stop."""
+        while True:
+            self._last_code = code
+            self._restarts = self._restarts.after_death(lived_seconds)
+            pause = self._restarts.pause_seconds
+            self._starts_at = time.monotonic() + pause
+            logger.warning("%s", self.standing())
+            if self._stopping.wait(pause):
+                return False
+            try:
+                self._process = self._start()
+            except OSError as fault:
+                # No memory, processes or descriptors left: a later start may succeed.
+                logger.warning("the worker process could not be started: %s", fault)
+                code, lived_seconds = None, 0.0
+            else:
+                self._starts_at = None
+                return True
+
+
+def worker_command(*arguments: str) -> list[str]:
+    """Return the command line of a worker. ``-P``: a ``workers.py`` in the working folder is not imported."""
+    return [sys.executable, "-P", "-m", "workers", *arguments]
+
+
+def worker_environment(settings: Settings) -> dict[str, str]:
+    """Return a worker's environment. URLs may hold passwords, and other users see command-line options."""
+    log = {"POLHODE_LOG_FORMAT": settings.log_format, "POLHODE_LOG_LEVEL": settings.log_level}
+    chosen = {name: value for name, value in log.items() if value is not None}
+    return {**os.environ, "POLHODE_DATABASE_URL": settings.database_url, **chosen}

@@ -1,0 +1,1 @@
+"""The problem document: its parts, the rules between them, and its canonical form."""

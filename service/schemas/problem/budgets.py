@@ -1,0 +1,69 @@
+"""Chooses the tier that fits a time budget."""
+
+from collections.abc import Mapping
+
+from service.dynamics.accuracy import (
+    AccuracyTable,
+    MotionKind,
+    TierChoice,
+    best_tier,
+    expected_seconds,
+    motion_kind,
+)
+from service.dynamics.cost_family import family_of
+from service.dynamics.problem import Problem, StateMotion, TimeList
+
+Document = Mapping[str, object]
+
+
+def window_of(verdict: Document | None) -> Document | None:
+    """Return the window of the single motion in the verdict on a problem, None without a verdict."""
+    motions = None if verdict is None else verdict["motions"]
+    return motions[0] if isinstance(motions, list) else None
+
+
+def choose_tier(problem: Problem, window: Document | None, table: AccuracyTable) -> TierChoice:
+    """Return the best tier that is expected to keep the budget of ``problem``.
+
+    ``window`` is that of its motion as a verdict lists it; None for a motion
+    from any state. A tier that failed on motions of this kind is not chosen.
+
+    Raises
+    ------
+    BudgetTooSmallError
+        Not even the cheapest tier is expected to keep it.
+    """
+    budget = problem.accuracy.budget_seconds
+    if budget is None:
+        raise ValueError("the problem has no budget")
+    kind, family = _kind_of(problem, window), family_of(problem.body, problem.potential)
+    return best_tier(table, budget, _samples(problem), kind, family).require_fit(budget)
+
+
+def seconds_of(problem: Problem, window: Document | None, table: AccuracyTable) -> float | None:
+    """Return the expected seconds of ``problem``, None if the table lacks its tier."""
+    kind, family = _kind_of(problem, window), family_of(problem.body, problem.potential)
+    return expected_seconds(table, problem.accuracy.tier, _samples(problem), kind, family)
+
+
+def with_tier(document: Document, choice: TierChoice) -> dict[str, object]:
+    """Return a problem document with the tier in place of its budget."""
+    return {**document, "accuracy": {"tier": choice.tier}}
+
+
+def _samples(problem: Problem) -> int:
+    return len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples
+
+
+def _kind_of(problem: Problem, window: Document | None) -> MotionKind:
+    is_integrated = isinstance(problem.motion, StateMotion) or problem.method == "integration"
+    return "any state" if is_integrated else _kind(window)
+
+
+def _kind(window: Document | None) -> MotionKind:
+    if window is None:
+        return "any state"
+    kind, ends = window["kind"], window["ends"]
+    assert isinstance(kind, str)
+    assert isinstance(ends, list)
+    return motion_kind(kind, ends)

@@ -1,0 +1,197 @@
+"""The `motion` of a problem document: planar on a curve, or from any initial state."""
+
+from collections.abc import Iterator, Set
+from decimal import Context, Decimal
+from fractions import Fraction
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from service.dynamics.problem import (
+    PlanarMotion,
+    Start,
+    StartAtEquator,
+    StartAtPoint,
+    StartAtRest,
+    StateMotion,
+)
+from service.schemas.reading.choices import TAG_MARK, WireModel, require_kind, tag_by_type
+from service.schemas.reading.numbers import Exact, Nonzero, Positive, Sign, WindowNumber, refuse
+
+UNIT_TOLERANCE = Fraction(1, 10**12)
+"""How far from 1 the length of gamma may be; gamma is never normalised."""
+
+_G2_SIGN = "Sign of g2: the hemisphere; 1 if left out."
+_S_SIGN = "Sign of s = r/(A g1) = -p/(C g3): which way it goes along the curve; 1 if left out."
+
+
+class EquatorStartIn(WireModel):
+    """Start where g2 = 0."""
+
+    at: Literal["equator"] = Field(description="Says which kind of start this is.")
+    s_sign: Sign = Field(default=1, description=_S_SIGN)
+
+    def to_domain(self) -> Start:
+        """Return the start."""
+        return StartAtEquator(self.s_sign)
+
+
+class RestStartIn(WireModel):
+    """Start where p = r = 0."""
+
+    at: Literal["rest"] = Field(description="Says which kind of start this is.")
+    g2_sign: Sign = Field(default=1, description=_G2_SIGN)
+
+    def to_domain(self) -> Start:
+        """Return the start."""
+        return StartAtRest(self.g2_sign)
+
+
+class PointStartIn(WireModel):
+    """Start at a given g1."""
+
+    g1: Nonzero = Field(description="Within the window, with the sign of its curve.")
+    g2_sign: Sign = Field(default=1, description=_G2_SIGN)
+    s_sign: Sign = Field(default=1, description=_S_SIGN)
+
+    def to_domain(self) -> Start:
+        """Return the start."""
+        return StartAtPoint(self.g1, self.g2_sign, self.s_sign)
+
+
+def _require_start(value: object) -> object:
+    accepted = 'accepted are {"at": "equator"}, {"at": "rest"} and {"g1": x}'
+    if isinstance(value, EquatorStartIn | RestStartIn | PointStartIn):
+        return value
+    if not isinstance(value, dict):
+        raise refuse("invalid_type", f"an object is expected; {accepted}")
+    if "at" not in value and "g1" not in value:
+        raise refuse("missing_field", accepted)
+    if "at" in value and value["at"] not in ("equator", "rest"):
+        raise refuse("invalid_value", "accepted are equator and rest", below="at")
+    return value
+
+
+def _tag_start(value: object) -> str:
+    at = value.get("at", "point") if isinstance(value, dict) else getattr(value, "at", "point")
+    return f"{TAG_MARK}{at}"
+
+
+StartIn = Annotated[
+    Annotated[EquatorStartIn, Tag(f"{TAG_MARK}equator")]
+    | Annotated[RestStartIn, Tag(f"{TAG_MARK}rest")]
+    | Annotated[PointStartIn, Tag(f"{TAG_MARK}point")],
+    Discriminator(_tag_start),
+    BeforeValidator(_require_start),
+]
+
+
+CURVE_FIELDS = {"lambda": "lambda_", "nu": "nu", "g1_sign": "g1_sign"}
+"""Fields that choose the curve, and their attributes."""
+
+
+def curve_faults(given: Set[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield field, code and message of each fault in the choice among CURVE_FIELDS."""
+    if not given & {"lambda", "nu"}:
+        yield "lambda", "missing_field", '"lambda" (or, for A = 2C, "nu") is missing'
+    if {"lambda", "nu"} <= given:
+        yield "nu", "conflicting_fields", 'either "lambda" or "nu" is accepted, not both'
+    elif {"nu", "g1_sign"} <= given:
+        yield "g1_sign", "conflicting_fields", "the sign of nu is the sign of g1: leave g1_sign out"
+
+
+class PlanarMotionIn(WireModel):
+    """The q = 0, I3 = 0 motion on |g3| = lambda |g1|^(C/A); for A = 2C on g3² = nu g1."""
+
+    type: Literal["planar"] = Field(description="Says which kind of motion this is.")
+    lambda_: Positive | None = Field(
+        default=None, alias="lambda", description="The constant of the curve, > 0; needed unless nu is given."
+    )
+    nu: Nonzero | None = Field(default=None, description="Stands for lambda and g1_sign; for A = 2C only.")
+    g1_sign: Sign | None = Field(default=None, description="Sign of g1 on the curve; 1 if left out.")
+    g3_sign: Sign = Field(default=1, description="Sign of g3 on the curve; 1 if left out.")
+    window: WindowNumber | None = Field(
+        default=None, description="Number of one of several windows, from 0; the only one if left out."
+    )
+    start: StartIn | None = Field(
+        default=None,
+        description="Where on the window it is at t = 0. If left out at the equator with s > 0, or, where the"
+        " window does not reach it, at rest at the larger |g1| with g2 > 0.",
+    )
+
+    @model_validator(mode="after")
+    def _one_curve(self) -> Self:
+        given = {name for name in CURVE_FIELDS if getattr(self, CURVE_FIELDS[name]) is not None}
+        for below, code, message in curve_faults(given):
+            raise refuse(code, message, below=below)
+        return self
+
+    def to_domain(self) -> PlanarMotion:
+        """Return the motion."""
+        start = None if self.start is None else self.start.to_domain()
+        sign: Literal[-1, 1] = 1 if self.nu is None or self.nu > 0 else -1
+        return PlanarMotion(
+            self.lambda_, self.nu, self.g1_sign or sign, self.g3_sign, window=self.window, start=start
+        )
+
+    def canonical(self) -> dict[str, object]:
+        """Return the canonical document, with every field that applies."""
+        curve: dict[str, object] = (
+            {"nu": str(self.nu)}
+            if self.nu is not None
+            else {"lambda": str(self.lambda_), "g1_sign": self.g1_sign or 1}
+        )
+        start = None if self.start is None else self.start.model_dump()
+        return {"type": self.type, **curve, "g3_sign": self.g3_sign, "window": self.window, "start": start}
+
+
+def _length(square: Fraction) -> Decimal:
+    # 20 digits show a deviation of 1e-12, which 6 digits of a double would not; Decimal has any exponent.
+    context = Context(prec=20)
+    ratio = context.divide(Decimal(square.numerator), Decimal(square.denominator))
+    return context.sqrt(ratio).normalize()
+
+
+Triple = Annotated[list[Exact], Field(min_length=3, max_length=3)]
+
+
+class StateMotionIn(WireModel):
+    """The motion from any initial state."""
+
+    type: Literal["state"] = Field(description="Says which kind of motion this is.")
+    omega: Triple = Field(description="[p, q, r], the angular velocity at t = 0, radians per unit of time.")
+    gamma: Triple = Field(description="[g1, g2, g3] at t = 0, of length 1 within 1e-12.")
+
+    @model_validator(mode="after")
+    def _unit_gamma(self) -> Self:
+        square = sum((g * g for g in self.gamma), Fraction(0))
+        # |γ| = 1 ± e means γ² = 1 ± 2e + e²; the numbers are exact, so no rounding is allowed for.
+        if not (1 - UNIT_TOLERANCE) ** 2 <= square <= (1 + UNIT_TOLERANCE) ** 2:
+            raise refuse(
+                "not_unit_gamma",
+                f"the length of gamma is {_length(square)}; 1 is accepted, within 1e-12",
+                below="gamma",
+            )
+        return self
+
+    def to_domain(self) -> StateMotion:
+        """Return the motion."""
+        (p, q, r), (g1, g2, g3) = self.omega, self.gamma
+        return StateMotion((p, q, r), (g1, g2, g3))
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {
+            "type": self.type,
+            "omega": [str(x) for x in self.omega],
+            "gamma": [str(x) for x in self.gamma],
+        }
+
+
+MotionIn = Annotated[
+    Annotated[PlanarMotionIn, Tag(f"{TAG_MARK}planar")] | Annotated[StateMotionIn, Tag(f"{TAG_MARK}state")],
+    Discriminator(tag_by_type),
+    BeforeValidator(
+        require_kind(("planar", "state"), models={"planar": PlanarMotionIn, "state": StateMotionIn})
+    ),
+]

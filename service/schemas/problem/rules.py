@@ -1,0 +1,135 @@
+"""Checks the rules between the parts of a problem document, also of one that is partly unreadable.
+
+Each rule reads as little as it needs, so that a fault elsewhere does not hide its own.
+"""
+
+from collections.abc import Iterator, Mapping
+
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.potential import Potential
+from service.schemas.problem.motions import CURVE_FIELDS, curve_faults
+from service.schemas.problem.potential_model import PotentialModel
+from service.schemas.problem.potentials import MODELS
+from service.schemas.problem.sections import BodyIn, TimePeriodsIn
+from service.schemas.problem.tiers import TierIn
+from service.schemas.reading.faults import Fault, fault_of
+
+
+def read_setting(
+    document: object, parts: Mapping[str, object], faults: list[Fault]
+) -> tuple[RigidBody | None, Potential | None]:
+    """Return body and potential if they are valid; add the faults of both and of the motion."""
+    body, moments, potential = None, None, None
+    body_in, potential_in = parts.get("body"), parts.get("potential")
+    if isinstance(body_in, BodyIn):
+        # Rules between the parts are checked even if no body has the given moments.
+        moments = RigidBody(body_in.A, body_in.B, body_in.C, allow_unphysical=True)
+        faults += _motion_faults(moments, document, parts)
+        try:
+            body = body_in.to_domain()
+        except DynamicsError as error:
+            faults.append(fault_of(error))
+    if not isinstance(potential_in, PotentialModel):
+        faults += _faults_of_unread(document, moments)
+    elif moments is None:
+        faults += map(fault_of, potential_in.text_errors())
+    else:
+        try:
+            potential = potential_in.to_domain(moments)
+        except DynamicsError:
+            faults += map(fault_of, potential_in.errors(moments))
+    return body, potential
+
+
+def _faults_of_unread(document: object, moments: RigidBody | None) -> Iterator[Fault]:
+    """Yield the faults that can still be found in an unreadable potential."""
+    match document:
+        case {"potential": {"type": str(kind), **rest}} if kind in MODELS:
+            yield from MODELS[kind].faults_of_unread(rest, moments)
+
+
+def _motion_faults(body: RigidBody, document: object, parts: Mapping[str, object]) -> Iterator[Fault]:
+    kind = _motion_kind(document)
+    if kind == "planar":
+        try:
+            body.require_planar()
+        except DynamicsError as error:
+            yield fault_of(error)
+        if _is_given(document, "nu") and body.A != 2 * body.C:
+            message = f'nu needs A = 2C, and A = {body.A}, C = {body.C}; accepted is "lambda"'
+            yield Fault("/motion/nu", "nu_needs_double_moment", message)
+    elif kind == "state" and body.B is None:
+        yield Fault("/body/B", "missing_moment", "a state motion needs the moment B, which was left out")
+    if kind == "planar" and body.B is None:
+        for purpose in _purposes_of_B(parts):
+            yield Fault("/body/B", "missing_moment", f"{purpose} needs the moment B, which was left out")
+
+
+def _purposes_of_B(parts: Mapping[str, object]) -> Iterator[str]:
+    """Yield a fault for each request that needs the moment B if it was left out."""
+    method, outputs = parts.get("method"), parts.get("outputs")
+    if method in ("integration", "both"):
+        yield f"the method {method}"
+    if isinstance(outputs, list) and "stability" in outputs:
+        yield "the output stability"
+
+
+def combination_faults(document: object, parts: Mapping[str, object]) -> Iterator[Fault]:
+    """Yield a fault for each request that the type of the motion does not support."""
+    kind, method = _motion_kind(document), parts.get("method")
+    if kind == "planar" and "motion" not in parts:
+        given = {name for name in CURVE_FIELDS if _is_given(document, name)}
+        for field, code, message in curve_faults(given):
+            yield Fault(f"/motion/{field}", code, message)
+    in_periods = isinstance(parts.get("time"), TimePeriodsIn)
+    yield from _planar_only(kind, parts)
+    if kind == "state" and method in ("quadrature", "both"):
+        message = f"{method} is for planar motions; accepted for a state motion are auto and integration"
+        yield Fault("/method", "method_needs_planar_motion", message)
+    if kind == "state" and in_periods:
+        message = (
+            'a state motion has no known period; accepted are {"start", "stop", "samples"} and {"times"}'
+        )
+        yield Fault("/time/periods", "period_needed", message)
+    if kind == "planar" and method == "integration" and in_periods:
+        message = (
+            'an integration finds no period; accepted are {"start", "stop", "samples"}, {"times"} '
+            "and the methods auto, quadrature and both"
+        )
+        yield Fault("/time/periods", "period_needed", message)
+
+
+def _planar_only(kind: str | None, parts: Mapping[str, object]) -> Iterator[Fault]:
+    """Yield a fault for each request that only the quadrature of planar motions can meet."""
+    accuracy, outputs = parts.get("accuracy"), parts.get("outputs")
+    is_integrated = kind == "state" or parts.get("method") == "integration"
+    if is_integrated and isinstance(accuracy, TierIn) and accuracy.tier == "certified":
+        message = (
+            "the tier certified needs the quadrature of a planar motion; the most accurate one here is high"
+        )
+        yield Fault("/accuracy/tier", "tier_needs_quadrature", message)
+    asked = outputs if isinstance(outputs, list) else []
+    if kind == "state" and "stability" in asked:
+        message = "stability is of planar motions; leave it out for a state motion"
+        yield Fault(f"/outputs/{asked.index('stability')}", "output_needs_planar_motion", message)
+    if is_integrated and "period" in asked:
+        message = (
+            "an integration finds no period; leave the output out, or use the quadrature of a planar motion"
+        )
+        yield Fault(f"/outputs/{asked.index('period')}", "output_needs_planar_motion", message)
+
+
+def _motion_kind(document: object) -> str | None:
+    """Return the type of the motion, also of a partly unreadable one."""
+    match document:
+        case {"motion": {"type": str(kind)}}:
+            return kind
+    return None
+
+
+def _is_given(document: object, field: str) -> bool:
+    match document:
+        case {"motion": dict(motion)}:
+            return motion.get(field) is not None
+    return False

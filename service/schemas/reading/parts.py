@@ -1,0 +1,111 @@
+"""Reads a document part by part, so that a fault in one part does not hide those in another.
+
+A document that pydantic refuses as a whole is read part by part, and the readable
+parts are still checked against the rules of the domain.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import TypeVar
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
+
+from service.schemas.reading.choices import TAG_MARK
+from service.schemas.reading.faults import MAX_FAULTS, Fault, pointer_to
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_CODES = {
+    "missing": "missing_field",
+    "extra_forbidden": "unknown_field",
+    "literal_error": "invalid_value",
+    "too_short": "invalid_length",
+    "too_long": "invalid_length",
+    "string_too_long": "invalid_length",
+}
+"""Our error codes for pydantic's; errors about types are ``invalid_type``."""
+
+_EXPECTED = {
+    "model_type": "an object",
+    "model_attributes_type": "an object",
+    "dict_type": "an object",
+    "list_type": "a list",
+    "string_type": "a string",
+    "bool_type": "true or false",
+}
+
+
+def read_parts(
+    document: object, model: type[Model], members: Mapping[str, type[BaseModel]]
+) -> tuple[dict[str, object], list[Fault]]:
+    """Return the parts of ``document`` that could be read, and the faults of the others.
+
+    Fields that were left out have their defaults. ``members`` are the classes of the unions in
+    ``model``, by their tags without the prefix.
+    """
+    if not isinstance(document, dict):
+        accepted = ", ".join(model.model_fields)
+        return {}, [Fault("", "invalid_type", f"an object is expected, with the fields {accepted}")]
+    try:
+        whole = model.model_validate(document)
+    except ValidationError as error:
+        found = error.errors(include_url=False, include_input=False)
+        faults = [_fault(details, model, members) for details in found[: MAX_FAULTS + 1]]
+        bad = {str(details["loc"][0]) for details in found if details["loc"]}
+        return {
+            name: _read_part(model, name, document) for name in model.model_fields if name not in bad
+        }, faults
+    return {name: getattr(whole, name) for name in model.model_fields}, []
+
+
+def _read_part(model: type[BaseModel], name: str, document: dict[str, object]) -> object:
+    if name not in document:
+        return model.model_fields[name].get_default(call_default_factory=True, validated_data={})
+    return _adapter(model, name).validate_python(document[name])
+
+
+@cache
+def _adapter(model: type[BaseModel], name: str) -> TypeAdapter[object]:
+    # Pydantic keeps the validators of an Annotated field apart from its type.
+    return TypeAdapter(model.__annotations__[name])
+
+
+def _fault(details: ErrorDetails, model: type[BaseModel], members: Mapping[str, type[BaseModel]]) -> Fault:
+    kind, path, owner = details["type"], list[str | int](), model
+    for part in details["loc"]:
+        if isinstance(part, str) and part.startswith(TAG_MARK):
+            owner = members.get(part.removeprefix(TAG_MARK), owner)
+            continue
+        path.append(part)
+        owner = _nested(owner, part)
+    context = details.get("ctx", {})
+    if below := context.get("below"):
+        path.append(below)
+    return Fault(pointer_to(path), _CODES.get(kind, _other_code(kind)), _message(details, path, owner))
+
+
+def _nested(owner: type[BaseModel], field: str | int) -> type[BaseModel]:
+    annotation = owner.model_fields[field].annotation if field in owner.model_fields else None
+    return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else owner
+
+
+def _other_code(kind: str) -> str:
+    is_builtin_type_error = kind.endswith(("_type", "_attributes_type"))
+    return "invalid_type" if is_builtin_type_error else kind
+
+
+def _message(details: ErrorDetails, path: Sequence[str | int], owner: type[BaseModel]) -> str:
+    if details["type"] == "extra_forbidden":
+        names = ", ".join(field.alias or name for name, field in owner.model_fields.items())
+        return f"{str(path[-1])[:40]!r} is not a field here; accepted are {names}"
+    if details["type"] == "missing":
+        return f'"{path[-1]}" is missing'
+    if details["type"] in ("too_short", "too_long"):
+        limits = details["ctx"]
+        if "max_length" in limits:
+            return f"too many items; at most {limits['max_length']} are accepted"
+        return f"too few items; at least {limits['min_length']} are needed"
+    if details["type"] in _EXPECTED:
+        return f"{_EXPECTED[details['type']]} is expected"
+    return details["msg"].replace("Input should be", "accepted are", 1)

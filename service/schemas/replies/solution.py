@@ -1,0 +1,211 @@
+"""The answers of /v1/solutions, and of the health checks."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import Field
+
+from service.schemas.replies.response_model import ResponseModel
+from service.schemas.replies.verdict import NoticeOut
+
+
+class EstimateOut(ResponseModel):
+    """A number and the bound of its absolute error."""
+
+    value: float = Field(description="The number.")
+    error: float = Field(description="Bound of its absolute error, in the same unit.")
+
+
+class EnclosureOut(ResponseModel):
+    """A proven enclosure: the true number is within value ± radius."""
+
+    value: str = Field(description="Middle, a decimal.")
+    radius: str = Field(description="Proven bound of the distance from it, a decimal ≥ 0.")
+
+
+class WindowOut(ResponseModel):
+    """Where on the curve the motion takes place."""
+
+    index: int = Field(description="Its number among the windows of the curve, from 0.")
+    ends: tuple[str, str] = Field(
+        description="Ends at the smallest and the largest |g1|: `pole`, `rest`, `equator`, `equilibrium`"
+        " or `edge`."
+    )
+    g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
+    g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")
+
+
+class AsymptoteOut(ResponseModel):
+    """The limit of an aperiodic motion."""
+
+    kind: Literal["equilibrium", "pole", "collision"] = Field(description="Kind of the limit.")
+    time: EstimateOut | None = Field(description="Time at which it is reached; null if only in the limit.")
+    rate: EstimateOut | None = Field(
+        description="The distance decays like exp(-rate |t|), if it is exponential."
+    )
+    gamma: tuple[float, float, float] = Field(description="g1, g2, g3 at the limit.")
+
+
+class AsymptotesOut(ResponseModel):
+    """Where an aperiodic motion comes from and where it goes."""
+
+    past: AsymptoteOut = Field(description="Where it comes from, backwards in time.")
+    future: AsymptoteOut = Field(description="Where it goes.")
+
+
+class DriftOut(ResponseModel):
+    """The largest deviation of an integral from its value, over the requested samples."""
+
+    drift: float = Field(description="Largest absolute departure.")
+
+
+class FurtherIntegralOut(ResponseModel):
+    """Kovalevskaya's or Goriachev's integral, which bodies with A = B = 2C may have."""
+
+    value: float = Field(description="At the first sample.")
+    drift: float = Field(description="Largest absolute departure from it over the asked samples.")
+    kind: Literal["general", "zero_areas"] = Field(
+        description="Constant along every motion, or along those with zero areas integral."
+    )
+
+
+class PrecessionOut(ResponseModel):
+    """Growth of the azimuths of two body axes about the space axis in one period."""
+
+    psi1: EstimateOut = Field(description="Of the first principal axis; radians.")
+    psi3: EstimateOut = Field(description="Of the third principal axis; radians.")
+
+
+class StabilityOut(ResponseModel):
+    """Whether small disturbances leave the plane of the motion."""
+
+    trace: float = Field(description="μ + 1/μ over the period of the six variables.")
+    error: float = Field(description="Of the trace.")
+    multipliers: tuple[tuple[float, float], tuple[float, float]] = Field(
+        description="μ and 1/μ as [real, imaginary]."
+    )
+    multipliers_error: float = Field(description="Bound of the absolute error of each multiplier.")
+    verdict: Literal["stable", "unstable", "marginal"] = Field(
+        description="`stable` if |trace| < 2, `unstable` if > 2, `marginal` if the error does not tell."
+    )
+    exponent: float = Field(description="Growth per unit time, log|μ| / T.")
+    exponent_error: float = Field(description="Bound of the absolute error of the exponent.")
+    closed_form_trace: EstimateOut | None = Field(
+        description="The trace from Lamé's equation, where it applies: a second, independent value."
+    )
+    trusted_time: float | None = Field(
+        description="How long integration in doubles keeps the tolerance; null if beyond a million periods."
+    )
+
+
+class CrossCheckOut(ResponseModel):
+    """Comparison with a second, independent method."""
+
+    method: str = Field(description="The second method.")
+    disagreement: float = Field(description="Largest difference in any of the six variables.")
+    horizon: float = Field(description="Largest |t| that was compared.")
+    agrees: bool = Field(description="Whether the difference is within the errors that both claim.")
+
+
+class CostOut(ResponseModel):
+    """Cost of the computation."""
+
+    compute_seconds: float = Field(description="Seconds of the worker's clock.")
+
+
+class ProvenanceOut(ResponseModel):
+    """Version, numerics and machine that computed the solution."""
+
+    version: str = Field(description="Of polhode.")
+    numerics: int = Field(description="Numerics version: raised whenever a digit may change.")
+    processor: str | None = Field(
+        default=None,
+        description="Architecture of the processor and the features that libraries choose their"
+        " instructions by. Solutions of one problem have the same bits if all of their provenance is equal,"
+        " else the same numbers within their errors. Null for solutions that were stored before it was told.",
+    )
+    libraries: str | None = Field(
+        default=None, description="Versions of the libraries that computed; null like `processor`."
+    )
+
+
+class SolutionOut(ResponseModel):
+    """A solution without its arrays."""
+
+    id: str = Field(description="Of the solution, a UUID.")
+    job: str = Field(description="The job that computed it; later jobs may have reused it.")
+    problem: dict[str, object] = Field(description="The document that was solved, as `ProblemIn`.")
+    method: Literal["quadrature", "integration"] = Field(description="Method that computed the samples.")
+    tier: str = Field(description="The tier of accuracy that computed them.")
+    period: EstimateOut | EnclosureOut | None = Field(
+        description="Of all six variables; an enclosure in the tier certified; null if not periodic or not"
+        " known."
+    )
+    aperiodic: Literal["separatrix", "equilibrium", "collision", "pole"] | None = Field(
+        description="Why a planar motion has no period."
+    )
+    asymptotes: AsymptotesOut | None = Field(description="Of an aperiodic motion.")
+    energy: EstimateOut | EnclosureOut = Field(
+        description="h, in the unit of moments over squared times; an enclosure in the tier certified."
+    )
+    window: WindowOut | None = Field(description="Of a planar motion.")
+    invariants: dict[str, FurtherIntegralOut | DriftOut] | None = Field(
+        description="If the outputs ask for them."
+    )
+    error: float = Field(description="Largest absolute error of any variable over the asked times.")
+    cross_check: CrossCheckOut | None = Field(description="With the method `both`.")
+    stability: StabilityOut | None = Field(
+        description="If the outputs ask for it and the motion is periodic."
+    )
+    precession: PrecessionOut | None = Field(
+        description="Per period, if the outputs ask for the orientation of a periodic motion."
+    )
+    warnings: list[NoticeOut] = Field(description="Warnings about the solution; often empty.")
+    conventions: list[str] = Field(description="Conventions chosen where the equations leave a choice.")
+    evidence: dict[str, float | int | str] = Field(
+        description="What the solver measured about itself. With a function of time also `defect`, a bound of"
+        " what it leaves of the equations of motion, integrated; `drift`, the largest departure of the"
+        " energy, the areas integral or γ·γ from its value, between the samples too; `defect_covers`, the"
+        " share of the time for which the bound is a theorem. No claimed error is below what these show."
+    )
+    cost: CostOut = Field(description="Time of the computation.")
+    provenance: ProvenanceOut = Field(description="Version, numerics and machine.")
+    created_at: datetime = Field(description="When it was stored, UTC.")
+
+
+class SolutionPageOut(ResponseModel):
+    """Some of the solutions that match."""
+
+    items: list[SolutionOut] = Field(description="The solutions, in the order that was asked for.")
+    total: int = Field(description="Solutions that match in all.")
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")
+
+
+class TrajectoryOut(ResponseModel):
+    """Samples of a solution."""
+
+    columns: dict[str, list[float]] = Field(
+        description="Equally long columns by name: t, p, q, r, g1, g2, g3; with the orientation also"
+        " q0, q1, q2, q3 (body to space), psi1, psi3. t is rounded to the nearest double; the others belong"
+        " to the exact time that was asked."
+    )
+    error: float = Field(description="Bound of the absolute error of every number.")
+
+
+class EnclosuresOut(ResponseModel):
+    """Proven samples."""
+
+    t: list[float] = Field(description="The times, each rounded to the nearest double.")
+    times: list[EnclosureOut] = Field(
+        description="Balls that contain the exact times, to which the columns belong: those of the problem;"
+        " of times in periods, the multiples of the true period."
+    )
+    columns: dict[str, list[EnclosureOut]] = Field(description="p, q, r, g1, g2, g3.")
+
+
+class HealthOut(ResponseModel):
+    """The process serves."""
+
+    status: Literal["ok"] = Field(description="Always `ok`; a process that is not says so with 503.")
+    checks: dict[str, str] = Field(description="The checks, each `ok`; empty for /livez.")

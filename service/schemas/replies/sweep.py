@@ -1,0 +1,60 @@
+"""The answers of /v1/sweeps."""
+
+from datetime import datetime
+
+from pydantic import Field
+
+from service.schemas.replies.job import StateName
+from service.schemas.replies.response_model import ResponseModel
+
+
+class SweepStateOut(ResponseModel):
+    """A sweep without its document."""
+
+    id: str = Field(description="Of the sweep, a UUID; later sweeps have larger ones.")
+    state: StateName = Field(
+        description="Never `failed`: a point that cannot be computed has a reason as its outcome."
+    )
+    points: int = Field(description="Number of its points.")
+    done: int = Field(description="Points that are stored, the refused ones among them.")
+    refused: int = Field(description="Points without a solution, whose outcome is a reason.")
+    progress: float = Field(description="done / points.")
+    point_seconds: float | None = Field(
+        description="Seconds of computing a point took in the chunk stored last."
+    )
+    remaining_seconds: float | None = Field(
+        description="Estimated time to the end at the speed of the latest chunks; null if too few have ended."
+    )
+    priority: int = Field(description="Larger first.")
+    created_at: datetime = Field(description="When it was submitted, UTC.")
+    started_at: datetime | None = Field(description="When a worker took its first points.")
+    finished_at: datetime | None = Field(description="When it came to its final state.")
+
+
+class SweepOut(SweepStateOut):
+    """One sweep."""
+
+    document: dict[str, object] = Field(description="The document as it was sent.")
+
+
+class SweepPageOut(ResponseModel):
+    """Some sweeps, newest first."""
+
+    items: list[SweepStateOut] = Field(description="The sweeps, newest first.")
+    total: int = Field(description="Sweeps that match in all.")
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")
+
+
+class PointPageOut(ResponseModel):
+    """Some of the computed points."""
+
+    items: list[dict[str, object]] = Field(
+        description="One object a point: `index`, a number for each axis by its pointer and for each kept"
+        " number (null if the point has none), `outcome` (`solved` or a code), and the series as lists."
+    )
+    total: int = Field(description="Number of computed points that match.")
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")
+    points: int = Field(description="Of the whole sweep.")
+    done: int = Field(description="Points computed so far; the others are missing here.")

@@ -1,0 +1,129 @@
+"""Writes a verdict, or the refusal of a document, as text for people."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from service.schemas.reading.faults import Fault
+from service.schemas.replies.existence_text import existence_sentence
+from service.schemas.replies.response_model import QUADRANTS_OUT
+from service.schemas.replies.verdict import FunctionOut, MotionWindowOut, VerdictOut
+
+_PROOFS = {
+    "symbolic": "proved: the compatibility equation holds identically",
+    "counterexample": "proved by a point where the compatibility equation, or its solution, breaks",
+    "numeric": "not proved",
+}
+
+
+_FAILURES = {
+    "residual": "residual    ",
+    "jump_of_potential": "V jumps by  ",
+    "jump_of_energy": "h jumps by  ",
+}
+
+
+class Refusal(BaseModel):
+    """The error of an examination, as the API would send it."""
+
+    model_config = ConfigDict(extra="allow")
+
+    code: str
+    detail: str
+    pointer: str
+    faults: list[Fault] = Field(default_factory=list)
+
+    def reason(self) -> str:
+        """Return each fault with its place, or the message with its evidence."""
+        if self.faults:
+            return "\n".join(f"{f.pointer or '/'}: {f.message} ({f.code})" for f in self.faults)
+        evidence = [f"  {name}: {json.dumps(value)}" for name, value in (self.model_extra or {}).items()]
+        return "\n".join([f"{self.code}: {self.detail}", *evidence])
+
+
+class Answer(BaseModel):
+    """The result of an examination: a verdict (null for a motion from any state), or an error."""
+
+    verdict: VerdictOut | None = None
+    error: Refusal | None = None
+
+
+def describe_verdict(verdict: VerdictOut, formats: Sequence[str] = ()) -> str:
+    """Return the verdict and its proof in a few lines, and then its formulas in these ``formats``."""
+    return "\n".join([*_lines(verdict), *_formulas(verdict, formats)])
+
+
+def _formulas(verdict: VerdictOut, formats: Sequence[str]) -> Iterator[str]:
+    for formula in verdict.formulas or []:
+        for name in formats:
+            signs = ", ".join(quadrant.replace("p", "+").replace("m", "-") for quadrant in formula.quadrants)
+            where = "" if len(formula.quadrants) == len(QUADRANTS_OUT) else f"  % signs of g1, g3: {signs}"
+            yield f"{name:<11} {getattr(formula.formats, name)}{where}"
+
+
+def _lines(verdict: VerdictOut) -> Iterator[str]:
+    if verdict.verdict is not None and verdict.proof is not None:
+        yield f"verdict     {verdict.verdict}"
+        yield f"proof       {_PROOFS[verdict.proof]}"
+    if verdict.energy is not None:
+        yield from _by_quadrant("energy      h", dict(verdict.energy.quadrants))
+    if verdict.decomposition is not None:
+        parts = [(q, part) for q, part in verdict.decomposition.quadrants if part is not None]
+        yield from _by_quadrant("V1[F], F(w)", {quadrant: part.F for quadrant, part in parts})
+        yield from _by_quadrant("Q G,  G(g2)", {quadrant: part.G for quadrant, part in parts})
+    if verdict.counterexample is not None:
+        example = verdict.counterexample
+        within = "" if example.radius is None else f", each ± {example.radius}"
+        yield f"at          (g1, g2, g3) = ({', '.join(example.g)}){within}"
+        yield f"{_FAILURES[example.kind]}{example.residual.mid} ± {example.residual.rad}"
+    if verdict.nearest is not None:
+        distance = float(Fraction(verdict.nearest.relative_squared_distance))
+        yield (
+            f"nearest     {verdict.nearest.expression} (relative squared distance {distance:.6g}, "
+            f"least up to degree {verdict.nearest.degree})"
+        )
+    for warning in verdict.warnings:
+        yield f"warning     {warning.message} ({warning.code})"
+    if verdict.evidence is not None:
+        evidence = verdict.evidence
+        yield (
+            f"evidence    the residual at {evidence.points} points, enclosed with {evidence.bits} bits: "
+            f"none excludes 0, the largest is {evidence.largest_enclosure}"
+        )
+        yield f"not proved  {evidence.doubt}"
+    if verdict.motions is not None:
+        if not verdict.motions:
+            yield "motions     none with this lambda and these signs of g1 and g3"
+            if verdict.existence is not None:
+                yield f"            {existence_sentence(verdict.existence)}"
+        for window in verdict.motions:
+            yield f"window {window.window:<4} {_window(window)}"
+
+
+def _by_quadrant(what: str, functions: Mapping[str, FunctionOut | None]) -> Iterator[str]:
+    """Yield a function, or one for each quadrant where they differ."""
+    texts = {
+        quadrant: _function(function) for quadrant, function in functions.items() if function is not None
+    }
+    if len(set(texts.values())) == 1:
+        yield f"{what} = {next(iter(texts.values()))}"
+        return
+    for quadrant, text in texts.items():
+        signs = quadrant.replace("p", "+").replace("m", "-")
+        yield f"{what} = {text} (signs of g1, g3: {signs})"
+
+
+def _function(function: FunctionOut) -> str:
+    if function.formula is None:
+        return "no formula; its values are in the JSON"
+    return function.formula if function.named is None else f"{function.formula} = {function.named}"
+
+
+def _window(window: MotionWindowOut) -> str:
+    (inner, outer), (first, last), (lowest, highest) = window.ends, window.g1, window.g2
+    return (
+        f" {window.kind}, {inner} to {outer}, g1 from {first:.12g} to {last:.12g}, "
+        f"g2 from {lowest:.12g} to {highest:.12g}"
+    )

@@ -1,0 +1,1 @@
+"""The sweep document: one problem, some of whose numbers vary along axes."""

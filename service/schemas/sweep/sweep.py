@@ -1,0 +1,113 @@
+"""Generates the points of a sweep from its base problem and its axes.
+
+The stable interface for code that computes or shows points:
+
+- :func:`service.schemas.sweep.reading.read_sweep` takes a sweep's document and returns a :class:`Sweep`.
+- ``sweep.points`` is their number; an index from 0 says everything about a point.
+- ``sweep.values(index)`` are the exact numbers on the axes, ``sweep.document(index)`` is the problem
+  that, sent by itself, is the very same; ``sweep.columns(first, count)`` are the numbers as doubles.
+- ``sweep.keep`` names the numbers kept of each point, see :mod:`service.schemas.sweep.kept_numbers`;
+  ``sweep.series_columns`` the functions of time, empty unless they are wanted, of
+  ``sweep.samples`` samples each.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.exact import exact_number, exact_text
+from service.dynamics.problem import Problem
+from service.dynamics.sweep_axes import Axis, at
+from service.schemas.reading.pointers import with_values
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+Combine = Literal["grid", "zip"]
+
+_LARGEST_JSON_INTEGER = 2**53
+
+
+@dataclass(frozen=True, slots=True)
+class SweepAxis:
+    """One of the numbers that vary."""
+
+    pointer: str
+    path: tuple[str, ...]
+    """The pointer's parts."""
+    axis: Axis
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """The points of a sweep, each generated on request."""
+
+    base: Mapping[str, object]
+    axes: tuple[SweepAxis, ...]
+    combine: Combine
+    keep: tuple[str, ...]
+    """Names of the numbers, in the order of the columns."""
+    series_columns: tuple[str, ...]
+    """``t`` and the functions of time that are kept of each point."""
+    samples: int
+    """Samples of each series; 0 without series."""
+    first_problem: Problem
+    """What the document of the first point states: it was read to check the others' common part."""
+
+    @property
+    def points(self) -> int:
+        """How many points there are."""
+        lengths = [each.axis.length for each in self.axes]
+        return math.prod(lengths) if self.combine == "grid" else lengths[0]
+
+    @property
+    def pointers(self) -> tuple[str, ...]:
+        """The names of the axes, in their order."""
+        return tuple(each.pointer for each in self.axes)
+
+    def values(self, index: int) -> tuple[Fraction, ...]:
+        """Return the exact number on each axis; in a grid the last axis runs fastest."""
+        if not 0 <= index < self.points:
+            raise IndexError(f"point {index} of {self.points}")
+        places = self._places(np.array([index], dtype=np.int64))
+        return tuple(each.axis.value(int(place[0])) for each, place in zip(self.axes, places, strict=True))
+
+    def document(self, index: int) -> dict[str, object]:
+        """Return the problem document of one point."""
+        values = self.values(index)
+        replaced = {each.path: json_number(value) for each, value in zip(self.axes, values, strict=True)}
+        document = with_values(dict(self.base), replaced)
+        assert isinstance(document, dict)
+        return document
+
+    def columns(self, first: int, count: int) -> dict[str, FloatArray]:
+        """Return the numbers on each axis, by its pointer, of ``count`` neighbouring points as doubles."""
+        return self.columns_at(np.arange(first, first + count, dtype=np.int64))
+
+    def columns_at(self, indices: IntArray) -> dict[str, FloatArray]:
+        """Return the numbers on each axis, by its pointer, of any points as doubles."""
+        places = self._places(indices)
+        return {each.pointer: at(each.axis, place) for each, place in zip(self.axes, places, strict=True)}
+
+    def _places(self, indices: IntArray) -> Sequence[IntArray]:
+        """Return for each axis the index on it."""
+        if self.combine == "zip":
+            return [indices] * len(self.axes)
+        places: list[IntArray] = []
+        for each in reversed(self.axes):
+            indices, place = np.divmod(indices, each.axis.length)
+            places.append(place)
+        return places[::-1]
+
+
+def json_number(value: Fraction) -> int | float | str:
+    """Return ``value`` as a document has it: a JSON number if one says it exactly, text if not."""
+    if value.denominator == 1 and abs(value) <= _LARGEST_JSON_INTEGER:
+        return value.numerator
+    double = float(value)
+    return double if exact_number(double) == value else exact_text(value)

@@ -1,0 +1,1 @@
+"""Encodes records and arrays for storage in a table row, and decodes them."""

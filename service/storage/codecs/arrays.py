@@ -1,0 +1,142 @@
+"""Encodes arrays as bytes: column-major, byte-shuffled float64, compressed by zstd.
+
+A packet is the magic word, the length of a JSON header (little endian, 4
+bytes), the header, and one zstd frame. Shuffling puts the first bytes of all
+numbers together, then the second ones, and so on: sign and exponent of
+neighbours are alike, and only in this order can zstd use it (measured: unshuffled
+doubles of a trajectory do not shrink at all). Level 1, since higher levels save a
+few per cent for many times the time.
+"""
+
+import json
+import math
+import struct
+from collections.abc import Mapping
+
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
+
+FloatArray = NDArray[np.float64]
+
+_MAGIC = b"PLH1"
+_WIDTH = 8
+_LEVEL = 1
+
+
+class CodecError(ValueError):
+    """Bytes that were not written by this codec, or are damaged."""
+
+
+def encode_arrays(arrays: Mapping[str, FloatArray]) -> bytes:
+    """Return the arrays, of any shapes, as one packet; their order is kept."""
+    return pack_arrays(arrays, {})
+
+
+def decode_arrays(packet: bytes) -> dict[str, FloatArray]:
+    """Return what :func:`encode_arrays` was given, bit by bit.
+
+    Raises
+    ------
+    CodecError
+        The packet is not one, or is damaged.
+    """
+    return unpack_arrays(packet)[0]
+
+
+def encode_dense(dense: DenseOutput) -> bytes:
+    """Return a dense output as one packet; fields with default values take no bytes."""
+    arrays = {"breaks": dense.breaks, "coefficients": dense.coefficients, "error": np.array(dense.error)}
+    if dense.period is not None:
+        arrays["period"] = np.array([dense.period.hi, dense.period.lo, dense.period.error])
+    if dense.errors:
+        arrays["errors"] = np.array(list(dense.errors.values()))
+    if dense.advances:
+        arrays["advances"] = np.array([[a.hi, a.lo, a.error] for a in dense.advances.values()])
+    names = {"errors": list(dense.errors), "advances": list(dense.advances)}
+    given = {key: value for key, value in names.items() if value}
+    return pack_arrays(arrays, {"columns": dense.columns, **given})
+
+
+def decode_dense(packet: bytes) -> DenseOutput:
+    """Return what :func:`encode_dense` was given, bit by bit.
+
+    Raises
+    ------
+    CodecError
+        The packet is not a dense output, or is damaged.
+    """
+    arrays, header = unpack_arrays(packet)
+    columns = _names(header, "columns")
+    if "columns" not in header or not {"breaks", "coefficients", "error"} <= arrays.keys():
+        raise CodecError("the packet holds arrays, but not those of a dense output")
+    errors = arrays.get("errors", np.zeros(0)).tolist()
+    advances = arrays.get("advances", np.zeros((0, 3))).tolist()
+    with_error, with_advance = _names(header, "errors"), _names(header, "advances")
+    if len(errors) != len(with_error) or len(advances) != len(with_advance):
+        raise CodecError("the packet is damaged: its names and numbers do not match")
+    period = None if "period" not in arrays else Period(*arrays["period"].tolist())
+    return DenseOutput(
+        columns=columns,
+        breaks=arrays["breaks"],
+        coefficients=arrays["coefficients"],
+        period=period,
+        error=float(arrays["error"]),
+        errors=dict(zip(with_error, errors, strict=True)),
+        advances={name: Advance(*row) for name, row in zip(with_advance, advances, strict=True)},
+    )
+
+
+def _names(header: Mapping[str, object], key: str) -> tuple[str, ...]:
+    names = header.get(key, [])
+    return tuple(map(str, names)) if isinstance(names, list) else ()
+
+
+def pack_arrays(arrays: Mapping[str, FloatArray], extra: Mapping[str, object]) -> bytes:
+    """Return the arrays and further fields of the header as one packet."""
+    entries = [{"name": name, "shape": list(array.shape)} for name, array in arrays.items()]
+    header = json.dumps({"arrays": entries, **extra}, separators=(",", ":")).encode()
+    body = b"".join(_shuffle(array) for array in arrays.values())
+    frame = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True).compress(body)
+    return _MAGIC + struct.pack("<I", len(header)) + header + frame
+
+
+def unpack_arrays(packet: bytes) -> tuple[dict[str, FloatArray], dict[str, object]]:
+    """Return the arrays and the header of a packet; raises :class:`CodecError`."""
+    if packet[:4] != _MAGIC:
+        raise CodecError(f"a packet begins with {_MAGIC!r}, not with {packet[:4]!r}")
+    try:
+        (length,) = struct.unpack_from("<I", packet, 4)
+        header = json.loads(packet[8 : 8 + length])
+        shapes = {entry["name"]: tuple(entry["shape"]) for entry in header["arrays"]}
+        sizes = {name: math.prod(shape) for name, shape in shapes.items()}
+        total = _WIDTH * sum(sizes.values())
+        frame = packet[8 + length :]
+        # Checked before memory is allocated: a damaged frame may ask for an exabyte.
+        if total and zstandard.frame_content_size(frame) != total:
+            raise ValueError("its frame does not hold what its header says")
+        # An empty body has no content size in its frame: zstd then asks for a limit.
+        body = zstandard.ZstdDecompressor().decompress(frame, max_output_size=max(total, 1))
+    except (struct.error, ValueError, KeyError, TypeError, zstandard.ZstdError) as fault:
+        raise CodecError(f"the packet is damaged: {fault}") from fault
+    if len(body) != total:
+        raise CodecError(f"the packet holds {len(body)} bytes of numbers where its header says {total}")
+    arrays, start = {}, 0
+    for name, shape in shapes.items():
+        stop = start + _WIDTH * sizes[name]
+        arrays[name] = _unshuffle(body[start:stop], shape)
+        start = stop
+    return arrays, header
+
+
+def _shuffle(array: FloatArray) -> bytes:
+    flat = np.asarray(array, dtype="<f8").ravel(order="F")
+    return flat.view(np.uint8).reshape(-1, _WIDTH).T.tobytes()
+
+
+def _unshuffle(body: bytes, shape: tuple[int, ...]) -> FloatArray:
+    by_number = np.frombuffer(body, dtype=np.uint8).reshape(_WIDTH, -1).T
+    flat = np.ascontiguousarray(by_number).reshape(-1).view("<f8").astype(np.float64, copy=False)
+    return np.asarray(flat.reshape(shape, order="F"), order="C")

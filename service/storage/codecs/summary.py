@@ -1,0 +1,61 @@
+"""Extracts the numbers of a solution that have database columns from its documents."""
+
+import math
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import TypedDict
+
+FIRST_PASSAGE = "first_pole_passage"
+"""In the evidence: the time until which a motion needs none of its conventions."""
+PROVEN_SAMPLES = "proven_samples"
+"""In the evidence, and the code of a warning: how samples were enclosed that have no other origin."""
+
+
+class SummaryColumns(TypedDict):
+    """Values of the columns; None where a solution has no such number."""
+
+    family: str | None
+    method: str | None
+    tier: str | None
+    A: float | None
+    C: float | None
+    period: float | None
+    energy: float | None
+    error: float | None
+
+
+def summary_columns(problem: Mapping[str, object], summary: Mapping[str, object]) -> SummaryColumns:
+    """Return the columns of a solution, from its canonical problem and its summary."""
+    return SummaryColumns(
+        family=_word(_at(problem, "potential", "type")),
+        method=_word(_at(summary, "method")),
+        tier=_word(_at(summary, "tier")),
+        A=_number(_at(problem, "body", "A")),
+        C=_number(_at(problem, "body", "C")),
+        period=_number(_at(summary, "period", "value")),
+        energy=_number(_at(summary, "energy", "value")),
+        error=_number(_at(summary, "error")),
+    )
+
+
+def _at(document: object, *keys: str) -> object:
+    for key in keys:
+        if not isinstance(document, Mapping):
+            return None
+        document = document.get(key)
+    return document
+
+
+def _word(value: object) -> str | None:
+    return value if isinstance(value, str) else None
+
+
+def _number(value: object) -> float | None:
+    """Return a JSON number, or the exact number in a string, rounded to a double."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    try:
+        number = float(Fraction(value))
+    except (ValueError, OverflowError, ZeroDivisionError):
+        return None
+    return number if math.isfinite(number) else None

@@ -1,0 +1,69 @@
+"""Finds which schema a database has, and whether this version can use or upgrade it."""
+
+import functools
+from importlib.metadata import version
+from pathlib import Path
+
+from alembic.script import ScriptDirectory
+from sqlalchemy import Connection, Engine, inspect, text
+
+
+class NewerSchemaError(Exception):
+    """The database was made by a later version."""
+
+    def __init__(self, stored: str) -> None:
+        super().__init__(
+            f"the database has the schema {stored}, made by a later version; this is version "
+            f"{version('polhode')} with the schema {newest_revision()}. Use the later version, or "
+            "restore a backup from before the upgrade"
+        )
+        self.stored = stored
+
+
+def migrations_folder() -> Path:
+    """Return the folder of the migrations: in the package if installed, else at the top of the checkout."""
+    packaged = Path(__file__).parents[1] / "_migrations"
+    return packaged if packaged.is_dir() else Path(__file__).parents[3] / "migrations"
+
+
+@functools.cache
+def known_revisions() -> frozenset[str]:
+    """Return the schemas that this version can upgrade to its own."""
+    scripts = ScriptDirectory(str(migrations_folder()))
+    return frozenset(script.revision for script in scripts.walk_revisions())
+
+
+@functools.cache
+def newest_revision() -> str:
+    """Return the schema that this version works with."""
+    head = ScriptDirectory(str(migrations_folder())).get_current_head()
+    assert head is not None
+    return head
+
+
+def stored_revision(connection: Connection) -> str | None:
+    """Return the schema of a database; None if it has no tables of ours."""
+    if not inspect(connection).has_table("alembic_version"):
+        return None
+    found = connection.scalar(text("SELECT version_num FROM alembic_version"))
+    return None if found is None else str(found)
+
+
+def refuse_newer(engine: Engine) -> None:
+    """Raise :class:`NewerSchemaError` if a later version has made the database."""
+    with engine.connect() as connection:
+        stored = stored_revision(connection)
+    if stored is not None and stored not in known_revisions():
+        raise NewerSchemaError(stored)
+
+
+def fault_of(stored: str | None) -> str | None:
+    """Return why this version cannot work with a schema, and the remedy; None if it can."""
+    wanted = newest_revision()
+    if stored == wanted:
+        return None
+    if stored is None:
+        return f"it has no tables of polhode, needed is the schema {wanted}; polhode migrate makes them"
+    if stored in known_revisions():
+        return f"schema {stored}, needed is {wanted}; polhode migrate brings it there"
+    return str(NewerSchemaError(stored))

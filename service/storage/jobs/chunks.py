@@ -1,0 +1,195 @@
+"""Updates a sweep when one of its chunks ends, within the caller's transaction.
+
+A transaction that changes a sweep's counters or makes chunks always locks the sweep's
+row first and its jobs afterwards: two transactions that lock them in different orders
+would deadlock.
+"""
+
+from collections.abc import Iterable
+
+from sqlalchemy import Connection, func, literal_column, select, update
+from sqlalchemy.orm import Session, defer
+
+from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_rest, further
+from service.jobs.job import Claim
+from service.jobs.lanes import Lane
+from service.jobs.outcome import ChunkOutcome
+from service.jobs.states import AttemptOutcome, JobKind, JobState, sources
+from service.storage.codecs.points import ChunkPoints, chunk_outcome
+from service.storage.database.clock import DatabaseNow, database_now
+from service.storage.database.ids import new_id
+from service.storage.jobs.moves import end_attempt, fence, may_become, move
+from service.storage.jobs.turns import next_turns
+from service.storage.keys.key_store import charge
+from service.storage.tables.base import Document, table_of
+from service.storage.tables.jobs import JobRow
+from service.storage.tables.sweeps import SweepChunkRow, SweepRow
+
+_SWEEPS = table_of(SweepRow)
+_NO_DIGEST = ""
+"""The digest of every chunk: chunks are not looked up by what they compute."""
+
+
+def hold(session: Session, sweep_id: str | None) -> SweepRow | None:
+    """Lock and return a sweep's row; None without an id."""
+    if sweep_id is None:
+        return None
+    # Without the document, which may be long and is not needed here.
+    row = select(SweepRow).where(SweepRow.id == sweep_id).options(defer(SweepRow.document))
+    return session.scalar(row.with_for_update())
+
+
+def begin(connection: Connection, sweep_id: str) -> Document:
+    """Mark a sweep running, since one of its chunks was claimed; return its document."""
+    # Skip a locked row: its holder may be waiting for the claimed chunk, and marks the sweep itself.
+    idle = (
+        select(_SWEEPS.c.id)
+        .where(_SWEEPS.c.id == sweep_id, _SWEEPS.c.state == JobState.QUEUED.value)
+        .with_for_update(skip_locked=True)
+        .scalar_subquery()
+    )
+    values = {"state": JobState.RUNNING.value, "started_at": DatabaseNow()}
+    connection.execute(update(_SWEEPS).where(_SWEEPS.c.id == idle).values(values))
+    document: Document = connection.scalars(select(_SWEEPS.c.document).where(_SWEEPS.c.id == sweep_id)).one()
+    return document
+
+
+def queue_chunks(session: Session, sweep: SweepRow, ranges: Iterable[Range], most: int) -> list[JobRow]:
+    """Make a job of each range; ``most`` is the largest chunk that may be made of this sweep."""
+    now, whole = database_now(session), list(ranges)
+    point_seconds = UNKNOWN_POINT_SECONDS if sweep.point_seconds is None else sweep.point_seconds
+    turns = next_turns(
+        session.connection(),
+        lane=Lane.SWEEP,
+        priority=sweep.priority,
+        key_id=sweep.key_id,
+        seconds=[each.count * point_seconds for each in whole],
+    )
+    rows = [
+        JobRow(
+            id=new_id(),
+            kind=JobKind.CHUNK.value,
+            state=JobState.QUEUED.value,
+            priority=sweep.priority,
+            lane=Lane.SWEEP.value,
+            turn=turn,
+            key_id=sweep.key_id,
+            sweep_id=sweep.id,
+            problem={"first": each.first, "count": each.count, "most": most},
+            digest=_NO_DIGEST,
+            created_at=now,
+        )
+        for each, turn in zip(whole, turns, strict=True)
+    ]
+    session.add_all(rows)
+    return rows
+
+
+def finish(session: Session, claim: Claim, outcome: ChunkOutcome) -> list[JobRow] | None:
+    """Store the points of a chunk and make further chunks; do nothing and return None if the claim was lost.
+
+    Returns the jobs that are queued now.
+    """
+    sweep = hold(session, claim.sweep_id)
+    if sweep is None or not move(session, JobState.SUCCEEDED, *fence(claim), progress=1.0):
+        return None
+    end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.SUCCEEDED)
+    asked, most = _range(claim.problem)
+    if not 1 <= outcome.count <= asked.count:
+        raise ValueError(f"{outcome.count} points came back of a chunk of {asked.count}")
+    sweep.point_seconds = outcome.seconds / outcome.count
+    rest = Range(asked.first + outcome.count, asked.count - outcome.count)
+    left = cut_rest(rest, sweep.point_seconds) if rest.count else ()
+    return _store(session, sweep, asked.first, outcome, left, most)
+
+
+def replace_failed(session: Session, sweep: SweepRow | None, job_id: str) -> list[JobRow]:
+    """Split a chunk that has failed for good, or store its only point as refused.
+
+    ``sweep`` is its locked row, None if the job is not a chunk. Returns the jobs that are queued now.
+    """
+    if sweep is None:
+        return []
+    job = session.get_one(JobRow, job_id, populate_existing=True)
+    if job.state != JobState.FAILED.value:
+        return []
+    asked, most = _range(job.problem)
+    if asked.count > 1:
+        return queue_chunks(session, sweep, cut(asked, PARTS), most)
+    code = str((job.error or {}).get("code", "internal_error"))
+    refused = chunk_outcome(ChunkPoints(outcomes=[code], numbers={}), seconds=0.0)
+    return _store(session, sweep, asked.first, refused, (), most)
+
+
+def cancel(session: Session, sweep: SweepRow) -> bool:
+    """Cancel a locked, unfinished sweep and its chunks; tell whether it did."""
+    if sweep.state not in sources(JobState.CANCELLED):
+        return False
+    _end(session, sweep, JobState.CANCELLED)
+    cancelled = session.execute(
+        update(JobRow)
+        .where(JobRow.sweep_id == sweep.id, may_become(JobState.CANCELLED))
+        .values(state=JobState.CANCELLED.value, owner=None, lease_until=None, finished_at=DatabaseNow())
+        .returning(JobRow.id, JobRow.attempt)
+        .execution_options(synchronize_session=False)
+    ).all()
+    for job_id, attempt in cancelled:
+        end_attempt(session, job_id, attempt, AttemptOutcome.CANCELLED)
+    return True
+
+
+def _store(
+    session: Session, sweep: SweepRow, first: int, outcome: ChunkOutcome, left: Iterable[Range], most: int
+) -> list[JobRow]:
+    session.add(
+        SweepChunkRow(
+            sweep_id=sweep.id,
+            first=first,
+            count=outcome.count,
+            refused=outcome.refused,
+            bounds={name: list(bounds) for name, bounds in outcome.bounds.items()},
+            data=outcome.data,
+        )
+    )
+    sweep.done += outcome.count
+    sweep.refused += outcome.refused
+    rows = queue_chunks(session, sweep, left, most)
+    session.flush()
+    rows += _top_up(session, sweep, most)
+    if sweep.done == sweep.points:
+        _end(session, sweep, JobState.SUCCEEDED)
+    elif sweep.state == JobState.QUEUED.value:
+        sweep.state, sweep.started_at = JobState.RUNNING.value, database_now(session)
+    session.flush()
+    charge(session.connection(), sweep.key_id, len(outcome.data))
+    return rows
+
+
+def _top_up(session: Session, sweep: SweepRow, most: int) -> list[JobRow]:
+    """Make chunks of the next points until enough chunks are queued."""
+    if sweep.next_index >= sweep.points:
+        return []
+    waiting = session.scalar(
+        select(func.count())
+        .select_from(JobRow)
+        # A literal, not a parameter, so that SQLite can use the partial index of queued jobs.
+        .where(JobRow.sweep_id == sweep.id, JobRow.state == literal_column("'queued'"))
+    )
+    seconds = UNKNOWN_POINT_SECONDS if sweep.point_seconds is None else sweep.point_seconds
+    ranges = list(further(sweep.next_index, sweep.points, waiting or 0, seconds, most))
+    if ranges:
+        sweep.chunk_points = ranges[-1].count
+        sweep.next_index = ranges[-1].first + ranges[-1].count
+    return queue_chunks(session, sweep, ranges, most)
+
+
+def _end(session: Session, sweep: SweepRow, state: JobState) -> None:
+    sweep.state, sweep.finished_at = state.value, database_now(session)
+    session.flush()
+
+
+def _range(problem: Document) -> tuple[Range, int]:
+    """Return the points of a chunk's job, and how large a chunk of its sweep may be."""
+    first, count, most = problem["first"], problem["count"], problem["most"]
+    assert isinstance(first, int) and isinstance(count, int) and isinstance(most, int)  # noqa: PT018
+    return Range(first, count), most

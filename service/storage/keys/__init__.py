@@ -1,0 +1,1 @@
+"""Stores API keys, their roles and their usage."""

@@ -1,0 +1,172 @@
+"""The store of API keys in SQL: create, list, revoke, and count their stored bytes."""
+
+import secrets
+import string
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import Connection, func, or_, select, update
+
+from service.jobs.keys import ApiKey, KeyNotFoundError, Role, key_hash, key_prefix
+from service.jobs.lanes import Lane
+from service.jobs.states import FINISHED, JobState
+from service.jobs.sweeps import POINTS_PER_JOB
+from service.storage.database.clock import DatabaseNow, instant, optional_instant
+from service.storage.database.database import Database
+from service.storage.database.ids import new_id
+from service.storage.tables.base import table_of
+from service.storage.tables.jobs import JobRow
+from service.storage.tables.operations import ApiKeyRow
+from service.storage.tables.sweeps import SweepRow
+
+_KEYS = table_of(ApiKeyRow)
+_ALPHABET = string.digits + string.ascii_uppercase + string.ascii_lowercase
+_LIVE = [state.value for state in JobState if state not in FINISHED]
+_PUBLIC_CHARACTERS = 8
+_SECRET_CHARACTERS = 43
+"""62^43 > 2^256."""
+USED_SECONDS = 60.0
+"""How much the recorded last use of a key may lag behind."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeyLimits:
+    """The limits of a key; None means that of the installation's settings."""
+
+    requests_per_second: float | None = None
+    queued_jobs: int | None = None
+    stored_bytes: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class KeyList:
+    """All keys, and the time of the database's clock when they were read."""
+
+    keys: tuple[ApiKey, ...]
+    now: datetime
+
+
+class KeyStore:
+    """Writes and reads the keys of this installation."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def create(
+        self, role: Role, *, name: str = "", seconds: float | None = None, limits: KeyLimits | None = None
+    ) -> tuple[ApiKey, str]:
+        """Store a new key that expires after ``seconds``; return it and its text, which is not kept."""
+        given = limits or KeyLimits()
+        text = _new_text()
+        prefix = key_prefix(text)
+        assert prefix is not None
+        with self._database.write() as session:
+            now = session.scalars(select(DatabaseNow())).one()
+            row = ApiKeyRow(
+                id=new_id(),
+                prefix=prefix,
+                hash=key_hash(text),
+                name=name,
+                role=role.value,
+                created_at=now,
+                expires_at=None if seconds is None else now + seconds,
+                requests_per_second=given.requests_per_second,
+                max_queued_jobs=given.queued_jobs,
+                max_stored_bytes=given.stored_bytes,
+                stored_bytes=0,
+            )
+            session.add(row)
+            return _key_of(row), text
+
+    def all(self) -> KeyList:
+        """Return all keys, oldest first, also expired and revoked ones."""
+        with self._database.read() as session:
+            now = session.scalars(select(DatabaseNow())).one()
+            rows = session.scalars(select(ApiKeyRow).order_by(ApiKeyRow.id))
+            return KeyList(tuple(_key_of(row) for row in rows), instant(now))
+
+    def revoke(self, prefix: str) -> ApiKey:
+        """Revoke a key for good; doing it again changes nothing.
+
+        Raises
+        ------
+        KeyNotFoundError
+            There is no key of that prefix.
+        """
+        with self._database.write() as session:
+            row = session.scalar(select(ApiKeyRow).where(ApiKeyRow.prefix == prefix))
+            if row is None:
+                raise KeyNotFoundError(prefix)
+            if row.revoked_at is None:
+                row.revoked_at = session.scalars(select(DatabaseNow())).one()
+            return _key_of(row)
+
+    def touch(self, key_id: str) -> None:
+        """Record the use of a key, unless some process recorded one within the last minute."""
+        noted_before = DatabaseNow() - USED_SECONDS
+        statement = (
+            update(ApiKeyRow)
+            .where(
+                ApiKeyRow.id == key_id,
+                or_(ApiKeyRow.last_used_at.is_(None), ApiKeyRow.last_used_at <= noted_before),
+            )
+            .values(last_used_at=DatabaseNow())
+        )
+        with self._database.write() as session:
+            session.execute(statement)
+
+    def live_jobs(self, key_id: str | None, *, at_most: int) -> int:
+        """Return how many jobs of a key are queued or running, counting no further than ``at_most``.
+
+        A sweep counts by the points that it has left, :data:`POINTS_PER_JOB` of
+        them as a job. None counts what was submitted without a key.
+        """
+        some = (
+            select(JobRow.key_id)
+            .where(JobRow.key_id == key_id, JobRow.state.in_(_LIVE), JobRow.lane < Lane.SWEEP.value)
+            .limit(at_most)
+        )
+        left = SweepRow.points - SweepRow.done
+        of_sweeps = select(func.sum((left + (POINTS_PER_JOB - 1)) // POINTS_PER_JOB)).where(
+            SweepRow.key_id == key_id, SweepRow.state.in_(_LIVE)
+        )
+        with self._database.read() as session:
+            jobs = session.scalar(select(func.count()).select_from(some.subquery())) or 0
+            return min(jobs + int(session.scalar(of_sweeps) or 0), at_most)
+
+
+def charge(connection: Connection, key_id: str | None, size: int) -> None:
+    """Add the bytes that this transaction stored for a key; a negative number if it removed some.
+
+    Call it last in a transaction: others that store for the same key wait until its end.
+    """
+    if key_id is not None:
+        connection.execute(
+            update(_KEYS).where(_KEYS.c.id == key_id).values(stored_bytes=_KEYS.c.stored_bytes + size)
+        )
+
+
+def _new_text() -> str:
+    public, secret = (
+        "".join(secrets.choice(_ALPHABET) for _ in range(count))
+        for count in (_PUBLIC_CHARACTERS, _SECRET_CHARACTERS)
+    )
+    return f"plh_{public}_{secret}"
+
+
+def _key_of(row: ApiKeyRow) -> ApiKey:
+    return ApiKey(
+        id=row.id,
+        prefix=row.prefix,
+        hash=row.hash,
+        name=row.name,
+        role=Role(row.role),
+        created_at=instant(row.created_at),
+        expires_at=optional_instant(row.expires_at),
+        revoked_at=optional_instant(row.revoked_at),
+        last_used_at=optional_instant(row.last_used_at),
+        requests_per_second=row.requests_per_second,
+        max_queued_jobs=row.max_queued_jobs,
+        max_stored_bytes=row.max_stored_bytes,
+        stored_bytes=row.stored_bytes,
+    )

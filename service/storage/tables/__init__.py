@@ -1,0 +1,1 @@
+"""The SQLAlchemy tables, the same on SQLite and Postgres."""

@@ -1,0 +1,49 @@
+"""The base of all tables: names of constraints, and how Python types are stored.
+
+Instants are seconds since 1970, UTC, as doubles by the database's clock. A
+double keeps microseconds, is the same type in SQLite and Postgres, and leases
+can be compared and prolonged with plain arithmetic in either.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import ClassVar, cast
+
+from sqlalchemy import JSON, Double, LargeBinary, MetaData, String, Table
+from sqlalchemy.orm import DeclarativeBase
+
+Document = Mapping[str, object]
+
+
+class Base(DeclarativeBase):
+    """Constraints are named by rule, so that every migration can address them."""
+
+    metadata = MetaData(
+        naming_convention={
+            "pk": "pk_%(table_name)s",
+            "fk": "fk_%(table_name)s_%(column_0_name)s",
+            "uq": "uq_%(table_name)s_%(column_0_name)s",
+            "ix": "ix_%(table_name)s_%(column_0_name)s",
+            "ck": "ck_%(table_name)s_%(constraint_name)s",
+        }
+    )
+    type_annotation_map: ClassVar[dict[object, object]] = {
+        str: String(64),
+        float: Double(),
+        bytes: LargeBinary(),
+        Document: JSON(),
+    }
+
+
+def table_of(row: type[Base]) -> Table:
+    """Return the table of a mapped class.
+
+    Statements that every job runs are built once, on tables: this takes a tenth of
+    the time of building them anew on mapped classes.
+    """
+    return cast(Table, row.__table__)
+
+
+def one_of(column: str, words: type[StrEnum]) -> str:
+    """Return the SQL condition that ``column`` holds one of the words."""
+    return f"{column} IN ({', '.join(repr(word.value) for word in words)})"

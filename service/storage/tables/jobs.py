@@ -1,0 +1,96 @@
+"""The tables of jobs and their attempts."""
+
+from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, SmallInteger, String, Uuid, desc, text
+from sqlalchemy.orm import Mapped, mapped_column
+
+from service.jobs.lanes import Lane
+from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.storage.tables.base import Base, Document, one_of
+from service.storage.tables.sweeps import SweepRow
+
+
+class JobRow(Base):
+    """One job. ``owner`` and ``lease_until`` are set while it is running, and only then."""
+
+    __tablename__ = "jobs"
+    __table_args__ = (
+        CheckConstraint(one_of("state", JobState), name="state"),
+        CheckConstraint(one_of("kind", JobKind), name="kind"),
+        CheckConstraint(
+            "(state = 'succeeded' AND kind = 'solve') = (solution_id IS NOT NULL)", name="solution"
+        ),
+        CheckConstraint("(kind = 'chunk') = (sweep_id IS NOT NULL)", name="sweep"),
+        CheckConstraint("(state = 'running') = (owner IS NOT NULL)", name="owner"),
+        CheckConstraint("(state = 'running') = (lease_until IS NOT NULL)", name="lease"),
+        # For lists of jobs, with and without a state, newest first, and for the oldest waiting job.
+        Index("ix_jobs_kind_id", "kind", "id"),
+        Index("ix_jobs_state_id_kind", "state", "id", "kind"),
+        CheckConstraint("lane IN (0, 1, 2)", name="lane"),
+        # In the order of claims, queued jobs only. Its first column makes SQLite prefer it.
+        Index(
+            "ix_jobs_queue",
+            "state",
+            desc("priority"),
+            "lane",
+            "turn",
+            "key_id",
+            "id",
+            sqlite_where=text("state = 'queued'"),
+            postgresql_where=text("state = 'queued'"),
+        ),
+        # In the order of claims from one lane; its ends are the last turns that were assigned and taken.
+        Index("ix_jobs_lanes", "state", "lane", desc("priority"), "turn", "key_id", "id"),
+        Index("ix_jobs_leases", "state", "lease_until"),
+        Index("ix_jobs_of_key", "key_id", "state", "lane", "priority", "turn"),
+    )
+
+    id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
+    kind: Mapped[str] = mapped_column(String(16), default=JobKind.SOLVE.value, server_default="solve")
+    state: Mapped[str] = mapped_column(String(16))
+    priority: Mapped[int] = mapped_column(default=0, server_default="0")
+    lane: Mapped[int] = mapped_column(SmallInteger, default=Lane.SINGLE.value, server_default="0")
+    turn: Mapped[float] = mapped_column(default=0.0, server_default="0")
+    """Of equal priority and lane the smaller is claimed first: see :mod:`service.jobs.turns`."""
+    ready_at: Mapped[float] = mapped_column(default=0.0, server_default="0")
+    """Not claimed before this instant: after each lost worker a job waits longer."""
+    attempt: Mapped[int] = mapped_column(default=0)
+    progress: Mapped[float] = mapped_column(default=0.0)
+    error: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
+    reused: Mapped[bool] = mapped_column(default=False)
+    solution_id: Mapped[str | None] = mapped_column(
+        Uuid(as_uuid=False), ForeignKey("solutions.id"), index=True
+    )
+    sweep_id: Mapped[str | None] = mapped_column(
+        Uuid(as_uuid=False), ForeignKey(SweepRow.id, ondelete="CASCADE"), index=True
+    )
+    key_id: Mapped[str | None] = mapped_column(Uuid(as_uuid=False))
+    """The API key that submitted it; not a foreign key, so that API keys can be removed."""
+    problem: Mapped[Document]
+    """Of a chunk: {"first": index, "count": points}."""
+    digest: Mapped[str]
+    owner: Mapped[str | None] = mapped_column(String(128))
+    lease_until: Mapped[float | None]
+    created_at: Mapped[float]
+    started_at: Mapped[float | None]
+    finished_at: Mapped[float | None]
+
+
+class AttemptRow(Base):
+    """One try at a job; without ``ended_at`` while it runs."""
+
+    __tablename__ = "attempts"
+    __table_args__ = (
+        CheckConstraint(one_of("outcome", AttemptOutcome), name="outcome"),
+        # For counting the attempts that ended since the last look.
+        Index("ix_attempts_ended_at", "ended_at"),
+    )
+
+    job_id: Mapped[str] = mapped_column(
+        Uuid(as_uuid=False), ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True
+    )
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    worker: Mapped[str] = mapped_column(String(128))
+    started_at: Mapped[float]
+    ended_at: Mapped[float | None]
+    outcome: Mapped[str | None] = mapped_column(String(16))
+    detail: Mapped[str | None] = mapped_column(String(512))

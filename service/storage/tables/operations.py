@@ -1,0 +1,55 @@
+"""The tables of the installation: API keys, live workers and services, calibrations."""
+
+from sqlalchemy import BigInteger, CheckConstraint, String, Uuid
+from sqlalchemy.orm import Mapped, mapped_column
+
+from service.jobs.keys import Role
+from service.storage.tables.base import Base, Document, one_of
+
+
+class ApiKeyRow(Base):
+    """A key without its secret: only the hash is kept."""
+
+    __tablename__ = "api_keys"
+    __table_args__ = (CheckConstraint(one_of("role", Role), name="role"),)
+
+    id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
+    prefix: Mapped[str] = mapped_column(String(32), unique=True)
+    hash: Mapped[bytes]
+    name: Mapped[str] = mapped_column(String(128))
+    role: Mapped[str] = mapped_column(String(16))
+    created_at: Mapped[float]
+    expires_at: Mapped[float | None]
+    revoked_at: Mapped[float | None]
+    last_used_at: Mapped[float | None]
+    requests_per_second: Mapped[float | None]
+    max_queued_jobs: Mapped[int | None]
+    max_stored_bytes: Mapped[int | None] = mapped_column(BigInteger)
+    stored_bytes: Mapped[int] = mapped_column(BigInteger, default=0)
+    """Bytes of stored arrays of its results."""
+
+
+class WorkerRow(Base):
+    """A live worker process or service; a regular shutdown removes the row.
+
+    The row of a service has the engine ``service`` and no slots.
+    """
+
+    __tablename__ = "workers"
+
+    name: Mapped[str] = mapped_column(String(128), primary_key=True)
+    host: Mapped[str] = mapped_column(String(255))
+    engine: Mapped[str] = mapped_column(String(32))
+    slots: Mapped[int]
+    started_at: Mapped[float]
+    seen_at: Mapped[float]
+
+
+class CalibrationRow(Base):
+    """A measured table of accuracy and speed; the latest one is used, the older ones are kept."""
+
+    __tablename__ = "calibrations"
+
+    id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
+    created_at: Mapped[float] = mapped_column(index=True)
+    document: Mapped[Document]

@@ -1,0 +1,22 @@
+"""Lists every table, each after the tables that it refers to."""
+
+from service.storage.tables.base import Base
+from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.operations import ApiKeyRow, CalibrationRow, WorkerRow
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
+from service.storage.tables.sweeps import SweepChunkRow, SweepRow
+
+TABLES: tuple[type[Base], ...] = (
+    ApiKeyRow,
+    WorkerRow,
+    CalibrationRow,
+    SolutionRow,
+    DenseOutputRow,
+    SamplesRow,
+    SweepRow,
+    SweepChunkRow,
+    JobRow,
+    AttemptRow,
+)
+
+METADATA = Base.metadata

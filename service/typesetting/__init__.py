@@ -1,0 +1,1 @@
+"""Formulas as mechanicians write them: LaTeX and MathML, simplified where there is time."""

@@ -1,0 +1,235 @@
+"""Examines a potential or a problem before a job is queued. Runs in a child that can be killed.
+
+For some formulas a verdict takes unpredictably long, or crashes inside a compiled
+library; hence documents go in and come out as JSON text, and the caller sets the
+limits.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from flint import ctx
+
+from service.dynamics.inverse.curve_function import NoDecompositionError
+from service.dynamics.inverse.named import Named
+from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
+from service.dynamics.reduction.ends import require_known_ends
+from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.windows import (
+    PRECISION,
+    NoMotionError,
+    choose_window,
+    find_windows,
+)
+from service.dynamics.sampling import PeriodNeededError
+from service.dynamics.verdict.own_curve import require_proof_on_arc
+from service.dynamics.verdict.verdict import Verdict, decide
+from service.schemas.problem.problem import Question, read_problem, read_question
+from service.verdicts.documents import (
+    NAMELESS,
+    Document,
+    Points,
+    decomposition_document,
+    decomposition_of,
+    energy_document,
+    nearest_document,
+    plan_document,
+    verdict_document,
+    window_document,
+)
+from service.verdicts.refusals import answer_or_refusal, refusal_of_verdict
+from service.verdicts.searches import Searches, deadline, refusal_without_motion
+
+Answer = Document
+
+VERDICT_PROCESSOR_SECONDS, VERDICT_SECONDS = 4.0, 7.0
+"""After either limit an open verdict stays undecided; what follows it takes time too."""
+MOST_SEARCHES = 4
+"""Searches for λ with motions in one list of problems; each takes some tenths of a second."""
+
+
+def examine_question(document_json: str) -> str:
+    """Answer a validation: ``{"verdict": …}`` or ``{"error": {code, detail, pointer, …}}``, as JSON.
+
+    A whole problem gets the error of :func:`examine_problem`, as a job would.
+    """
+    return _answer(document_json, _judge_question)
+
+
+def examine_problem(document_json: str, *, explains: bool = True) -> str:
+    """Answer whether a problem can be solved as asked: ``{"verdict": …}`` or ``{"error": …}``, as JSON.
+
+    The error is what its job would end with. A motion from any state has no verdict: null. If there is
+    no motion and ``explains`` is true, the answer has the λ for which motions exist.
+    """
+    return json.dumps(examine_document(json.loads(document_json), explains=explains).answer, allow_nan=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Examined:
+    """What :func:`examine_problem` answers, and what need not be found again in the same process."""
+
+    answer: Document
+    problem: Problem | None
+    """The problem that was read; None if the document states none."""
+
+
+def examine_document(document: object, *, explains: bool = True) -> Examined:
+    """Answer as :func:`examine_problem`, and hand on what was read and found on the way."""
+    searches = Searches(1 if explains else 0)
+    problem = None
+
+    def judge(document: object) -> Answer:
+        nonlocal problem
+        problem = read_problem(document)
+        return _judge_problem(document, problem, {}, searches)
+
+    answer = answer_or_refusal(document, judge)
+    return Examined(answer, problem)
+
+
+def examine_problems(documents_json: str) -> str:
+    """Answer for each problem of a list as :func:`examine_problem`; equal potentials are judged once."""
+    verdicts: dict[str, Verdict] = {}
+    searches = Searches(MOST_SEARCHES)
+
+    def judge(document: object) -> Answer:
+        return _judge_problem(document, read_problem(document), verdicts, searches)
+
+    answers = [answer_or_refusal(document, judge) for document in json.loads(documents_json)]
+    return json.dumps(answers, allow_nan=False)
+
+
+def answer_ping() -> str:
+    """Answer that the child is alive."""
+    return "alive"
+
+
+def _answer(document_json: str, judge: Callable[[object], Answer]) -> str:
+    return json.dumps(answer_or_refusal(json.loads(document_json), judge), allow_nan=False)
+
+
+def _judge_question(document: object) -> Answer:
+    question = read_question(document)
+    if question.problem is not None and isinstance(question.motion, StateMotion):
+        return {"verdict": None}
+    verdict = decide(question.body, question.potential, _verdict_deadline())
+    answer = verdict_document(question.body, verdict, question.potential)
+    accepts = question.problem is not None and question.problem.problem.accept == "undecided"
+    refusal = None if question.problem is None else refusal_of_verdict(verdict, answer, accepts)
+    if refusal is not None:
+        return refusal
+    if verdict.verdict == "inadmissible":
+        named, degree = _named(question), question.nearest_degree
+        nearest = nearest_document(question.body, question.potential, named, degree)
+        return {"verdict": {**answer, "nearest": nearest}}
+    if isinstance(question.motion, PlanarMotion):
+        with ctx.workprec(PRECISION):
+            found = find_windows(question.body, question.potential, question.motion)
+            existence = None
+            if not found:
+                existence = Searches(1).document(question.body, question.potential, question.motion)
+            try:
+                chosen = _require_asked(question, question.motion, found)
+            except NoMotionError as error:
+                return refusal_without_motion(error, existence)
+        answer |= {"motions": [window_document(window) for window in found], "existence": existence}
+        if question.problem is not None and chosen is not None:
+            answer["plan"] = plan_document(question.problem.problem, window_document(chosen))
+            if verdict.verdict == "undecided":
+                with ctx.workprec(PRECISION):
+                    _prove_motion(question.problem.problem, question.motion, chosen)
+    if verdict.verdict == "admissible":
+        answer |= _formulas(question, verdict)
+    return {"verdict": answer}
+
+
+def _formulas(question: Question, verdict: Verdict) -> Document:
+    """Return h, F and G of an admissible potential, as far as they are known."""
+    body, found = question.body, decomposition_of(question.body, question.potential)
+    # Names are used only if the formula is proved for all values, which needs a proof for these values first.
+    named = _named(question) if verdict.proof == "symbolic" else None
+    formulas = NAMELESS if named is None else named.formulas(body, found, question.potential)
+    points = Points(question.w, question.g2)
+    try:
+        return {
+            "energy": energy_document(body, verdict, found, formulas),
+            "decomposition": None if found is None else decomposition_document(found, formulas, points),
+        }
+    except NoDecompositionError:
+        # Without a proof it shows only when values are computed.
+        return {"energy": energy_document(body, verdict, None, formulas)}
+
+
+def _named(question: Question) -> Named | None:
+    return None if question.stated is None else question.stated.named(question.body)
+
+
+def _require_asked(question: Question, motion: PlanarMotion, windows: tuple[Window, ...]) -> Window | None:
+    """Return the requested window, None if no window was chosen; raise the error its job would end with."""
+    if question.problem is not None:
+        return _require_motion(question.problem.problem, motion, windows)
+    if motion.window is None and (motion.start is None or len(windows) != 1):
+        return None
+    window = choose_window(windows, motion)
+    if motion.start is not None:
+        starting_point(window, motion)
+    return window
+
+
+def _verdict_deadline() -> Callable[[], bool]:
+    return deadline(VERDICT_PROCESSOR_SECONDS, VERDICT_SECONDS)
+
+
+def _judge_problem(
+    document: object,
+    problem: Problem,
+    known: dict[str, Verdict],
+    searches: Searches,
+) -> Answer:
+    """Judge a problem; ``known`` remembers the verdicts on potentials."""
+    if isinstance(problem.motion, StateMotion):
+        return {"verdict": None}
+    assert isinstance(document, dict)
+    setting = json.dumps([document["body"], document["potential"]])
+    if setting not in known:
+        known[setting] = decide(problem.body, problem.potential, _verdict_deadline())
+    verdict = known[setting]
+    answer = verdict_document(problem.body, verdict, problem.potential)
+    refusal = refusal_of_verdict(verdict, answer, problem.accept == "undecided")
+    if refusal is not None:
+        return refusal
+    with ctx.workprec(PRECISION):
+        windows = find_windows(problem.body, problem.potential, problem.motion)
+        try:
+            window = _require_motion(problem, problem.motion, windows)
+        except NoMotionError as error:
+            return refusal_without_motion(
+                error, searches.document(problem.body, problem.potential, problem.motion)
+            )
+        if verdict.verdict == "undecided":
+            _prove_motion(problem, problem.motion, window)
+    return {"verdict": {**answer, "motions": [window_document(window)]}}
+
+
+def _prove_motion(problem: Problem, motion: PlanarMotion, window: Window) -> None:
+    """Raise the refusal of a motion in an undecided potential unless q = 0 is proved on its own curve."""
+    arc = starting_point(window, motion).arc
+    require_proof_on_arc(problem.body, problem.potential, motion, arc, _verdict_deadline())
+
+
+def _require_motion(problem: Problem, motion: PlanarMotion, windows: tuple[Window, ...]) -> Window:
+    """Return the window of the motion, or raise the error its job would end with."""
+    window = choose_window(windows, motion)
+    if problem.method != "integration":
+        require_known_ends(window)
+    starting_point(window, motion)
+    if window.kind != "periodic" and isinstance(problem.time, TimePeriods):
+        raise PeriodNeededError(
+            f"the motion in window {window.index} has no period ({window.kind}); "
+            'accepted are {"start", "stop", "samples"} and {"times"}',
+            pointer="/time/periods",
+        )
+    return window

@@ -1,0 +1,76 @@
+"""Refusals of problems, as documents: ``{"error": {code, detail, pointer, …}}``."""
+
+from collections.abc import Callable
+
+from service.dynamics.errors import DynamicsError
+from service.dynamics.reduction.windows import NoSuchWindowError, SeveralWindowsError
+from service.dynamics.verdict.own_curve import InadmissibleMotionError
+from service.dynamics.verdict.verdict import Verdict
+from service.schemas.reading.faults import InvalidProblemError
+from service.verdicts.documents import Document, motion_counterexample, window_document
+
+_POTENTIAL = "/potential"
+
+
+def answer_or_refusal(document: object, judge: Callable[[object], Document]) -> Document:
+    """Return what ``judge`` answers to a document, or the refusal that it raises."""
+    try:
+        return judge(document)
+    except InvalidProblemError as error:
+        return {"error": _invalid(error)}
+    except (SeveralWindowsError, NoSuchWindowError) as error:
+        windows = [window_document(window) for window in error.windows]
+        return refusal(error.code, error.message, error.pointer, windows=windows)
+    except InadmissibleMotionError as error:
+        example = motion_counterexample(error)
+        return refusal(error.code, error.message, error.pointer, counterexample=example)
+    except DynamicsError as error:
+        return refusal(error.code, error.message, error.pointer)
+
+
+def refusal_of_reading(document: object, read: Callable[[object], object]) -> Document | None:
+    """Return the error of a document that ``read`` refuses, None if it does not.
+
+    Call it before passing a document to a child as text: JSON numbers outside the
+    range of doubles cannot be written as JSON again.
+    """
+    try:
+        read(document)
+    except InvalidProblemError as error:
+        return _invalid(error)
+    return None
+
+
+def refusal_of_verdict(verdict: Verdict, answer: Document, accepts: bool) -> Document | None:
+    """Return the refusal of a planar motion whose potential is not proved admissible.
+
+    A motion that ``accepts`` an undecided potential is judged on its own curve.
+    """
+    if verdict.verdict == "inadmissible":
+        detail = (
+            "the potential does not satisfy the compatibility equation, hence there is no family of motions "
+            f"with q = 0 and zero areas integral; {_what_fails(verdict)}"
+        )
+        return refusal("inadmissible_potential", detail, _POTENTIAL, counterexample=answer["counterexample"])
+    if verdict.verdict == "undecided" and not accepts:
+        doubt = "" if verdict.evidence is None else f"; not proved: {verdict.evidence.doubt}"
+        detail = f"neither a proof nor a counterexample was found{doubt}"
+        return refusal("undecided_potential", detail, _POTENTIAL, evidence=answer["evidence"])
+    return None
+
+
+def refusal(code: str, detail: str, pointer: str = "", **extras: object) -> Document:
+    """Return a refusal for the reason ``code``, by the part of the problem at ``pointer``."""
+    return {"error": {"code": code, "detail": detail, "pointer": pointer, **extras}}
+
+
+def _what_fails(verdict: Verdict) -> str:
+    if verdict.jump is None:
+        return "the residual at the point given is certainly not 0"
+    name = "potential" if verdict.jump.of == "potential" else "energy of the motion"
+    return f"the {name} certainly jumps where the curves cross a line through the point given"
+
+
+def _invalid(error: InvalidProblemError) -> Document:
+    faults = [{"pointer": f.pointer, "code": f.code, "message": f.message} for f in error.faults]
+    return {"code": "invalid_problem", "detail": str(error), "pointer": "", "faults": faults}

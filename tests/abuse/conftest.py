@@ -1,3 +1,0 @@
-from tests.support.api import app, client, stored, verdicts
-
-__all__ = ["app", "client", "stored", "verdicts"]

@@ -1,0 +1,92 @@
+"""GET /v1/accuracy: the shipped table first, then what was measured."""
+
+import pytest
+
+from service.dynamics.accuracy import TIER_TOLERANCES
+from service.storage.solutions.accuracy_store import AccuracyStore, shipped_table
+from tests.support.accuracy import row, table
+
+pytestmark = pytest.mark.any_database
+
+
+@pytest.fixture
+def measured(database):
+    store = AccuracyStore(database)
+    store.add(table(version="old"))
+    store.add(
+        table(
+            row("draft", "rest to rest", seconds=0.25),
+            row("high", "rest to rest", seconds=0.5),
+            row("high", "aperiodic", seconds=0.75),
+            version="new",
+        )
+    )
+
+
+def get(client, **query):
+    response = client.get("/v1/accuracy", params=query)
+    assert response.status_code == 200, response.text
+    return response.json()
+
+
+def seconds(answer):
+    return [row["seconds"] for row in answer["rows"]]
+
+
+def test_before_a_calibration_the_shipped_table_is_served_and_said_to_be_that(client):
+    answer = get(client)
+    shipped = shipped_table()
+    assert (answer["source"], answer["date"]) == ("shipped", shipped.date)
+    assert seconds(answer) == [row.seconds for row in shipped.rows]
+
+
+def test_after_a_calibration_the_latest_one_is(client, measured):
+    answer = get(client)
+    assert (answer["source"], answer["version"]) == ("measured", "new")
+    assert seconds(answer) == [0.25, 0.5, 0.75]
+    assert answer["rows"][0] == {
+        "tier": "draft",
+        "kind": "rest to rest",
+        "family": "three-term",
+        "claimed_error": 2e-14,
+        "error": 1e-15,
+        "reference": "certified",
+        "reference_error": 1e-32,
+        "seconds": 0.25,
+        "seconds_per_1000": 0.01,
+    }
+    assert answer["unavailable"] == [
+        {
+            "tier": "certified",
+            "kind": "aperiodic",
+            "family": "rational",
+            "code": "no_way",
+            "detail": "There is none.",
+        }
+    ]
+
+
+def test_it_says_what_the_tiers_promise(client):
+    assert get(client)["tolerances"] == dict(TIER_TOLERANCES)
+
+
+@pytest.mark.parametrize(
+    ("query", "expected", "lacking"),
+    [
+        ({"tier": "high"}, [0.5, 0.75], 0),
+        ({"kind": "rest to rest"}, [0.25, 0.5], 0),
+        ({"tier": "high", "kind": "aperiodic"}, [0.75], 0),
+        ({"tier": "certified"}, [], 1),
+    ],
+)
+def test_rows_are_chosen_by_tier_and_kind(client, measured, query, expected, lacking):
+    answer = get(client, **query)
+    assert seconds(answer) == expected
+    assert len(answer["unavailable"]) == lacking
+
+
+@pytest.mark.parametrize("query", [{"tier": "best"}, {"kind": "round"}, {"family": "rational"}])
+def test_other_queries_are_refused(client, query):
+    response = client.get("/v1/accuracy", params=query)
+    assert response.status_code == 422
+    assert [error["pointer"] for error in response.json()["errors"]] == [f"?{next(iter(query))}"]

@@ -1,0 +1,79 @@
+"""The words of docs/honesty.md: what is proved, what is measured, and what is not covered."""
+
+TITLE = """# Are the claimed errors true?
+
+Written by `python -m tests.benchmarks.honesty`; version {version}, numerics {numerics}.
+"""
+
+PROVED = """## What is proved
+
+A statement of this section is about whole intervals, not about nodes: it follows from enclosures that
+contain every value of a function on the interval. It holds unless the program, or what it rests on
+(flint, the arithmetic of the processor), has a mistake.
+
+* **Verdicts.** `admissible`: the compatibility equation holds identically, by exact algebra, on every
+  piece of the sphere on which the formula is analytic, and V and the energy are the same on both sides of
+  every kink that curves cross. `inadmissible`: a point, or a line that curves cross, with an enclosure
+  that excludes 0. Everything else is `undecided`.
+* **Windows.** How many there are, of what kind, and where they end: every cell of the loop has p² of one
+  certain sign, or a slope of p² of one certain sign, or is about a zero that is treated by name. What
+  cannot be settled is refused (`signs_unsettled`). A double zero is proved to be one (`separatrix`), or
+  its gap is told; else it is refused (`separatrix_undecided`). Seen only, on a stretch of at most 1e-5 of
+  its distance to the pole: that a zero of order 3 and more, or of no order, has no others beside it. What
+  p² does at a pole itself is told from its power next to it.
+* **The time map of the compiled solvers** of a formula with functions, quotients or high powers: what the
+  series leave out is bounded by one disc about each panel. Not that of a sum of low powers, see below.
+* **The time map and the period of the quadrature in balls**, where the potential has a formula: what the
+  series leave out is bounded on an ellipse about every panel. Where nothing can be enclosed, the whole
+  length of the panel counts as error (`unproved_panels` in the evidence), and so do panels next to a
+  place where the motion all but comes to rest.
+* **Everything in the tier `certified`** that has a radius, and samples that are rounded enclosures in the
+  other tiers (`proven_samples` in the evidence).
+"""
+
+MEASURED = """## What is measured
+
+* **The function of time** in the tiers `draft`, `standard` and `high`, hence `error` and the samples. It is
+  compared with the time map between its nodes, and held against the equations and the integrals of motion
+  on whole pieces (`defect` in the evidence; `defect_covers` is the share of the time for which that bound
+  is a theorem). A claim that these contradict is raised. That is no proof: a defect does not tell how
+  far errors grow.
+* **Roundings in the compiled solvers** (`draft`, `high`) are bounded operation by operation; that none was
+  forgotten is not proved.
+* **What series leave out in the compiled solvers where V is a sum of powers up to degree 12** (in `draft`,
+  `standard` and sweeps): it is taken from their last coefficients. No feature of such a V is narrower than
+  the sphere over its degree. The bounds that prove it would cost several times the solver.
+* **Potentials given by an integral**, which no complex ball can enter: windows are those of a scan, and
+  panels are judged by the decay of their series.
+* **The method `integration`**, and with it cross-checks and motions from any state: the error is the
+  difference of two runs, held against the equations.
+
+Hence the runs below. **A claim is exceeded if the true number is proven to be further away than it.** That
+none was exceeded in a run is said of its problems, and of no others.
+"""
+
+NOT_COVERED = """## What is not covered
+
+* By no reference here: potentials given by an integral, the orientation, multipliers, motions from any
+  state, the classical cases; of smooth potentials aperiodic motions, and those that pass a pole with A/C
+  (or C/A) no whole number.
+* Of hostile potentials those that are not admissible are judged by their verdicts alone, as are motions
+  into a collision by their windows alone. Admissible features are functions of g2 times A g1² + C g3², and
+  kinks on curves; there is none in F(w) but these.
+* Widths below 1e-8, more than two features at once, and times beyond {latest:.0f} periods ({rounds} of
+  hostile problems).
+* Motions of potentials that are undecided (`"accept": "undecided"`): only what is proved is asked for.
+"""
+
+SMOOTH = """## Smooth potentials
+
+The first {done} problems of the seed {seed}, in {minutes:.0f} minutes. Every problem is solved in each
+tier the way the service does it, and compared with the certified motion in balls of {bits} bits. Bodies,
+coefficients, curves, windows, starts and signs are random; gaps to separatrices, to the equator and to
+the pole go down to 1e{smallest:.0f}; the times are 0, some within one period and some up to {latest:.0f}
+periods, one in five times backwards. Smallest is the least claimed/actual of the samples. Samples that
+are rounded enclosures claim what they miss, a ratio of 1; they are of 64 bits, and the reference is made
+anew in 128. The verdict is not asked: all potentials are admissible by their making.
+
+| tier | family | asked | solved | refused | exceeded | smallest |
+| --- | --- | --- | --- | --- | --- | --- |"""

@@ -1,0 +1,99 @@
+"""The bell only saves waiting, and never makes anybody wait for nothing."""
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+import pytest
+
+from service.local import wakeup
+from service.local.wakeup import Doorbell, WorkerLine
+from tests.support.waiting import wait_for
+
+
+@pytest.fixture
+def doorbell():
+    bell = Doorbell()
+    yield bell
+    bell.close()
+
+
+@pytest.fixture
+def line(doorbell):
+    worker = WorkerLine(doorbell.new_line().detach())
+    yield worker
+    worker.close()
+
+
+@contextmanager
+def waiting(doorbell, job, is_finished):
+    """Wait for a job by the bell alone, in a thread; what is done meanwhile must end the wait."""
+    has_looked = threading.Event()
+
+    def look() -> bool:
+        found = is_finished()
+        has_looked.set()
+        return found
+
+    with ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(wait_for, doorbell, job, is_finished=look, timeout=3600.0)
+        assert has_looked.wait(60.0)
+        yield answer
+        answer.result(timeout=60.0)
+
+
+@pytest.fixture
+def bell_alone(monkeypatch):
+    """Nobody looks by himself."""
+    monkeypatch.setattr(wakeup, "_LOOK_SECONDS", 3600.0)
+
+
+@pytest.mark.usefixtures("bell_alone")
+def test_a_finished_job_ends_the_wait_at_once(doorbell, line):
+    finished = threading.Event()
+
+    with waiting(doorbell, "job-1", finished.is_set) as answer:
+        finished.set()
+        line.tell("job-1")
+    assert answer.result() is True
+
+
+def test_a_job_that_finished_before_the_wait_is_seen(doorbell):
+    assert wait_for(doorbell, "job-1", is_finished=lambda: True, timeout=0.0)
+
+
+def test_a_job_that_another_machine_finished_is_found_by_looking(doorbell):
+    finished = threading.Event()
+    threading.Timer(0.05, finished.set).start()
+    assert wait_for(doorbell, "job-1", is_finished=finished.is_set, timeout=60.0)
+
+
+def test_the_wait_ends_at_its_timeout(doorbell):
+    assert not wait_for(doorbell, "job-1", is_finished=lambda: False, timeout=0.02)
+
+
+def test_a_line_stays_open_however_often_it_is_rung(doorbell, line):
+    for _ in range(100_000):  # more than a socket's buffer holds
+        doorbell.ring()
+    assert line.is_open()
+
+
+def test_the_worker_notices_that_the_service_hung_up(doorbell, line):
+    doorbell.close()
+    assert not line.is_open()
+
+
+def test_a_worker_that_died_does_not_disturb_the_others(doorbell, line):
+    doorbell.new_line().close()
+    doorbell.ring()
+    assert line.is_open()
+    line.tell("job-1")
+    assert not wait_for(doorbell, "job-2", is_finished=lambda: False, timeout=0.01)
+
+
+@pytest.mark.usefixtures("bell_alone")
+def test_a_closed_bell_makes_nobody_wait(doorbell):
+    """A service that stops answers its waiting clients as things stand."""
+    with waiting(doorbell, "job-1", lambda: False) as answer:
+        doorbell.close()
+    assert answer.result() is False

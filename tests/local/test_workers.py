@@ -1,0 +1,114 @@
+"""The worker process beside a service is back at once when it was killed; if it cannot live, that is told."""
+
+import errno
+import subprocess
+import sys
+
+import pytest
+
+from service.app import create_app
+from service.local.restarts import Restarts, WorkerStanding
+from service.local.wakeup import Doorbell
+from service.local.workers import LocalWorkers
+from service.settings import Settings
+from tests.support.api import TestClient
+from tests.workers.processes import wait_until
+
+FOREVER = [sys.executable, "-S", "-c", "import signal; signal.pause()"]
+AT_ONCE = [sys.executable, "-S", "-c", "raise SystemExit(3)"]
+
+
+@pytest.fixture
+def keep(monkeypatch):
+    """Run a command as the worker of a service."""
+    started = []
+
+    def begin(command):
+        monkeypatch.setattr("service.local.workers.worker_command", lambda *_: command)
+        bell = Doorbell()
+        started.append((LocalWorkers(Settings(workers=1, grace_seconds=0.0), bell), bell))
+        return started[-1][0]
+
+    yield begin
+    for workers, bell in started:
+        workers.stop()
+        bell.close()
+
+
+def test_a_killed_worker_is_started_again(keep):
+    workers = keep(FOREVER)
+    first = workers._process
+    assert workers.standing() == WorkerStanding(Restarts())
+    first.kill()
+    wait_until(lambda: workers._process is not first and workers.standing().is_running)
+    assert workers._process.poll() is None
+    assert (workers.standing().restarts.deaths, workers.standing().last_code) == (1, -9)
+
+
+def test_a_worker_that_had_worked_is_back_without_a_pause(keep, monkeypatch):
+    monkeypatch.setattr("service.local.restarts.EARLY_SECONDS", 0.0)
+    workers, waits = keep(FOREVER), []
+    stopping = workers._stopping
+    monkeypatch.setattr(stopping, "wait", lambda seconds: waits.append(seconds) or stopping.is_set())
+    first = workers._process
+    first.kill()
+    wait_until(lambda: workers._process is not first)
+    assert waits == [0.0]
+
+
+def test_a_worker_that_dies_at_once_again_is_told_with_its_pause(keep):
+    workers = keep(AT_ONCE)
+    standing = wait_until(
+        lambda: (now := workers.standing()).restarts.early_deaths >= 2 and not now.is_running and now
+    )
+    assert standing.last_code == 3
+    assert "ended with code 3, 2 times in a row" in str(standing)
+
+
+def test_a_worker_that_cannot_be_started_now_is_started_later(keep, monkeypatch):
+    workers = keep(FOREVER)
+    first, failures = workers._process, []
+    start = subprocess.Popen
+
+    def fail_once(*arguments, **options):
+        if not failures:
+            failures.append(OSError(errno.EAGAIN, "no process left"))
+            raise failures[0]
+        return start(*arguments, **options)
+
+    monkeypatch.setattr("service.local.workers.subprocess.Popen", fail_once)
+    first.kill()
+    wait_until(lambda: workers._process is not first and workers.standing().is_running)
+    assert failures
+    assert workers.standing().restarts.deaths == 2
+
+
+def client_of(sqlite_url, verdicts, standing):
+    settings = Settings(database_url=sqlite_url)
+    return TestClient(create_app(settings, sandbox=verdicts, local_worker=lambda: standing))
+
+
+@pytest.mark.parametrize(
+    ("standing", "said", "up", "pause"),
+    [
+        (WorkerStanding(Restarts(2, 0), -9, None), "ok", 1.0, 0.0),
+        (WorkerStanding(Restarts(5, 4), 1, 3.5), "ended with code 1, 4 times in a row", 0.0, 3.5),
+    ],
+)
+def test_readyz_and_metrics_tell_how_the_worker_does(sqlite_url, verdicts, standing, said, up, pause):
+    with client_of(sqlite_url, verdicts, standing) as client:
+        ready = client.get("/readyz")
+        # Requests are answered and jobs accepted all the same.
+        assert (ready.status_code, said in ready.json()["checks"]["worker"]) == (200, True)
+        lines = dict(
+            line.rsplit(" ", 1) for line in client.get("/metrics").text.splitlines() if line[0] != "#"
+        )
+    assert float(lines["polhode_local_worker_up"]) == up
+    assert float(lines["polhode_local_worker_pause_seconds"]) == pause
+    assert float(lines["polhode_local_worker_deaths_total"]) == standing.restarts.deaths
+
+
+def test_without_a_worker_of_its_own_a_service_tells_nothing_of_one(sqlite_url, verdicts):
+    with TestClient(create_app(Settings(database_url=sqlite_url), sandbox=verdicts)) as client:
+        assert "worker" not in client.get("/readyz").json()["checks"]
+        assert "polhode_local_worker" not in client.get("/metrics").text

@@ -1,0 +1,106 @@
+"""Writers wait for each other; readers wait for nobody."""
+
+import math
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from sqlalchemy import select
+from sqlalchemy.exc import DBAPIError, IntegrityError, StatementError
+
+from service.storage.database.availability import is_away
+from service.storage.database.clock import DatabaseNow
+from service.storage.database.database import Database
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.tables.jobs import JobRow
+from tests.support.databases import PROBLEM, SUMMARY
+from tests.support.finishing import finish_success
+from tests.workers.processes import wait_until
+
+
+def test_many_writers_never_find_the_database_busy(jobs):
+    def work(_):
+        for _ in range(20):
+            jobs.submit(PROBLEM, "digest")
+            claim = jobs.claim("worker", lease_seconds=60)
+            jobs.finish_failure(claim, {"code": "no_motion"})
+
+    with ThreadPoolExecutor(6) as pool:
+        list(pool.map(work, range(6)))
+    page = jobs.list_jobs(limit=500)
+    assert page.total == 120
+    assert {(job.state, job.attempt) for job in page.jobs} == {("failed", 1)}
+
+
+def test_a_reader_does_not_wait_for_a_writer(database, jobs):
+    job = jobs.submit(PROBLEM, "digest")
+    with database.write() as session:
+        session.get(JobRow, job.id).digest = "other"
+        session.flush()
+        with ThreadPoolExecutor(1) as pool:
+            assert pool.submit(jobs.get, job.id).result(timeout=60).digest == "digest"
+    assert jobs.get(job.id).digest == "other"
+
+
+def store_and_fail(database):
+    with database.write() as session:
+        session.add(JobRow(id="0" * 32, state="queued", problem=PROBLEM, digest="x", created_at=0.0))
+        session.flush()
+        raise ZeroDivisionError
+
+
+def test_an_exception_rolls_everything_back(database, jobs):
+    with pytest.raises(ZeroDivisionError):
+        store_and_fail(database)
+    assert jobs.list_jobs().total == 0
+
+
+def test_a_state_out_of_the_table_is_refused_by_the_database(database):
+    with pytest.raises(IntegrityError), database.write() as session:
+        session.add(JobRow(id="0" * 32, state="paused", problem=PROBLEM, digest="x", created_at=0.0))
+
+
+def test_no_nan_is_ever_stored_in_a_document(jobs):
+    job = jobs.submit(PROBLEM, "digest")
+    claim = jobs.claim("worker", lease_seconds=60)
+    with pytest.raises((StatementError, ValueError)):
+        finish_success(jobs, claim, {**SUMMARY, "error": math.nan}, dense=b"", samples=b"")
+    assert jobs.get(job.id).state == "running"
+
+
+def test_the_clock_of_the_database_runs_in_seconds_since_1970(database, jobs):
+    began = time.time()
+    first = jobs.submit(PROBLEM, "digest").created_at.timestamp()
+    threading.Event().wait(0.05)
+    second = jobs.submit(PROBLEM, "digest").created_at.timestamp()
+    with database.read() as session:
+        now = session.scalar(select(DatabaseNow()))
+    ended = time.time()
+    # The databases of the tests share the clock of this machine; SQLite's has milliseconds.
+    assert began - 1e-3 <= first < second <= now <= ended
+    assert second - first >= 0.04
+
+
+def fall_silent(database, meanwhile):
+    """Lock every job, say nothing until ``meanwhile`` is done, and go on as if no time had passed."""
+    with database.write() as session:
+        session.execute(select(JobRow.id).with_for_update())
+        meanwhile()
+        session.execute(select(JobRow.id))
+
+
+def test_postgres_takes_its_locks_back_from_a_client_that_says_nothing_more(postgres_url, monkeypatch):
+    monkeypatch.setattr("service.storage.database.database.IDLE_SECONDS", 1)
+    database = Database(postgres_url)
+    jobs = SqlJobStore(database)
+    job = jobs.submit(PROBLEM, "digest")
+
+    def others():
+        assert jobs.claim("worker", lease_seconds=60) is None  # what is locked is passed over
+        assert wait_until(lambda: jobs.claim("worker", lease_seconds=60)).job_id == job.id
+
+    with pytest.raises(DBAPIError) as caught:
+        fall_silent(database, others)
+    assert is_away(caught.value)
+    database.close()

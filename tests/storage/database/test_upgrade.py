@@ -1,0 +1,229 @@
+"""A database of the first version, with jobs at every point of their lives, brought to this version."""
+
+import json
+import uuid
+
+import pytest
+from sqlalchemy import LargeBinary, MetaData, inspect, text
+
+from service.jobs.lanes import Lane
+from service.jobs.states import AttemptOutcome, JobState
+from service.storage.database.database import Database, make_engine
+from service.storage.database.ids import new_id
+from service.storage.database.migration import migrate
+from service.storage.inspection.inspect import inspect as inspect_database
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.solutions.solution_store import SolutionQuery, SolutionStore
+from tests.support.databases import SUMMARY, upgrade_to, url_of
+from tests.support.finishing import finish_success
+
+PROBLEM = {
+    "body": {"A": "17/10", "C": 1},
+    "potential": {"type": "expression", "expression": "g1 + γ*g3^2", "parameters": {"γ": 10**30}},
+    "time": {"times": [0.1, "1/3", 1e-300]},
+}
+NOW = 1.7e9
+
+
+class Old:
+    """The database of the first version, written as that version did."""
+
+    def __init__(self, url):
+        upgrade_to(url, "0001")
+        self.engine = make_engine(url)
+        self.metadata = MetaData()
+        self.metadata.reflect(self.engine)
+
+    def put(self, table, **values):
+        with self.engine.begin() as connection:
+            connection.execute(
+                self.metadata.tables[table].insert(), {n: self._raw(v) for n, v in values.items()}
+            )
+
+    def _raw(self, value):
+        # SQLite keeps ids as 32 hexadecimal digits.
+        if isinstance(value, uuid.UUID):
+            return value.hex if self.engine.dialect.name == "sqlite" else value
+        return value
+
+    def job(self, state, *, digest="digest", **values):
+        job_id = uuid.UUID(new_id())
+        given = {"attempt": 0, "progress": 0.0, "reused": False, "created_at": NOW, **values}
+        self.put("jobs", id=job_id, state=state, problem=PROBLEM, digest=digest, **given)
+        return job_id
+
+    def attempt(self, job_id, number, outcome=None, detail=None):
+        ended_at = None if outcome is None else NOW + number + 0.5
+        self.put(
+            "attempts", job_id=job_id, number=number, worker="host:1:ab", started_at=NOW + number,
+            ended_at=ended_at, outcome=outcome, detail=detail,
+        )  # fmt: skip
+
+    def solution(self, job_id):
+        solution_id = uuid.UUID(new_id())
+        self.put(
+            "solutions", id=solution_id, job_id=job_id, digest="solved", problem=PROBLEM, summary=SUMMARY,
+            created_at=NOW + 2, family="expression", method="quadrature", tier="standard", A=1.7, C=1.0,
+            period=6.5, energy=-0.0, error=3e-15,
+        )  # fmt: skip
+        self.put("dense_outputs", solution_id=solution_id, data=bytes(range(256)) * 4000)
+        self.put("samples", solution_id=solution_id, data=b"")
+        return solution_id
+
+
+def rows(engine):
+    """Return the rows of all tables, each as its columns by name, in an order of their own."""
+    found = {}
+    with engine.connect() as connection:
+        for table in inspect(engine).get_table_names():
+            listed = [dict(row) for row in connection.execute(text(f'SELECT * FROM "{table}"')).mappings()]
+            found[table] = sorted(listed, key=lambda row: json.dumps(row, default=str, sort_keys=True))
+    return found
+
+
+@pytest.fixture(params=["sqlite", "postgres"])
+def old_url(request, tmp_path):
+    if request.param == "sqlite":
+        yield url_of(tmp_path / "old.db")
+        return
+    postgres = request.getfixturevalue("postgres")
+    name = postgres.create_database()
+    yield postgres.url(name)
+    postgres.drop_database(name)
+
+
+@pytest.fixture
+def old(old_url):
+    old = Old(old_url)
+    yield old
+    old.engine.dispose()
+
+
+@pytest.fixture
+def ids(old):
+    """Write a job at every point of its life; return the ids by what it is."""
+    made = {"queued": old.job("queued"), "returned": old.job("queued", attempt=1, started_at=NOW)}
+    old.attempt(made["returned"], 1, "returned", "the worker stopped")
+    made["running"] = old.job(
+        "running", attempt=2, progress=0.25, owner="host:1:ab", lease_until=NOW + 10, started_at=NOW + 2
+    )
+    old.attempt(made["running"], 1, "lost", "the child process died of SIGKILL")
+    old.attempt(made["running"], 2)
+    made["solver"] = uuid.UUID(new_id())
+    made["solution"] = old.solution(made["solver"])
+    finished = {"solution_id": made["solution"], "progress": 1.0, "finished_at": NOW + 2}
+    old.put(
+        "jobs", id=made["solver"], state="succeeded", problem=PROBLEM, digest="solved", attempt=1,
+        reused=False, created_at=NOW, started_at=NOW + 1, **finished,
+    )  # fmt: skip
+    old.attempt(made["solver"], 1, "succeeded")
+    made["reused"] = old.job("succeeded", digest="solved", **{**finished, "reused": True})
+    error = {"code": "no_motion", "detail": "p² < 0", "pointer": "/motion/lambda"}
+    made["failed"] = old.job("failed", attempt=1, error=error, finished_at=NOW + 3)
+    old.attempt(made["failed"], 1, "failed", "no_motion")
+    made["cancelled"] = old.job("cancelled", attempt=1, finished_at=NOW + 3)
+    old.attempt(made["cancelled"], 1, "cancelled")
+    return made
+
+
+def test_every_old_value_is_what_it_was(old, ids, old_url):
+    before = rows(old.engine)
+    migrate(old_url)
+    after = rows(old.engine)
+    for table, listed in before.items():
+        if table == "alembic_version":
+            continue
+        columns = [column.name for column in old.metadata.tables[table].columns]
+        kept = [{name: row[name] for name in columns} for row in after[table]]
+        kept.sort(key=lambda row: json.dumps(row, default=str, sort_keys=True))
+        assert kept == listed, table
+    assert [len(before[t]) for t in ("jobs", "attempts", "solutions", "dense_outputs")] == [7, 6, 1, 1]
+
+
+def test_the_new_columns_say_what_has_always_been_so(old, ids, old_url):
+    migrate(old_url)
+    for row in rows(old.engine)["jobs"]:
+        assert (row["kind"], row["priority"], row["ready_at"]) == ("solve", 0, 0.0)
+        assert (row["sweep_id"], row["key_id"]) == (None, None)
+
+
+@pytest.fixture
+def upgraded(old, ids, old_url):
+    migrate(old_url)
+    database = Database(old_url)
+    yield database
+    database.close()
+
+
+def test_the_upgraded_database_is_in_order(upgraded):
+    assert [finding.code for finding in inspect_database(upgraded) if not finding.is_clean] == []
+
+
+def test_lives_go_on_where_they_were(upgraded, ids):
+    jobs = SqlJobStore(upgraded)
+    state = {name: jobs.get(str(job_id)).state.value for name, job_id in ids.items() if name != "solution"}
+    assert state == {
+        "queued": "queued", "returned": "queued", "running": "running", "solver": "succeeded",
+        "reused": "succeeded", "failed": "failed", "cancelled": "cancelled",
+    }  # fmt: skip
+    # The running one's worker is gone since long; the oldest queued one is claimed first.
+    assert jobs.reconcile(max_attempts=3, retry_seconds=0.0) == (str(ids["running"]),)
+    outcomes = [attempt.outcome for attempt in jobs.attempts(str(ids["running"]))]
+    assert outcomes == [AttemptOutcome.LOST, AttemptOutcome.LOST]
+    claim = jobs.claim("worker", lease_seconds=60.0)
+    assert (claim.job_id, claim.payload) == (str(ids["queued"]), PROBLEM)
+    assert finish_success(jobs, claim, SUMMARY, dense=b"d", samples=b"s")
+
+
+def test_old_solutions_are_found_read_and_used_again(upgraded, ids):
+    solutions, solution_id = SolutionStore(upgraded), str(ids["solution"])
+    (found,) = solutions.find(SolutionQuery(family="expression")).solutions
+    assert (found.id, found.problem, found.summary) == (solution_id, PROBLEM, SUMMARY)
+    assert solutions.dense(solution_id) == bytes(range(256)) * 4000
+    assert solutions.samples(solution_id) == b""
+    again = SqlJobStore(upgraded).submit(PROBLEM, "solved")
+    assert (again.state, again.solution_id) == (JobState.SUCCEEDED, solution_id)
+
+
+def test_the_large_columns_are_bytes_as_before(old, ids, old_url):
+    migrate(old_url)
+    columns = {column["name"]: column["type"] for column in inspect(old.engine).get_columns("samples")}
+    assert isinstance(columns["data"], LargeBinary)
+
+
+def test_what_waits_at_the_upgrade_is_shared_out_like_what_comes(old_url):
+    """Jobs of two keys and chunks of a sweep that the version before has queued."""
+    upgrade_to(old_url, "0004")
+    engine = make_engine(old_url)
+    metadata = MetaData()
+    metadata.reflect(engine)
+    raw = (lambda value: value.hex) if engine.dialect.name == "sqlite" else (lambda value: value)
+    alice, bob, sweep = (uuid.UUID(new_id()) for _ in range(3))
+    common = {"attempt": 0, "progress": 0.0, "reused": False, "problem": PROBLEM, "created_at": NOW}
+    numbers = {"points": 10, "next_index": 2, "done": 0, "refused": 0, "chunk_points": 1, "priority": 0}
+    with engine.begin() as connection:
+        connection.execute(
+            metadata.tables["sweeps"].insert(),
+            {"id": raw(sweep), "state": "queued", "document": {}, "created_at": NOW, **numbers},
+        )
+        for key, count, further in (
+            (alice, 2, {"kind": "chunk", "sweep_id": raw(sweep)}),
+            (alice, 20, {"kind": "solve"}),
+            (bob, 2, {"kind": "solve"}),
+            (alice, 1, {"kind": "solve", "priority": 3}),
+        ):
+            rows = [
+                {"id": raw(uuid.UUID(new_id())), "state": "queued", "digest": str(k), "key_id": raw(key)}
+                for k in range(count)
+            ]
+            given = [{**common, **row, **further} for row in rows]
+            connection.execute(metadata.tables["jobs"].insert(), given)
+    engine.dispose()
+    migrate(old_url)
+    database = Database(old_url)
+    claims = SqlJobStore(database).take("worker", 25, lease_seconds=60.0).claims
+    database.close()
+    keys = [claim.key_id for claim in claims]
+    assert keys[0] == str(alice)  # of the largest priority
+    assert sorted(keys[1:5]) == sorted([str(alice), str(bob)] * 2)
+    assert [claim.lane for claim in claims] == [Lane.SINGLE] * 23 + [Lane.SWEEP] * 2

@@ -1,0 +1,53 @@
+"""``--durations=N`` also lists the files and the folders whose tests took the most processor time.
+
+How long a test takes says as much of what else the machine does; what it
+costs a processor says more of the test. Time of child processes counts once
+they have ended, to the test in which they did.
+"""
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import PurePosixPath
+
+import pytest
+
+_SPENT = "processor_seconds"
+
+
+def _now() -> float:
+    """Return the seconds of processor time of this process and of its children that have ended."""
+    return sum(os.times()[:4])
+
+
+class ProcessorTime:
+    """A plugin of pytest; with ``pytest-xdist`` every process measures and one sums."""
+
+    def __init__(self, listed: int) -> None:
+        self._listed = listed
+        self._mark = _now()
+        self._files: Counter[str] = Counter()
+
+    def pytest_collection_finish(self) -> None:
+        self._mark = _now()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self) -> Iterator[None]:
+        """Note at the report of a phase (set up, call, tear down) what it cost; xdist sends it along."""
+        report = yield
+        now = _now()
+        setattr(report, _SPENT, now - self._mark)
+        self._mark = now
+        return report
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self._files[report.nodeid.partition("::")[0]] += getattr(report, _SPENT, 0.0)
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        folders: Counter[str] = Counter()
+        for file, seconds in self._files.items():
+            folders[str(PurePosixPath(file).parent)] += seconds
+        for what, spent in (("files", self._files), ("folders", folders)):
+            terminalreporter.write_sep("=", f"processor time of {what}, {spent.total():.0f} s in all")
+            for name, seconds in spent.most_common(self._listed or None):
+                terminalreporter.write_line(f"{seconds:8.2f}s {name}")

@@ -1,0 +1,51 @@
+"""Nothing is in the code for tests alone, and no name of a class has two meanings."""
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+from tests.support.reach import modules_below, unreached
+
+ROOT = Path(__file__).parents[1]
+ENTRIES = [
+    ("service.cli.main", "main"),
+    ("service.api.openapi", "main"),
+    ("workers.__main__", "main"),
+]
+CALLED_FROM_OUTSIDE = {
+    "service.api.formats.arrow._Pieces.writable": "pyarrow asks it",
+    "service.api.prometheus._DatabaseCollector.describe": "prometheus_client asks it",
+    "service.connections.protocol.WatchedProtocol.": "asyncio and uvicorn call the methods of a protocol",
+    "service.connections.refusals.malformed": "what the protocol answers when uvicorn asks it to refuse",
+    "workers.cli.sweep._RateColumn.render": "rich draws it",
+}
+"""What names do not lead to, or what begins so, and who calls it. All else that only tests refer to belongs
+into tests/support/witnesses."""
+
+RECORDS = ("workers.solvers.compiled.records", "workers.solvers.compiled.desk")
+"""What compiled code takes instead of our objects has the names of what it is a record of."""
+
+
+def test_what_only_tests_refer_to_is_with_the_tests():
+    found = unreached(modules_below(ROOT, ["service", "workers"]), ENTRIES)
+    assert [name for name in found if not name.startswith(tuple(CALLED_FROM_OUTSIDE))] == []
+
+
+def test_a_function_that_nobody_calls_is_found():
+    modules = {
+        "one": ast.parse(
+            "from two import used, idle\nclass C:\n  def f(self): used()\n  def g(self): idle()\nC().f"
+        ),
+        "two": ast.parse("def used(): helper()\ndef idle(): lost()\ndef helper(): ...\ndef lost(): ..."),
+        "three": ast.parse("@app.get('/')\ndef route(): inner()\ndef inner(): ..."),
+    }
+    assert unreached(modules, []) == ["one.C.g", "two.idle", "two.lost"]
+
+
+def test_no_two_classes_have_one_name():
+    places = defaultdict(list)
+    for module, tree in modules_below(ROOT, ["service", "workers"]).items():
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and module not in RECORDS:
+                places[node.name].append(module)
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}

@@ -1,0 +1,114 @@
+"""What the outputs ask for beyond the six variables, from the document to the solution."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from service.jobs.outcome import Solved
+from service.storage.codecs.arrays import decode_arrays
+from workers.computation.compute import solve_document
+
+NU_1 = {"type": "planar", "nu": 1}
+
+
+def solve(potential, motion=NU_1, outputs=("stability",), body=None, **fields):
+    document = {
+        "body": body or {"A": 2, "B": 2, "C": 1},
+        "potential": potential
+        if isinstance(potential, dict)
+        else {"type": "expression", "expression": potential},
+        "motion": motion,
+        "time": {"stop": 3, "samples": 7},
+        "outputs": ["gamma", "omega", *outputs],
+        **fields,
+    }
+    outcome = solve_document(json.dumps(document))
+    assert isinstance(outcome, Solved), outcome
+    return outcome
+
+
+def test_nothing_is_computed_that_is_not_asked():
+    summary = solve("-g1", outputs=()).summary
+    assert [summary[name] for name in ("invariants", "stability", "precession", "warnings")] == [None] * 3 + [
+        []
+    ]
+
+
+@pytest.mark.parametrize("method", ["auto", "integration"])
+def test_stability_is_that_of_the_table(method):
+    # A = 2, B = 3, C = 1, a = −1, nu = 2: mu + 1/mu and the larger |mu|, to the printed digits.
+    found = solve("-g1", {"type": "planar", "nu": 2}, body={"A": 2, "B": 3, "C": 1}, method=method)
+    stability = found.summary["stability"]
+    assert abs(stability["trace"] - 7.205281206786) <= stability["error"] + 5e-13
+    assert stability["verdict"] == "unstable"
+    # Lamé's equation in theta functions: another way to the same number.
+    closed = stability["closed_form_trace"]
+    assert abs(stability["trace"] - closed["value"]) <= stability["error"] + closed["error"]
+    assert closed["error"] <= 1e-15
+    (mu, zero), (inverse, _) = stability["multipliers"]
+    assert (round(mu, 5), zero) == (7.06371, 0.0)
+    assert mu * inverse == pytest.approx(1.0, abs=1e-14)
+
+
+def test_stability_of_a_motion_without_period_is_a_warning():
+    summary = solve("-(g1^2-g2^2)").summary
+    assert summary["stability"] is None
+    assert [warning["code"] for warning in summary["warnings"]] == ["stability_undefined"]
+
+
+def test_stability_where_the_force_jumps_at_a_pole_is_a_warning():
+    summary = solve(
+        "-abs(g1)^(4/3)", {"type": "planar", "lambda": 1}, body={"A": 3, "B": "5/2", "C": 1}
+    ).summary
+    assert summary["stability"] is None
+    assert [warning["code"] for warning in summary["warnings"]] == ["stability_undefined"]
+
+
+def test_precession_is_that_of_the_table_and_its_columns_are_served():
+    outcome = solve("-g1", outputs=("orientation",))
+    precession = outcome.summary["precession"]
+    # nu = 1; the other angle is 2 pi less. A double rounds to 4e-16.
+    assert abs(precession["psi1"]["value"] - 3.61050523508724966610354854487) <= precession["psi1"]["error"]
+    assert abs(precession["psi1"]["value"] - precession["psi3"]["value"] - 2 * math.pi) <= 1e-15
+    columns = decode_arrays(outcome.samples)
+    assert set(columns) == {"t", "p", "q", "r", "g1", "g2", "g3", "q0", "q1", "q2", "q3", "psi1", "psi3"}
+    q0, q1, q2, q3 = (columns[f"q{k}"] for k in range(4))
+    third_row = [2 * (q1 * q3 - q0 * q2), 2 * (q2 * q3 + q0 * q1), q0**2 - q1**2 - q2**2 + q3**2]
+    # The third row of the rotation is gamma; products of a few roundings.
+    assert np.abs(np.array(third_row) - [columns[f"g{k}"] for k in (1, 2, 3)]).max() <= 1e-14
+    assert max(abs(columns["psi1"][0]), abs(columns["psi3"][0])) <= 1e-16  # rounding of a series' sum
+
+
+def test_a_libration_does_not_precess():
+    precession = solve("-g1 + 1/20/g3^2", outputs=("orientation",)).summary["precession"]
+    for angle in precession.values():
+        assert abs(angle["value"]) <= angle["error"] <= 1e-12
+
+
+STATE = {"type": "state", "omega": ["0.3", "0.2", "-0.5"], "gamma": ["0.6", "0", "0.8"]}
+
+
+def test_a_state_has_kovalevskayas_integral_in_a_linear_field_only():
+    invariants = solve("-g1", STATE, ("invariants",)).summary["invariants"]
+    assert invariants["kovalevskaya"]["kind"] == "general"
+    assert invariants["kovalevskaya"]["drift"] <= 1e-9  # the tolerance is 1e-10 in each variable of size 1
+    assert set(solve("-g1 + 1/20/g3^2", STATE, ("invariants",)).summary["invariants"]) == {
+        "energy",
+        "geometric",
+        "areas",
+    }
+
+
+def test_goriachevs_integral_is_there_on_zero_areas():
+    found = solve("-g1 + 1/20/g3^2 + (g1^2-g2^2)/2", outputs=("invariants",)).summary["invariants"]
+    # On the family K = (nu² + 4)(a1 nu + 2 b1)²/(4 C² nu²), here 1.0125; rounding of numbers of size 1.
+    assert found["goriachev"]["kind"] == "zero_areas"
+    assert abs(found["goriachev"]["value"] - 1.0125) <= 1e-13
+    assert found["goriachev"]["drift"] <= 1e-13
+
+
+def test_a_body_without_these_moments_has_no_further_integral():
+    found = solve("-g1", outputs=("invariants",), body={"A": 2, "B": "3/2", "C": 1}).summary["invariants"]
+    assert set(found) == {"energy", "geometric", "areas"}

@@ -1,0 +1,61 @@
+"""Every test here runs with every engine on every database that it serves."""
+
+import pytest
+
+from service.storage.database.migration import migrate
+from tests.support.databases import copy_of
+from tests.workers.process.engines.installation import installed
+
+ENGINES = ["local on sqlite", "local on postgres", "procrastinate on postgres"]
+
+
+@pytest.fixture(scope="session")
+def procrastinate_template(postgres):
+    template = postgres.create_database()
+    migrate(postgres.url(template), engine_name="procrastinate")
+    return template
+
+
+@pytest.fixture(scope="module", params=ENGINES)
+def installation(
+    request, postgres, postgres_template, procrastinate_template, sqlite_template, tmp_path_factory
+):
+    """A database that no other module uses, and an engine."""
+    engine, _, kind = request.param.split()
+    folder = tmp_path_factory.mktemp("installation")
+    if kind == "sqlite":
+        with installed(copy_of(sqlite_template, folder), engine, folder) as made:
+            yield made
+        return
+    name = postgres.create_database(
+        procrastinate_template if engine == "procrastinate" else postgres_template
+    )
+    with installed(postgres.url(name), engine, folder) as made:
+        yield made
+    postgres.drop_database(name)
+
+
+@pytest.fixture
+def jobs(installation):
+    return installation.jobs
+
+
+@pytest.fixture
+def log(tmp_path):
+    return tmp_path / "log"
+
+
+@pytest.fixture
+def submit(installation, log):
+    """Submit chores, each of which is like no other, and ring."""
+    numbers = iter(range(10**6))
+
+    def submit(*, priority=0, **chore):
+        number = f"{log}-{next(numbers)}"
+        job = installation.jobs.submit(
+            {"log": str(log), "number": number, **chore}, number[-60:], priority=priority
+        )
+        installation.bell.ring()
+        return job
+
+    return submit

@@ -1,0 +1,127 @@
+"""The runner asks the store for the lanes that its worker has neglected."""
+
+from concurrent.futures import Future
+
+import pytest
+
+from service.jobs.job import Claim, Taken
+from service.jobs.lanes import Lane
+from service.jobs.outcome import Solved
+from service.jobs.states import JobKind
+from workers.process import runner as runner_module
+from workers.process.runner import JobLimits, Runner
+
+LIMITS = JobLimits(lease_seconds=1e6, job_seconds=1e6, memory_mb=1000, max_attempts=3, retry_seconds=0.0)
+OUTCOME = Solved({"method": "quadrature"}, b"", b"")
+
+
+class FakeClock:
+    def __init__(self):
+        self.now = 1000.0
+
+    def monotonic(self):
+        return self.now
+
+
+class FakeStore:
+    """Has jobs of some lanes without end, and hands them out as the real one does."""
+
+    def __init__(self, waiting):
+        self.waiting, self.handed_out, self.asked, self._number = set(waiting), [], [], 0
+
+    def take(self, worker, count, *, lease_seconds, owed=()):
+        self.asked.append(tuple(owed))
+        lanes = [lane for lane in owed[:count] if lane in self.waiting]
+        lanes += [min(self.waiting)] * (count - len(lanes)) if self.waiting else []
+        self.handed_out += lanes
+        return Taken(tuple(map(self._claim, lanes)))
+
+    def finish(self, claim, outcome, *, then_take=0, lease_seconds=0.0, owed=()):
+        return True, self.take("worker", then_take, lease_seconds=lease_seconds, owed=owed)
+
+    def held(self, claims):
+        return frozenset()
+
+    def _claim(self, lane):
+        self._number += 1
+        return Claim(str(self._number), 1, "worker", {}, "digest", None, lane=lane)
+
+
+class FakeSandbox:
+    """Computes nothing: a job is done when the test says so."""
+
+    def __init__(self):
+        self.futures = []
+
+    def submit(self, *_, **__):
+        self.futures.append(Future())
+        return self.futures[-1]
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = FakeClock()
+    monkeypatch.setattr(runner_module, "time", clock)
+    return clock
+
+
+def started(store, slots=1):
+    runner = Runner(
+        store, sandbox := FakeSandbox(), {JobKind.SOLVE: len}, name="worker", slots=slots, limits=LIMITS,
+        wake=lambda: None,
+    )  # fmt: skip
+    runner.fill()
+    return runner, sandbox
+
+
+def finish(runner, sandbox, clock, seconds):
+    """The jobs that run end ``seconds`` later, and others begin."""
+    clock.now += seconds
+    done, sandbox.futures = sandbox.futures, []
+    for future in done:
+        future.set_result(OUTCOME)
+    runner.collect(refill=True)
+
+
+@pytest.mark.parametrize("slots", [1, 3])
+def test_sweeps_get_their_eighth_while_single_jobs_never_end(clock, slots):
+    store = FakeStore({Lane.SINGLE, Lane.SWEEP})
+    runner, sandbox = started(store, slots)
+    for _ in range(400):
+        finish(runner, sandbox, clock, 1.0)
+    number = len(store.handed_out)
+    assert abs(store.handed_out.count(Lane.SWEEP) - number / 8) <= 2 * slots
+    assert set(store.handed_out[:slots]) == {Lane.SINGLE}
+
+
+def test_a_single_job_that_comes_among_sweeps_is_the_next(clock):
+    store = FakeStore({Lane.SWEEP})
+    runner, sandbox = started(store)
+    for _ in range(100):
+        finish(runner, sandbox, clock, 1.5)
+    store.waiting.add(Lane.SINGLE)
+    finish(runner, sandbox, clock, 1.5)
+    assert store.handed_out[-1] is Lane.SINGLE
+
+
+def test_a_lane_in_which_nothing_waits_is_asked_once_and_saves_nothing_up(clock):
+    store = FakeStore({Lane.SINGLE})
+    runner, sandbox = started(store)
+    for _ in range(80):
+        finish(runner, sandbox, clock, 1.0)
+    asked = [owed for owed in store.asked if Lane.SWEEP in owed]
+    assert 5 <= len(asked) <= 12  # once in about eight seconds, since it starts from its first debt each time
+    store.waiting.add(Lane.SWEEP)
+    for _ in range(8):
+        finish(runner, sandbox, clock, 1.0)
+    assert store.handed_out[-8:].count(Lane.SWEEP) <= 2
+
+
+def test_a_claim_that_is_lost_counts_for_the_time_it_has_had(clock):
+    store = FakeStore({Lane.SINGLE, Lane.SWEEP})
+    runner, _ = started(store)
+    clock.now += 100.0
+    runner.keep_leases()
+    assert not runner.is_busy
+    runner.fill()
+    assert store.asked[-1] in [(Lane.SWEEP,), (Lane.LIST,)]

@@ -1,0 +1,328 @@
+"""A point of a sweep is the job of its document, whatever way the chunk took."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from service.jobs.outcome import Refused
+from service.schemas.sweep.kept_numbers import kept_numbers
+from service.schemas.sweep.reading import read_sweep
+from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.points import SOLVED, decode_points
+from service.verdicts.examination import examine_problem
+from workers.computation.compute import solve_checked
+from workers.sweeping import chunk
+from workers.sweeping.chunk import compute_chunk
+from workers.sweeping.plan import make_plan
+
+DOUBLE = {"A": 2, "B": "3/2", "C": 1}
+THREE_TERMS = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/50"}}
+TIME = {"stop": 20, "samples": 7}
+LOOSE, DRAFT = {"tolerance": 1e-9}, {"tier": "draft"}
+A, B = "/potential/parameters/a", "/potential/parameters/b"
+LAMBDA, NU = "/motion/lambda", "/motion/nu"
+
+
+def sweep(*axes, base=None, combine="grid", keep=("period", "energy", "error"), series=True, **fields):
+    problem = {
+        "body": DOUBLE,
+        "potential": THREE_TERMS,
+        "motion": {"type": "planar", "lambda": 1},
+        "time": TIME,
+        "accuracy": LOOSE,
+        **fields,
+    }
+    listed = [{"pointer": pointer, **values} for pointer, values in axes]
+    return {"base": problem, "axes": listed, "combine": combine, "keep": list(keep), "series": series}
+
+
+def values(*numbers):
+    return {"values": list(numbers)}
+
+
+def uniform(lo, hi, count=4, seed=1):
+    return {"uniform": [lo, hi, count], "seed": seed}
+
+
+def expression(text, **parameters):
+    return {"type": "expression", "expression": text, "parameters": parameters}
+
+
+IN_BLOCKS = {
+    "parameters and lambda": sweep(
+        (A, uniform(-2, -0.5)), (B, uniform(0.01, 0.04)), (LAMBDA, uniform(0.7, 1.4)), combine="zip"
+    ),
+    "draft": sweep((A, uniform(-2, -0.5)), (LAMBDA, values("1/3", 0.9)), accuracy=DRAFT),
+    "nothing in the potential": sweep((LAMBDA, {"logspace": [0.3, 2, 5]})),
+    "every number that can be kept": sweep(
+        (A, uniform(-2, -1)),
+        keep=("period", "period.error", "energy", "energy.error", "error", "cross_check.disagreement"),
+    ),
+    "both signs of nu, and none": sweep(
+        (NU, {"linspace": [-1, 1, 5]}), (A, values(-1, 1)), motion={"type": "planar", "nu": -1}
+    ),
+    "lambda that is none": sweep((LAMBDA, values(1, 0, -1))),
+    "no motion": sweep((A, values(1, 2))),
+    "from a motion to none": sweep((B, {"linspace": ["1/100", 1, 5]}), accuracy=DRAFT),
+    "constants worked out from parameters": sweep(
+        (A, uniform(-2, -1)),
+        (B, values("1/70", "0.02")),
+        potential=expression("a*g1/3 - 2*(b + 1/7)/(-g3^2)/20 + sqrt(2)*a*g1", a=-1, b=1),
+    ),
+    "parameters that shorten the formula": sweep(
+        (A, values(-1, 1, 0, "-1/50")), (B, values("1/50", 1, 0)), potential=THREE_TERMS
+    ),
+    "one window or several": sweep(
+        (A, values(0, "-1/2", -1)), potential=expression("g1 - 1/(20*g3^2) + a*(g1^2-g2^2)", a=-1)
+    ),
+    "gravity": sweep(("/potential/a", uniform(-2, 2)), potential={"type": "gravity", "a": 1}),
+    "rational": sweep(
+        ("/potential/a/0", uniform(-2, -1)),
+        ("/potential/c/1", values(0, "1/5", -1)),
+        potential={"type": "rational", "a": [-1], "b": ["1/50"], "c": [0, "1/5"]},
+    ),
+    "poles passed by convention": sweep(
+        ("/potential/a/1", values(0, "1/50")),
+        (LAMBDA, values(1, "3/2")),
+        potential={"type": "rational", "a": [-1, "1/50"]},
+    ),
+    "homogeneous": sweep(
+        ("/potential/B/0", uniform(-2, -1)),
+        (LAMBDA, uniform("1/2", 1, 2)),
+        body={"A": "17/10", "C": 1},
+        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
+    ),
+    "A < C": sweep(
+        (LAMBDA, uniform("1/2", 2)),
+        body={"A": 1, "C": 2},
+        potential=expression("-g3 + b/g1^2", b="1/50"),
+    ),
+    "in periods": sweep((A, uniform(-2, -1)), time={"periods": "5/2", "samples": 6}),
+    "in periods, numbers alone": sweep(
+        (A, uniform(-2, -1)), time={"periods": "5/2", "samples": 6}, series=False
+    ),
+    "listed times": sweep((A, uniform(-2, -1)), time={"times": [3, -1, "1/3"]}),
+    "numbers alone": sweep((A, uniform(-2, -1)), series=False),
+    "gamma alone": sweep((A, uniform(-2, -1)), outputs=["gamma"]),
+    "periods alone": sweep((A, uniform(-2, -1)), outputs=["period"], series=False),
+    "an energy of 0": sweep((LAMBDA, values(1, 2)), potential=expression("(2*g1^2+g3^2)*(g2^2-1/2)")),
+    "from rest": sweep(
+        (A, uniform(-2, -1)),
+        motion={"type": "planar", "lambda": 1, "start": {"at": "rest", "g2_sign": -1}, "g3_sign": -1},
+    ),
+    "windows next to a pole that doubles do not see": sweep(
+        (B, values("-1e-13", "-1e-20", "1e-20", "-1e-60")),
+        potential=expression("g1 + b/g3^2 - 2*(g1^2-g2^2)", b=0),
+    ),
+    "too fine for doubles": sweep(
+        (A, values(-1)), (LAMBDA, uniform(1, 2)), accuracy={"tolerance": "1.1e-10"}
+    ),
+}
+ONE_BY_ONE = {
+    "gravity that is not admissible but for c = 0": sweep(
+        ("/potential/c", values(0, "1/2")), potential={"type": "gravity", "a": -1, "c": 0}
+    ),
+    "standard": sweep((A, uniform(-2, -1, 2)), accuracy={"tier": "standard"}),
+    "high": sweep((A, uniform(-2, -1, 2)), accuracy={"tier": "high"}),
+    "certified": sweep((A, uniform(-2, -1, 2)), keep=("period",), accuracy={"tier": "certified"}),
+    "a formula not linear in its parameter": sweep(
+        (A, uniform(-2, -1, 2)), potential=expression("-a^2*g1 + b/g3^2", a=1, b="1/50")
+    ),
+    "admissible for one value": sweep(
+        (B, values(0, 1, -1)), potential=expression("-g1 + b*(b-1)*g2*g1^3", b=0)
+    ),
+    "a moment": sweep(("/body/A", values(2, 1, "5/2", -1))),
+    "times": sweep(("/time/stop", values(1, 10, -1))),
+    "starts": sweep(
+        ("/motion/start/g1", values("1/2", "3/10", 1)),
+        motion={"type": "planar", "lambda": 1, "start": {"g1": "1/2"}},
+    ),
+    "windows": sweep(
+        ("/motion/window", values(0, 1, 2)), motion={"type": "planar", "lambda": 1, "window": 0}
+    ),
+    "invariants": sweep(
+        (A, uniform(-2, -1, 2)),
+        keep=("invariants.energy.drift", "period"),
+        outputs=["gamma", "omega", "invariants"],
+    ),
+    "orientation": sweep(
+        (A, uniform(-2, -1, 2)), keep=("precession.psi1",), outputs=["gamma", "omega", "orientation"]
+    ),
+    "an integral": sweep(
+        (LAMBDA, uniform(1, 2, 2)), potential={"type": "general", "F": "w^2", "G": "0"}, series=False
+    ),
+    "any state": sweep(
+        ("/motion/omega/0", values(0, "2/5")),
+        motion={"type": "state", "omega": [0, "1/10", 1], "gamma": ["3/5", 0, "4/5"]},
+        keep=("energy", "error"),
+        time={"stop": 1, "samples": 3},
+    ),
+    "zeros of no power": sweep(
+        ("/potential/parameters/w", values("1/2", 2)),
+        keep=("period",),
+        series=False,
+        outputs=["period"],
+        potential=expression("-(2*g1^2+g3^2)*exp(-w/(g2-1/3)^2)*(g2+1/2)", w=1),
+        motion={"type": "planar", "lambda": 1, "window": 1},
+        time={"stop": 1, "samples": 3},
+    ),
+    "both methods": sweep(
+        (A, values(-1)), method="both", keep=("cross_check.disagreement",), time={"stop": 1, "samples": 3}
+    ),
+}
+
+
+@pytest.fixture(autouse=True)
+def plans_are_made_anew():
+    chunk._solver_of.cache_clear()
+
+
+@pytest.fixture
+def no_hurry(monkeypatch):
+    """The first compiled point of an installation is compiled."""
+    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 600.0)
+
+
+def computed(document, first=0, count=None):
+    points = read_sweep(document).points if count is None else count
+    return compute_chunk(json.dumps({"sweep": document, "first": first, "count": points}))
+
+
+def alone(swept, index):
+    """The outcome, numbers and series of a point's job, or of what is refused before it."""
+    problem = json.dumps(swept.document(index))
+    outcome = solve_checked(problem) if "error" not in json.loads(examine_problem(problem)) else None
+    if outcome is None:
+        return json.loads(examine_problem(problem))["error"]["code"], [np.nan] * len(swept.keep), {}
+    if isinstance(outcome, Refused):
+        return outcome.error["code"], [np.nan] * len(swept.keep), {}
+    return SOLVED, kept_numbers(outcome.summary, swept.keep), decode_arrays(outcome.samples)
+
+
+@pytest.mark.usefixtures("no_hurry")
+@pytest.mark.parametrize("name", [*IN_BLOCKS, *ONE_BY_ONE])
+def test_every_bit_of_a_point_is_that_of_its_job(name):
+    document = {**IN_BLOCKS, **ONE_BY_ONE}[name]
+    swept = read_sweep(document)
+    outcome = computed(document)
+    assert outcome.count == swept.points
+    points = decode_points(outcome.data)
+    for index in range(swept.points):
+        expected, numbers, series = alone(swept, index)
+        assert points.outcomes[index] == expected, swept.document(index)
+        found = [points.numbers[kept][index] for kept in swept.keep]
+        assert np.array_equal(found, numbers, equal_nan=True), swept.document(index)
+        for column in swept.series_columns:
+            row = np.full(swept.samples, np.nan)
+            # A motion that ends has only the samples before.
+            row[: len(series.get(column, ()))] = series.get(column, ())
+            assert np.array_equal(points.series[column][index], row, equal_nan=True), (index, column)
+
+
+@pytest.mark.usefixtures("no_hurry")
+@pytest.mark.parametrize("name", IN_BLOCKS)
+def test_a_sweep_that_says_so_goes_in_blocks(name, monkeypatch):
+    document = IN_BLOCKS[name]
+    assert make_plan(read_sweep(document)).quick is not None
+    singly = []
+    original = chunk.solve_point
+    monkeypatch.setattr(
+        chunk, "solve_point", lambda *point, **judged: singly.append(point) or original(*point, **judged)
+    )
+    points = decode_points(computed(document).data)
+    # Each refusal but that of no motion, two points for comparison, and those that doubles leave in doubt.
+    in_doubt = {"poles passed by convention", "one window or several"}
+    allowed = sum(outcome not in (SOLVED, "no_motion") for outcome in points.outcomes) + 2
+    assert name in in_doubt or len(singly) <= allowed or name in SHORTER
+
+
+SHORTER = {
+    "parameters that shorten the formula",
+    "too fine for doubles",
+    "windows next to a pole that doubles do not see",
+}
+"""Sweeps of which some points, though solved, leave the common way."""
+
+
+@pytest.mark.parametrize("name", ["standard", "a moment", "a formula not linear in its parameter"])
+def test_other_sweeps_go_point_by_point(name):
+    assert make_plan(read_sweep(ONE_BY_ONE[name])).quick is None
+
+
+@pytest.mark.parametrize(
+    ("name", "is_judged"),
+    [
+        ("standard", True),
+        ("times", True),
+        ("a moment", False),
+        ("a formula not linear in its parameter", False),
+        ("admissible for one value", False),
+        ("any state", False),
+    ],
+)
+def test_a_verdict_is_shared_only_if_it_is_proved_for_all(name, is_judged):
+    assert make_plan(read_sweep(ONE_BY_ONE[name])).is_judged == is_judged
+
+
+@pytest.mark.usefixtures("no_hurry")
+def test_a_chunk_may_begin_anywhere():
+    document = IN_BLOCKS["constants worked out from parameters"]
+    whole, part = decode_points(computed(document).data), decode_points(computed(document, 3, 2).data)
+    for name, numbers in part.numbers.items():
+        assert np.array_equal(numbers, whole.numbers[name][3:5])
+    for name, rows in part.series.items():
+        assert np.array_equal(rows, whole.series[name][3:5])
+
+
+@pytest.mark.parametrize("name", ["standard", "parameters and lambda", "no motion"])
+def test_a_chunk_without_time_hands_back_at_least_one_point(name, monkeypatch):
+    document = {**IN_BLOCKS, **ONE_BY_ONE}[name]
+    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 0.0)
+    monkeypatch.setattr(chunk, "BLOCK_POINTS", 1)
+    outcome = computed(document)
+    assert outcome.count == 1
+    assert len(decode_points(outcome.data).outcomes) == 1
+
+
+@pytest.mark.usefixtures("no_hurry")
+def test_blocks_that_differ_from_a_point_alone_are_not_used(monkeypatch):
+    document = IN_BLOCKS["numbers alone"]
+    expected = computed(document)
+    chunk._solver_of.cache_clear()
+    solver = chunk._solver_of(json.dumps(document))
+    solve = solver._blocks.solve
+
+    def off_by_one_ulp(first, count):
+        block = solve(first, count)
+        block.numbers["period"][:] = np.nextafter(block.numbers["period"], np.inf)
+        return block
+
+    monkeypatch.setattr(solver._blocks, "solve", off_by_one_ulp, raising=False)
+    found = solver.solve(0, expected.count, time.perf_counter() + 60.0)
+    assert np.array_equal(found.numbers["period"], decode_points(expected.data).numbers["period"])
+
+
+def test_the_outcome_counts_refusals_and_bounds_its_numbers():
+    outcome = computed(ONE_BY_ONE["times"])
+    assert (outcome.count, outcome.refused) == (3, 1)
+    low, high = outcome.bounds["period"]
+    assert low == high == decode_points(outcome.data).numbers["period"][0]
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "stop", "way"),
+    [
+        ({"tolerance": "1e-9"}, 20, "compiled"),
+        ({"tolerance": "1e-10"}, 20, "closed_form"),
+        ({"tier": "standard"}, 20, "closed_form"),
+        # Late, the error of the period in doubles has added up.
+        ({"tolerance": "1e-9"}, 20_000, "closed_form"),
+    ],
+)
+def test_a_loose_tolerance_takes_a_single_job_the_way_of_blocks(accuracy, stop, way):
+    document = read_sweep(sweep((LAMBDA, values("7/10")), accuracy=accuracy)).document(0)
+    outcome = solve_checked(json.dumps({**document, "time": {"stop": stop, "samples": 5}}))
+    assert way in outcome.summary["evidence"]
+    assert outcome.summary["error"] <= float(accuracy.get("tolerance", "1e-10"))

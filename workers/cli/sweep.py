@@ -1,0 +1,185 @@
+"""``python -m workers sweep FILE``: computes a sweep in child processes, without a database."""
+
+import json
+import os
+import time
+from collections import Counter
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from service.jobs.chunking import Range
+from service.sandbox import Sandbox
+from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.sweep.reading import read_sweep
+from service.schemas.sweep.sweep import Sweep
+from service.settings import Settings, read_settings
+from service.stopping import StopAsked
+from service.storage.codecs.points import SOLVED, ChunkPoints, bounds_of
+from service.terminal import STANDARD_STREAM, answer, read_document, say
+from workers.sweeping.crew import Crew
+from workers.sweeping.files import SUFFIXES, WITH_LISTS, PointFile, opened_points, suffix_of, table_of
+
+_DONE, _FAILED, _WRONG_USAGE = 0, 1, 2
+
+
+@dataclass(slots=True)
+class Tally:
+    """Counts and ranges of the points computed so far."""
+
+    outcomes: Counter[str] = field(default_factory=Counter)
+    bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def add(self, points: ChunkPoints) -> None:
+        """Count points."""
+        self.outcomes.update(points.outcomes)
+        for name, (low, high) in bounds_of(points.numbers).items():
+            known = self.bounds.get(name, (low, high))
+            self.bounds[name] = min(low, known[0]), max(high, known[1])
+
+    @property
+    def done(self) -> int:
+        """How many points there are."""
+        return self.outcomes.total()
+
+    @property
+    def refused(self) -> int:
+        """How many of them were not solved."""
+        return self.done - self.outcomes[SOLVED]
+
+
+def sweep_file(file: Path, *, out: Path | None, workers: int | None, as_json: bool) -> int:
+    """Compute the sweep of a file; return 0 if all points were computed (solved or refused), else 1."""
+    if out is not None and suffix_of(out) not in SUFFIXES:
+        known = ", ".join(SUFFIXES)
+        return _fail(f"{out}: unknown kind of file; accepted are {known}, and - for CSV", _WRONG_USAGE)
+    if out == STANDARD_STREAM and as_json:
+        return _fail("--json and --out - both write to stdout; accepted is one of them", _WRONG_USAGE)
+    settings = read_settings()
+    document = read_document(file)
+    try:
+        found = read_sweep(document, max_points=settings.max_sweep_points)
+    except InvalidProblemError as refused:
+        lines = (f"{fault.pointer or '/'}: {fault.message} ({fault.code})" for fault in refused.faults)
+        return _fail("\n".join(lines), _FAILED)
+    if out is not None and found.series_columns and suffix_of(out) not in WITH_LISTS:
+        return _fail(f"{out}: {suffix_of(out)} has no series; {', '.join(WITH_LISTS)} have", _WRONG_USAGE)
+    with ExitStack() as opened:
+        points = None if out is None else opened.enter_context(opened_points(out, found))
+        told = _Told(out, as_json)
+        return _run(found, document, points, settings, workers or os.cpu_count() or 1, told)
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """Where the points go, and whether the summary is told as JSON."""
+
+    out: Path | None
+    as_json: bool
+
+    def tell(self, found: Sweep, tally: Tally, seconds: float) -> None:
+        """Tell what has come of the sweep, on stderr if stdout has the points."""
+        if self.as_json:
+            answer(_as_json(found, tally, self.out, seconds))
+        elif self.out == STANDARD_STREAM:
+            say(_described(found, tally, self.out, seconds).rstrip())
+        else:
+            answer(_described(found, tally, self.out, seconds))
+
+
+def _run(
+    found: Sweep, document: object, file: PointFile | None, settings: Settings, workers: int, told: _Told
+) -> int:
+    sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.block"])
+    crew = Crew(found, document, sandbox, workers=workers, seconds=settings.job_seconds)
+    stop, tally, began = StopAsked(), Tally(), time.monotonic()
+    try:
+        with stop, _progress() as progress:
+            task = progress.add_task("", total=found.points, refused=0)
+            for computed in crew.points(lambda: stop.is_asked):
+                if computed is not None:
+                    first, points = computed
+                    tally.add(points)
+                    if file is not None:
+                        file.write_table(table_of(found, first, points))
+                progress.update(task, completed=crew.computed, refused=tally.refused)
+    finally:
+        sandbox.close()
+    if file is not None:
+        file.close()
+    told.tell(found, tally, time.monotonic() - began)
+    missing = crew.missing()
+    return _fail(_told_missing(found, missing), _FAILED) if missing else _DONE
+
+
+class _RateColumn(ProgressColumn):
+    """Points a second."""
+
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:,.0f}/s")
+
+
+def _progress() -> Progress:
+    """Return a bar on stderr, which shows nothing where that is not a terminal."""
+    console = Console(stderr=True)
+    return Progress(
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[refused]} refused"),
+        _RateColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+def _as_json(found: Sweep, tally: Tally, out: Path | None, seconds: float) -> str:
+    answer = {
+        "points": found.points,
+        "done": tally.done,
+        "refused": tally.refused,
+        "outcomes": dict(tally.outcomes),
+        "bounds": tally.bounds,
+        "seconds": seconds,
+        "out": None if out is None else str(out),
+    }
+    return json.dumps(answer, allow_nan=False) + "\n"
+
+
+def _described(found: Sweep, tally: Tally, out: Path | None, seconds: float) -> str:
+    """Return the summary: counts of outcomes, the range of each kept number, and the file of the points."""
+    rate = tally.done / max(seconds, 1e-9)
+    lines = [f"{tally.done:,} of {found.points:,} points in {seconds:,.3g} s ({rate:,.0f}/s)"]
+    lines += [f"  {count:>12,}  {outcome}" for outcome, count in tally.outcomes.most_common()]
+    width = max(map(len, tally.bounds), default=0)
+    lines += [f"{name:<{width}}  {low!r} to {high!r}" for name, (low, high) in tally.bounds.items()]
+    if out is not None and out.is_file():
+        lines.append(f"written to {out} ({out.stat().st_size / 1e6:,.3g} MB)")
+    return "\n".join(lines) + "\n"
+
+
+def _told_missing(found: Sweep, missing: list[Range]) -> str:
+    shown = ", ".join(f"{gap.first} to {gap.first + gap.count - 1}" for gap in missing[:10])
+    count = sum(gap.count for gap in missing)
+    return f"stopped: {count:,} of {found.points:,} points are missing, those with index {shown}" + (
+        "" if len(missing) <= 10 else f" and {len(missing) - 10} more ranges"
+    )
+
+
+def _fail(reason: str, code: int) -> int:
+    say(reason)
+    return code

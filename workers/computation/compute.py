@@ -1,0 +1,170 @@
+"""Computes one problem: from its document to a solution with its evidence."""
+
+import json
+import time
+from dataclasses import replace
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.accuracy import TIER_TOLERANCES
+from service.dynamics.bounds import is_within
+from service.dynamics.equations.orientation import orientation_columns
+from service.dynamics.errors import BudgetTooSmallError, DynamicsError
+from service.dynamics.motion import COLUMNS, CrossCheck, Motion
+from service.dynamics.problem import Problem
+from service.dynamics.solution.dense_output import DenseOutput
+from service.jobs.outcome import Refused, Solved, SolveOutcome
+from service.schemas.problem.budgets import choose_tier, window_of, with_tier
+from service.schemas.problem.problem import place_sent, read_problem
+from service.storage.codecs.arrays import encode_arrays, encode_dense
+from service.storage.solutions.accuracy_store import shipped_table
+from service.verdicts.examination import Examined, examine_document
+from workers.computation.certification import beside_enclosures, certified_samples, with_tolerance_kept
+from workers.computation.compiled_code import keep_compiled_code
+from workers.computation.outputs import find_out
+from workers.computation.summary import Document, summarise
+from workers.solvers.cross_check import compare
+from workers.solvers.errors import AccuracyNotMetError, require_error_within, require_period_known
+from workers.solvers.planar.choose import choose_enclosures, find_motion
+
+FloatArray = NDArray[np.float64]
+
+
+def solve_document(document_json: str) -> SolveOutcome:
+    """Solve the problem in ``document_json``; what cannot be solved is told in the outcome, not raised.
+
+    Raises
+    ------
+    InvalidProblemError
+        The document states no problem.
+    """
+    began = time.perf_counter()
+    document = json.loads(document_json)
+    try:
+        problem = read_problem(document)
+    except DynamicsError as fault:
+        return _refused(document, fault)
+    return _solve_read(document, problem, began)
+
+
+def _solve_read(document: Document, problem: Problem, began: float) -> SolveOutcome:
+    """Solve the ``problem`` that was read from ``document``."""
+    try:
+        motion, certified, enclosures = solve(problem), None, dict[str, FloatArray]()
+        if problem.accuracy.tier == "certified":
+            motion, certified, enclosures = certified_samples(problem, motion)
+        motion = _require_finite(motion, problem.tolerance)
+        findings = find_out(problem, motion)
+        summary = summarise(document, problem, motion, findings, certified)
+    except DynamicsError as fault:
+        return _refused(document, fault)
+    # The orientation is more columns on the same pieces.
+    dense = motion.dense if findings.orientation is None else findings.orientation.dense
+    summary["cost"] = {"compute_seconds": time.perf_counter() - began}
+    columns = _columns(problem, motion, dense)
+    columns |= {name: part for name, part in enclosures.items() if name.partition(".")[0] in columns}
+    return Solved(summary, encode_dense(dense), encode_arrays(columns))
+
+
+def _refused(document: object, fault: DynamicsError) -> Refused:
+    pointer = place_sent(document, fault.pointer)
+    return Refused({"code": fault.code, "detail": fault.message, "pointer": pointer})
+
+
+def solve_checked(document_json: str, *, explains: bool = True) -> SolveOutcome:
+    """Examine and solve a problem whose potential and motion have not been examined yet.
+
+    Where there is no motion, an error that ``explains`` says for which λ there are.
+    """
+    document = json.loads(document_json)
+    examined = examine_document(document, explains=explains)
+    return _solve_examined(document, examined)
+
+
+def solve_judged(document_json: str, report_json: str) -> SolveOutcome:
+    """Solve a problem of which ``report_json`` is what :func:`.examine_problem` answers."""
+    document, report = json.loads(document_json), json.loads(report_json)
+    problem = None if "error" in report else read_problem(document)
+    return _solve_examined(document, Examined(report, problem))
+
+
+def _solve_examined(document: Document, examined: Examined) -> SolveOutcome:
+    began = time.perf_counter()
+    problem, report = examined.problem, examined.answer
+    if problem is None or "error" in report:
+        error = report["error"]
+        assert isinstance(error, dict)
+        return Refused(error)
+    if problem.accuracy.budget_seconds is not None:
+        verdict = report["verdict"]
+        assert verdict is None or isinstance(verdict, dict)
+        # Without a database there is only the table that comes with the program.
+        try:
+            choice = choose_tier(problem, window_of(verdict), shipped_table())
+        except BudgetTooSmallError as fault:
+            return _refused(document, fault)
+        # Another document: it states a tier where the first one had a budget.
+        document = with_tier(document, choice)
+        problem = read_problem(document)
+    return _solve_read(document, problem, began)
+
+
+def solve(problem: Problem) -> Motion:
+    """Solve a problem by what the table of solvers names for it; ``auto`` prefers the quadrature.
+
+    ``auto`` and ``both`` keep every tolerance that can be kept: where doubles do
+    not, the samples are rounded from enclosures. The tolerance holds for the period
+    too, relative to it; beside enclosures that of the tier standard does.
+
+    Raises
+    ------
+    DynamicsError
+        One class per cause; the solvers' functions name theirs.
+    """
+    keep_compiled_code()
+    enclosing = choose_enclosures(problem).when
+    if enclosing == "always":
+        # The enclosures come on top; this is the function of time between them.
+        problem = replace(problem, accuracy=beside_enclosures(problem))
+    motion = find_motion(problem)
+    if motion.method == "integration":
+        return motion
+    if enclosing != "where needed":
+        require_error_within(motion.error, problem.tolerance)
+        is_beside = enclosing == "always"
+        require_period_known(
+            motion.dense.period, TIER_TOLERANCES["standard"] if is_beside else problem.tolerance
+        )
+    if problem.method == "both":
+        motion = replace(motion, cross_check=_cross_check(problem, motion))
+    if enclosing == "where needed":
+        return with_tolerance_kept(problem, motion)
+    return motion
+
+
+def _require_finite(motion: Motion, tolerance: float) -> Motion:
+    """Refuse a motion whose numbers are not all finite: no bound is one of them."""
+    numbers = (motion.samples, motion.dense.coefficients, motion.dense.breaks)
+    if not all(np.isfinite(part).all() for part in numbers):
+        raise AccuracyNotMetError(float("nan"), tolerance)
+    if not (isfinite(motion.dense.error) and is_within(motion.error, float("inf"))):
+        raise AccuracyNotMetError(float("nan"), tolerance)
+    return motion
+
+
+def _cross_check(problem: Problem, motion: Motion) -> CrossCheck:
+    # Beyond a pole that is passed by convention an integrator may follow another branch.
+    return compare(
+        motion, problem.body, problem.potential, tolerance=problem.tolerance, limit=motion.first_passage
+    )
+
+
+def _columns(problem: Problem, motion: Motion, dense: DenseOutput) -> dict[str, FloatArray]:
+    """Return t, rounded to doubles, and the columns that were asked for, at the exact times."""
+    if not problem.wants_series:
+        return {}
+    wanted = [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in problem.outputs]
+    series = {name: motion.samples[:, COLUMNS.index(name)] for name in wanted}
+    return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.rests)}

@@ -1,0 +1,117 @@
+"""Computes the outputs beyond the six variables that a problem asks for."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from flint import ctx
+
+from service.dynamics.equations.euler_poisson import areas_integral
+from service.dynamics.further_integrals import (
+    FurtherIntegral,
+    find_further_integrals,
+    integral_drift,
+)
+from service.dynamics.motion import NO_CROSS_CHECK, Estimate, Motion
+from service.dynamics.potentials.recognition.three_terms import recognise
+from service.dynamics.potentials.warning import Notice
+from service.dynamics.problem import PlanarMotion, Problem
+from service.storage.codecs.summary import PROVEN_SAMPLES
+from workers.solvers.assembly.place import Place
+from workers.solvers.closed_form.lame import transverse_stability
+from workers.solvers.invariants import Drifts, measure_drifts
+from workers.solvers.orbits.orbit import make_orbit
+from workers.solvers.orientation.solve import Orientation, with_orientation
+from workers.solvers.planar.start import with_enough_bits
+from workers.solvers.quadrature.squared_speed import time_map_of
+from workers.solvers.stability.assessment import Stability, assess_stability
+from workers.solvers.stability.monodromy import StabilityUndefinedError
+
+LAME_BITS = 128
+ZERO_AREAS = 1e-12
+"""|I3| below this share of the angular momentum counts as zero: that is its rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class FurtherDrift:
+    """A further integral along a motion: its value at the first sample and its largest departure."""
+
+    integral: FurtherIntegral
+    value: float
+    drift: float
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """Each is None, or empty, unless it was asked for."""
+
+    drifts: Drifts | None
+    further: tuple[FurtherDrift, ...]
+    orientation: Orientation | None
+    stability: Stability | None
+    closed_trace: Estimate | None
+    """The trace of the multipliers from Lamé's equation, where that is the one."""
+    notices: tuple[Notice, ...]
+
+
+def find_out(problem: Problem, motion: Motion) -> Findings:
+    """Return what the problem's outputs ask for; raises what the solvers of its parts raise."""
+    notices = list(problem.potential.notices)
+    drifts, further, orientation = None, tuple[FurtherDrift, ...](), None
+    stability, closed_trace = None, None
+    if motion.enclosed_by is not None:
+        between = motion.dense.error_at(motion.times)
+        text = f"the samples are rounded from proven enclosures; between them errors are up to {between:.1e}"
+        notices.append(Notice(PROVEN_SAMPLES, text, "/accuracy"))
+    if motion.cross_check is not None and motion.cross_check.why_none is not None:
+        notices.append(Notice(NO_CROSS_CHECK, motion.cross_check.why_none, "/method"))
+    if "invariants" in problem.outputs:
+        drifts = measure_drifts(problem.body, problem.potential, motion)
+        further = _further(problem, motion)
+    if "orientation" in problem.outputs:
+        orientation = with_orientation(motion)
+        notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
+    if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
+        try:
+            stability = with_enough_bits(problem, _assess)
+            closed_trace = _trace_of_lame(problem, problem.motion)
+        except StabilityUndefinedError as undefined:
+            notices.append(Notice(undefined.code, undefined.message, "/outputs"))
+    return Findings(drifts, further, orientation, stability, closed_trace, tuple(notices))
+
+
+def _assess(problem: Problem, found: Place) -> Stability:
+    if found.window.kind != "periodic":
+        raise StabilityUndefinedError(
+            f"multipliers belong to periodic motions, and this one is not periodic ({found.window.kind})",
+            pointer="/outputs",
+        )
+    orbit = make_orbit(found.start)
+    period = time_map_of(orbit).period
+    return assess_stability(problem.body, problem.potential, found.start, period, problem.tolerance)
+
+
+def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
+    """Return μ + 1/μ in theta functions, if V = a g1 + constant and A = 2C."""
+    body = problem.body
+    terms = recognise(body, problem.potential, motion.sign_of_g1) if body.A == 2 * body.C else None
+    if terms is None or terms.b1 or terms.c1 or body.B is None:
+        return None
+    with ctx.workprec(LAME_BITS):
+        trace = transverse_stability(motion.lambda_squared, body.B / body.C).trace
+        value = float(trace)
+        return Estimate(value, float(abs(trace - value).abs_upper()))
+
+
+def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:
+    planar = isinstance(problem.motion, PlanarMotion)
+    sign = problem.motion.sign_of_g1 if isinstance(problem.motion, PlanarMotion) else None
+    found = find_further_integrals(problem.body, problem.potential, g1_sign=sign)
+    kept = (k for k in found if k.kind == "general" or planar or _has_zero_areas(problem, motion))
+    return tuple(FurtherDrift(k, *integral_drift(k, motion.samples)) for k in kept)
+
+
+def _has_zero_areas(problem: Problem, motion: Motion) -> bool:
+    omega, gamma = motion.samples[:1, :3], motion.samples[:1, 3:]
+    moments = [float(moment) for moment in (problem.body.A, problem.body.B or 0, problem.body.C)]
+    momentum = float(np.linalg.norm(np.array(moments) * omega))
+    return abs(float(areas_integral(problem.body, omega, gamma)[0])) <= ZERO_AREAS * momentum

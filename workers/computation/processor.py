@@ -1,0 +1,62 @@
+"""Records the processor and library versions; where they are equal, equal problems give equal bits.
+
+Sums, sines and matrix products of doubles are computed by other instructions on
+other processors, hence rounded otherwise in their last bits. Which, the
+libraries choose by the features of a processor, not by its model.
+"""
+
+import ctypes
+import os
+import platform
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+LIBRARIES = ("numpy", "scipy", "numba", "heyoka", "python-flint")
+HIDING = ("NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "GLIBC_TUNABLES")
+"""Environment variables that hide features of the processor from a library."""
+
+
+@cache
+def processor() -> str:
+    """Return the architecture, the features that numpy dispatches on, and the kernels of its matrix products.
+
+    What hides features from a library is told as it was set: the mathematical
+    library of the platform and the compiler do not say what they found.
+    """
+    # NPY_DISABLE_CPU_FEATURES is seen in what is found.
+    hidden = [f"{name}={os.environ[name]}" for name in HIDING[1:] if os.environ.get(name)]
+    features = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    kernels = _matrix_kernels()
+    return " ".join([platform.machine(), *features, *([f"BLAS:{kernels}"] if kernels else []), *hidden])
+
+
+@cache
+def libraries() -> str:
+    """Return the versions of what computes with doubles, Python and the platform's own library among it."""
+    libc = " ".join(platform.libc_ver()) if platform.system() == "Linux" else platform.platform()
+    named = [f"Python {platform.python_version()}", *(f"{name} {_version(name)}" for name in LIBRARIES)]
+    return ", ".join([*named, libc])
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except ImportError:  # heyoka is for Linux only
+        return "none"
+
+
+def _matrix_kernels() -> str | None:
+    """Return for which processor the OpenBLAS in numpy's wheel has chosen its kernels; None without it."""
+    folder = Path(np.__file__).parents[1] / "numpy.libs"
+    for file in sorted(folder.glob("libscipy_openblas*")):
+        try:
+            name = ctypes.CDLL(str(file)).scipy_openblas_get_corename64_
+        except (OSError, AttributeError):
+            continue
+        name.restype = ctypes.c_char_p
+        found = name()
+        return found.decode("ascii") if isinstance(found, bytes) else None
+    return None

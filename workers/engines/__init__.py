@@ -1,1 +1,0 @@
-"""Who delivers job ids to the runner."""

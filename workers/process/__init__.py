@@ -1,0 +1,1 @@
+"""The worker process: it claims jobs, has children compute them, and keeps the leases."""

@@ -1,0 +1,30 @@
+"""The functions that a worker's child processes run; the worker itself never imports the solvers.
+
+The solvers and their libraries take a second or two to load. The fork server loads them
+once for all children; the worker, which only manages leases and children, starts at once
+and restarts quickly after it was killed.
+"""
+
+from service.jobs.outcome import ChunkOutcome, SolveOutcome
+from service.jobs.states import JobKind
+from workers.process.runner import Computations
+
+PRELOAD = ("workers.computation.compute", "workers.sweeping.chunk")
+"""Modules for the fork server: what the functions here import when they are called."""
+
+
+def solve_problem(document_json: str) -> SolveOutcome:
+    """Call :func:`workers.computation.compute.solve_document`."""
+    from workers.computation.compute import solve_document  # noqa: PLC0415
+
+    return solve_document(document_json)
+
+
+def solve_chunk(document_json: str) -> ChunkOutcome:
+    """Call :func:`workers.sweeping.chunk.compute_chunk`."""
+    from workers.sweeping.chunk import compute_chunk  # noqa: PLC0415
+
+    return compute_chunk(document_json)
+
+
+COMPUTATIONS: Computations = {JobKind.SOLVE: solve_problem, JobKind.CHUNK: solve_chunk}

@@ -1,0 +1,1 @@
+"""Assembles a motion from a function that samples it: dense output, claimed error, conventions."""

@@ -1,0 +1,148 @@
+"""Assembles a periodic planar motion from a function that samples one period."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from flint import arb, ctx
+from numpy.typing import NDArray
+
+from service.dynamics.accuracy import LARGEST_TOLERANCE
+from service.dynamics.bounds import is_within
+from service.dynamics.motion import COLUMNS, Motion
+from service.dynamics.problem import Problem
+from service.dynamics.sampling import SampleTimes, sample_times
+from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
+from workers.solvers.assembly.dense import FINEST, Features, Sampler, nothing_resolved, resolve_motion
+from workers.solvers.assembly.description import conventions_of, energy_of, evidence_of
+from workers.solvers.assembly.place import Declined, PeriodicPlace
+from workers.solvers.evidence import with_claim_shown, with_samples_shown
+from workers.solvers.orbits.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+
+FINEST_AT_JUMPS = 1e5
+"""Pieces to the period where p jumps for doubles."""
+BESIDE = arb(2) ** -56
+"""Distance in phase from a rest point at which p and r are looked at."""
+
+
+class SamplesItself(Protocol):
+    """A motion that can be sampled at any time with less error than by way of the dense output."""
+
+    def sample(self, times: FloatArray, rests: FloatArray | None = None) -> FloatArray:
+        """Return p, q, r, g1, g2, g3, shape (n, 6), at ``times`` + ``rests``, both of shape (n,)."""
+        ...
+
+    def error_at(self, times: FloatArray) -> float:
+        """Return the bound of the absolute error of any variable at any of ``times``."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """A motion that can be sampled over one period."""
+
+    sample: Sampler
+    period: Period
+    passages: FloatArray
+    """Times in [0, period) at which a pole is passed, growing."""
+    error: float
+    """Of a sample within one period, beside the departure of the dense output from it."""
+    evidence: Mapping[str, float | int | str]
+    late: SamplesItself | None = None
+    time_error: float = 0.0
+    """Of the time of a sample within one period."""
+    features: Features | None = None
+    """Where it may vary quickly."""
+    kinks: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """Times in [0, period) at which a kink of V is passed, growing."""
+
+
+def asked_times(problem: Problem, period: Period) -> SampleTimes:
+    """Return the times at which samples are asked for; none if no function of time is."""
+    if not problem.wants_series:
+        return SampleTimes(np.zeros(0), np.zeros(0))
+    return sample_times(problem.time, period)
+
+
+def make_periodic(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion | Declined:
+    """Return the motion in pieces, with its samples and with a claim that is not below what it shows.
+
+    One that shows a larger error than it claimed, and than the tolerance, cannot be believed: it is declined.
+    """
+    claimed = _claimed(problem, place, found)
+    motion = with_claim_shown(problem.body, problem.potential, claimed)
+    if found.late is not None and len(motion.times):
+        motion = with_samples_shown(problem.body, problem.potential, motion)
+    if is_within(motion.error, claimed.error) or is_within(motion.error, problem.tolerance):
+        return motion
+    return Declined(motion.error)
+
+
+def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
+    period, start, orbit = found.period, place.start, place.orbit
+    asked = asked_times(problem, period)
+    times, rests = asked.doubles, asked.rests
+    # Finer than the samples themselves are known, pieces would follow their errors.
+    atol = max(min(1e-14, 1e-3 * problem.tolerance), 0.25 * found.error)
+    resolved = (
+        resolve_motion(
+            found.sample,
+            (0.0, period.hi),
+            np.sort(np.concatenate([found.passages, found.kinks])),
+            scale=period.hi,
+            atol=atol,
+            features=found.features,
+            finest=FINEST if found.features is None else _finest_pieces(orbit, period),
+        )
+        if problem.wants_series
+        else nothing_resolved(period.hi)
+    )
+    columns = COLUMNS[: resolved.coefficients.shape[2]]
+    error = resolved.error + found.error + resolved.moved(found.time_error)
+    dense = DenseOutput(columns, resolved.breaks, resolved.coefficients, period, error)
+    samples, reached = np.zeros((0, len(COLUMNS))), 0.0
+    if len(times):
+        late = found.late
+        samples = dense(times, rests) if late is None else late.sample(times, rests)
+        reached = dense.error_at(times) if late is None else late.error_at(times)
+    conventions = conventions_of(start)
+    return Motion(
+        method="quadrature",
+        dense=dense,
+        times=times,
+        samples=samples,
+        error=reached,
+        energy=energy_of(start.arc.loop, orbit.somewhere()),
+        window=place.window,
+        aperiodic=None,
+        past=None,
+        future=None,
+        cross_check=None,
+        conventions=conventions,
+        evidence={**found.evidence, **evidence_of(resolved)},
+        rests=rests,
+        first_passage=float(found.passages[0]) if conventions else None,
+    )
+
+
+def _finest_pieces(orbit: Orbit, period: Period) -> float:
+    """Return how many pieces to the period there may be where they are shortest.
+
+    Next to a rest point p and r grow like the time from it; by the rounding of times, a few ulp of
+    the period, they are as uncertain as they grow in so long. Where that is more than any tolerance
+    allows they jump as far as doubles tell, and short pieces do not make it less.
+    """
+    if not orbit.is_even:
+        return FINEST
+    with ctx.workprec(2 * ctx.prec):
+        for end in (arb(0), arb.pi()):
+            theta = end + BESIDE
+            p, _, r, *_ = orbit.state(theta)
+            since = orbit.rate(theta) * BESIDE
+            change = float(abs(p).max(abs(r)) / since) * 4.0 * EPSILON * period.hi
+            if not is_within(change, float(LARGEST_TOLERANCE)):
+                return FINEST_AT_JUMPS
+    return FINEST

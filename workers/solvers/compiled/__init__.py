@@ -1,0 +1,1 @@
+"""Periodic planar motions by kernels that numba compiles: windows, period, samples, bounds of errors."""

@@ -1,0 +1,96 @@
+"""Solves many motions in one call, or a single one: arrays of problems in, arrays of results out."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.sampling import SampleTimes
+from workers.solvers.compiled.desk import DESK
+from workers.solvers.compiled.evaluation.program import Program
+from workers.solvers.compiled.motion import Bounds
+from workers.solvers.compiled.records import FOUND, MAX_PANELS, PANEL, Records, copied, new_records
+from workers.solvers.compiled.solve_set import solve_sets
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Tier = Literal["draft", "standard", "high"]
+
+TOLERANCES: dict[Tier, float] = {"draft": 1e-8, "standard": 1e-12, "high": 2e-15}
+"""Tail of dt/du on a panel against the whole, below which it is resolved."""
+
+NO_TIMES = SampleTimes(np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Motions in potentials of one program, which differ in its constants and in λ."""
+
+    program: Program
+    constants: FloatArray
+    """Shape (sets, constants)."""
+    loops: Records
+    """Shape (sets,): what :meth:`.frame.Frame.loops` returns, or loops known by their roots."""
+    tier: Tier
+    times: SampleTimes = NO_TIMES
+    """At which all of them are sampled."""
+    columns: IntArray = field(default_factory=lambda: np.arange(6))
+    """Numbers of the variables that are sampled."""
+
+
+@dataclass(frozen=True, slots=True)
+class BatchResult:
+    """What was found, in the order of the batch; NaN where a motion was not decided."""
+
+    loops: Records
+    """With their orbits."""
+    found: Records
+    """A :class:`.records.Found` of each."""
+    samples: FloatArray
+    """Shape (sets, times, columns)."""
+    panels: Records
+    """Of the time map of the last motion."""
+
+    @property
+    def bounds(self) -> Bounds:
+        """Return what the errors of samples are made of, arrays of shape (sets,)."""
+        return bounds_of(self.found)
+
+    def errors_at(self, latest: FloatArray | float) -> FloatArray:
+        """Return the bounds of the errors up to |t| = ``latest``, shape (sets,); inf where not decided."""
+        return errors_of(self.found, latest)
+
+
+def solve_batch(batch: Batch) -> BatchResult:
+    """Solve every motion of a batch by compiled code: each has the very numbers that it has alone."""
+    sets, times = len(batch.loops), batch.times
+    loops, panels = copied(batch.loops), new_records(PANEL, MAX_PANELS)
+    found = new_records(FOUND, sets)
+    samples = np.empty((sets, len(times.doubles), len(batch.columns)))
+    solve_sets(
+        batch.program.code,
+        batch.program.result,
+        batch.constants,
+        TOLERANCES[batch.tier],
+        times.doubles,
+        times.rests,
+        batch.columns,
+        loops,
+        panels,
+        found,
+        new_records(DESK),
+        samples,
+    )
+    return BatchResult(loops, found, samples, panels[: int(found[-1]["panels"])] if sets else panels[:0])
+
+
+def bounds_of(found: Records) -> Bounds:
+    """Return what the errors of samples are made of."""
+    return Bounds(found["period_error"], found["speed"], found["rate_error"], found["largest"])
+
+
+def errors_of(found: Records, latest: FloatArray | float) -> FloatArray:
+    """Return the bounds of the errors of samples up to |t| = ``latest``; inf where not decided."""
+    errors = bounds_of(found).error_at(latest, found["period"], found["period_error"])
+    return np.where((found["panels"] > 0) & ~np.isnan(errors), errors, np.inf)

@@ -1,0 +1,119 @@
+"""What a solver works on: places of the loop, times and discs that are gone through together.
+
+They lie in records that Python has made once (:mod:`compiled.records` says why).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workers.solvers.compiled.blocks import STRIDE
+from workers.solvers.compiled.records import ARC, CUT, MAX_ARCS, MAX_PANELS, Records, rows
+
+FloatArray = NDArray[np.float64]
+
+POINTS = 80
+"""Places that are gone through together while a motion is solved."""
+LANES = 32
+"""Discs that are worked on together. Plain arithmetic goes through all of them, also those that nobody asks
+for: the compiler then knows how many there are."""
+
+
+class Places:
+    """Places of the loop that are gone through together."""
+
+    sine: FloatArray
+    cosine: FloatArray
+    """Of v."""
+    below: FloatArray
+    above: FloatArray
+    """v − v₋ and v₊ − v."""
+    speed: FloatArray
+    """|dv/du|."""
+    g1: FloatArray
+    g2: FloatArray
+    g3: FloatArray
+    c: FloatArray
+    """Primed, and c = g2/cos v."""
+    radicand: FloatArray
+    bound: FloatArray
+    """P, and the bound of its rounding."""
+    rate: FloatArray
+    """dt/du."""
+    noise: FloatArray
+    """Bound of the relative rounding of dt/du."""
+
+
+class Moments:
+    """Times that are gone through together, and the places at them."""
+
+    time: FloatArray
+    """Since the start of the panel."""
+    sense: FloatArray
+    phase: FloatArray
+    floor: FloatArray
+    ceiling: FloatArray
+    """x and its bracket."""
+    is_found: FloatArray
+    slope: FloatArray
+    """dt/dx."""
+    width: FloatArray
+    """Of the panel, in u."""
+    sine: FloatArray
+    cosine: FloatArray
+    speed: FloatArray
+    g1: FloatArray
+    g2: FloatArray
+    g3: FloatArray
+    c: FloatArray
+    """As those of places."""
+    p: FloatArray
+    r: FloatArray
+    """Primed.
+
+    The rows are at distances that the compiler knows: else it would go through them one by one.
+    """
+
+
+class Board:
+    """Discs around places of the loop."""
+
+    s_centre: FloatArray
+    s_radius: FloatArray
+    c_centre: FloatArray
+    c_radius: FloatArray
+    """Of sin v without its sign, and of cos v."""
+    t_radius: FloatArray
+    """Of both squares."""
+    sign: FloatArray
+    """Of sin v."""
+    square: FloatArray
+    square_radius: FloatArray
+    """c² as a disc."""
+
+
+class Desk:
+    """All that a solver works on."""
+
+    places: Places
+    moments: Moments
+    board: Board
+    arcs: Records
+    waiting: Records
+    coarse: Records
+
+
+PLACES, MOMENTS, BOARD = rows(Places, POINTS), rows(Moments, STRIDE), rows(Board, LANES)
+DESK = np.dtype(
+    (
+        np.record,
+        [
+            ("places", PLACES),
+            ("moments", MOMENTS),
+            ("board", BOARD),
+            ("arcs", ARC, MAX_ARCS),
+            ("waiting", CUT, MAX_PANELS),
+            ("coarse", CUT, MAX_PANELS),
+        ],
+    ),
+    align=True,
+)

@@ -1,0 +1,265 @@
+r"""Arithmetic of discs with real centres, compiled: bounds of functions on whole stretches and around them.
+
+A row stands for a function on each of several stretches, the lanes: beside the power ``e`` of a
+positive scale s that the row has everywhere, it is within ``r`` of ``c``. On a disc of the complex
+plane this holds at every point, and ``c`` is the value at the centre. The scale is a disc too, or all
+of 0 < s ≤ 2c where it reaches down to 0. What is not analytic on a disc has NaN, which passes no
+comparison. Radii are rounded outwards.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workers.solvers.compiled.desk import LANES
+from workers.solvers.compiled.evaluation.interpreter import power
+from workers.solvers.compiled.kernels import inlined, kernel
+
+FloatArray = NDArray[np.float64]
+
+SCALE = 0
+"""The row of s itself."""
+POWERS = 6
+"""Rows behind it that keep powers of s."""
+SCRATCH = 6
+"""Rows behind those."""
+FIRST_FREE = 1 + POWERS + SCRATCH
+OUTWARDS = 2.0**-50
+"""Four roundings and more, relatively."""
+FUNCTIONS = 2.0**-48
+"""Of a function of the library."""
+TINY = 1e-300
+"""More than all that is lost where numbers are about to vanish."""
+SAME_POWER = 1e-12
+"""Powers that are rounded sums of the same fractions differ by less."""
+
+
+@kernel
+def new_rows(rows: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return centres, radii (rows, LANES) and the powers (rows,), NaN for a row that is 0 everywhere."""
+    count = FIRST_FREE + rows
+    return np.ones((count, LANES)), np.zeros((count, LANES)), np.zeros(count)
+
+
+@inlined
+def multiply(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, j: int) -> None:
+    """Put the product of two rows into a third."""
+    for m in range(LANES):
+        x, y, rx, ry = c[i, m], c[j, m], r[i, m], r[j, m]
+        z = x * y
+        wide = abs(x) * ry + (abs(y) + ry) * rx
+        c[to, m], r[to, m] = z, wide * (1.0 + OUTWARDS) + abs(z) * OUTWARDS + TINY
+    e[to] = e[i] + e[j]
+
+
+@kernel
+def scale_power(c: FloatArray, r: FloatArray, e: FloatArray, exponent: float, count: int) -> int:
+    """Return the row that has s to a positive ``exponent``."""
+    free = 1
+    while free <= POWERS and e[free] != 0.0:
+        if e[free] == exponent:
+            return free
+        free += 1
+    free = POWERS if free > POWERS else free
+    if exponent == 2.0:
+        for m in range(LANES):
+            x, rx = c[SCALE, m], r[SCALE, m]
+            c[free, m] = x * x
+            r[free, m] = (2.0 * x + rx) * rx * (1.0 + OUTWARDS) + x * x * OUTWARDS + TINY
+        e[free] = 2.0
+        return free
+    is_whole = exponent == math.floor(exponent)
+    for m in range(count):
+        x, rx = c[SCALE, m], r[SCALE, m]
+        z = power(x, exponent)
+        wide = power(x + rx, exponent) - z if exponent >= 1.0 else z - power(max(x - rx, 0.0), exponent)
+        rounding = FUNCTIONS + exponent * OUTWARDS
+        if not (is_whole and exponent <= 64.0):
+            rounding += exponent * OUTWARDS * abs(math.log(x))
+        wide += (z + wide) * rounding + TINY
+        # Branches meet at s = 0.
+        c[free, m], r[free, m] = z, (wide if is_whole or rx <= x else math.nan)
+    e[free] = exponent
+    return free
+
+
+@kernel
+def add(
+    c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, j: int, sign: float, count: int
+) -> None:
+    """Put row i + sign · row j into a third, beside the lower of their powers."""
+    if math.isnan(e[j]) or math.isnan(e[i]):
+        k, factor = (j, sign) if math.isnan(e[i]) else (i, 1.0)
+        for m in range(LANES):
+            c[to, m], r[to, m] = factor * c[k, m], r[k, m]
+        e[to] = e[k]
+        return
+    low = min(e[i], e[j])
+    if e[i] - low > SAME_POWER:
+        i = _beside(c, r, e, FIRST_FREE - 1, i, low, count)
+    if e[j] - low > SAME_POWER:
+        j = _beside(c, r, e, FIRST_FREE - 1, j, low, count)
+    for m in range(LANES):
+        z = c[i, m] + sign * c[j, m]
+        c[to, m], r[to, m] = z, (r[i, m] + r[j, m]) * (1.0 + OUTWARDS) + abs(z) * OUTWARDS + TINY
+    e[to] = low
+
+
+@kernel
+def _beside(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, low: float, count: int) -> int:
+    """Put a row beside a lower power of the scale; return where it is."""
+    k = scale_power(c, r, e, e[i] - low, count)
+    multiply(c, r, e, to, i, k)
+    e[to] = low
+    return to
+
+
+@kernel
+def collapse(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, count: int) -> None:
+    """Put a row without any power of the scale into another; NaN where a negative one diverges."""
+    if abs(e[i]) <= SAME_POWER:
+        for m in range(LANES):
+            c[to, m], r[to, m] = c[i, m], r[i, m]
+    elif e[i] > 0.0:
+        _beside(c, r, e, to, i, 0.0, count)
+    else:
+        k = scale_power(c, r, e, -e[i], count)
+        invert(c, r, e, FIRST_FREE - 1, k)
+        multiply(c, r, e, to, i, FIRST_FREE - 1)
+    e[to] = 0.0
+
+
+@inlined
+def invert(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int) -> None:
+    """Put the inverse of a row into another."""
+    for m in range(LANES):
+        size, rx = abs(c[i, m]), r[i, m]
+        z = 1.0 / c[i, m]
+        wide = rx / (size * (size - rx)) * (1.0 + OUTWARDS) + abs(z) * OUTWARDS + TINY
+        # Far from being halved by the rounding of size − rx.
+        c[to, m], r[to, m] = z, (wide if size > rx * (1.0 + 2.0**-40) else math.nan)
+    e[to] = -e[i]
+
+
+@inlined
+def is_even(exponent: float) -> bool:
+    """Say whether s to this power has one sign on both sides of s = 0, and is analytic there."""
+    return 0.5 * exponent == math.floor(0.5 * exponent)
+
+
+@kernel
+def raise_to(
+    c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, exponent: float, count: int
+) -> None:
+    """Put a power of a row into another."""
+    if exponent == 2.0:
+        for m in range(LANES):
+            x, rx = abs(c[i, m]), r[i, m]
+            c[to, m] = x * x
+            r[to, m] = (2.0 * x + rx) * rx * (1.0 + OUTWARDS) + x * x * OUTWARDS + TINY
+        e[to] = 2.0 * e[i]
+        return
+    if exponent == 1.0:
+        for m in range(LANES):
+            c[to, m], r[to, m] = c[i, m], r[i, m]
+        e[to] = e[i]
+        return
+    is_whole = exponent == math.floor(exponent)
+    for m in range(count):
+        x, rx = c[i, m], r[i, m]
+        size, z = abs(x), power(x, exponent)
+        is_analytic = size > rx * (1.0 + 2.0**-40) and (is_whole or x > 0.0)
+        if exponent >= 1.0:
+            # Of (1 + t)^a − 1 the derivative is a (1 + t)^(a − 1), largest at t = r/|c|.
+            wide = power(size + rx, exponent) - abs(z)
+            is_analytic = is_analytic or is_whole
+        elif exponent > 0.0:
+            wide = abs(z) - power(size - rx, exponent)
+        else:
+            wide = power(size - rx, exponent) - abs(z)
+        rounding = FUNCTIONS + (1.0 + abs(exponent)) * OUTWARDS
+        if not (is_whole and abs(exponent) <= 64.0):
+            rounding *= 2.0 + abs(math.log(size))
+        c[to, m] = z
+        r[to, m] = wide + (2.0 * abs(z) + wide) * rounding + TINY if is_analytic else math.nan
+        if not (is_whole or is_even(exponent * e[i]) or r[SCALE, m] <= c[SCALE, m]):
+            r[to, m] = math.nan
+    e[to] = exponent * e[i]
+
+
+@kernel
+def function(
+    operation: int, c: FloatArray, r: FloatArray, e: FloatArray, to: int, rise: int, i: int, count: int
+) -> None:
+    """Put a function, numbered as in :mod:`compiled.evaluation.program`, and its derivative into two rows."""
+    e[to], e[rise] = 0.0, 0.0
+    if operation >= 13:
+        _sign_or_size(operation, c, r, e, to, rise, i, count)
+        return
+    if operation == 9:
+        _logarithm(c, r, e, to, rise, i, count)
+        return
+    argument = FIRST_FREE - 2
+    collapse(c, r, e, argument, i, count)
+    for m in range(count):
+        x, rx = c[argument, m], r[argument, m]
+        if operation == 8:
+            z = math.exp(x)
+            wide = z * math.expm1(rx)
+            c[to, m], r[to, m] = z, wide + (z + wide) * FUNCTIONS + TINY
+            c[rise, m], r[rise, m] = c[to, m], r[to, m]
+            continue
+        sine, cosine = math.sin(x), math.cos(x)
+        grown, odd = math.cosh(rx) - 1.0, math.sinh(rx)
+        # cosh r − 1 has the rounding of 1.
+        around = (grown + odd + 1.0) * FUNCTIONS
+        of_sine = abs(sine) * grown + abs(cosine) * odd + around
+        of_cosine = abs(cosine) * grown + abs(sine) * odd + around
+        if operation == 10:
+            c[to, m], r[to, m], c[rise, m], r[rise, m] = sine, of_sine, cosine, of_cosine
+        elif operation == 11:
+            c[to, m], r[to, m], c[rise, m], r[rise, m] = cosine, of_cosine, -sine, of_sine
+        else:
+            # tan(x + d) − tan x = tan d (1 + tan² x)/(1 − tan x tan d), |tan d| ≤ tan |d|.
+            z, t = sine / cosine, math.tan(rx) if rx < 1.5 else math.inf
+            wide = t * (1.0 + z * z) / (1.0 - abs(z) * t)
+            wide = wide * (1.0 + 2.0**-30) + (1.0 + z * z) * FUNCTIONS
+            wide = wide if abs(z) * t < 1.0 - 2.0**-20 else math.nan
+            c[to, m], r[to, m] = z, wide
+            c[rise, m] = 1.0 + z * z
+            r[rise, m] = (2.0 * abs(z) + wide) * wide * (1.0 + OUTWARDS) + (1.0 + z * z) * FUNCTIONS
+
+
+@kernel
+def _sign_or_size(
+    operation: int, c: FloatArray, r: FloatArray, e: FloatArray, to: int, rise: int, i: int, count: int
+) -> None:
+    for m in range(count):
+        x, rx = c[i, m], r[i, m]
+        sign = 1.0 if x > 0.0 else -1.0
+        is_known = abs(x) > rx and (is_even(e[i]) or r[SCALE, m] <= c[SCALE, m])
+        wide = 0.0 if is_known else math.nan
+        if operation == 13:
+            c[to, m], r[to, m], c[rise, m], r[rise, m] = abs(x), rx + wide, sign, wide
+        else:
+            c[to, m], r[to, m], c[rise, m], r[rise, m] = sign, wide, 0.0, wide
+    if operation == 13:
+        e[to] = e[i]
+
+
+@kernel
+def _logarithm(c: FloatArray, r: FloatArray, e: FloatArray, to: int, rise: int, i: int, count: int) -> None:
+    """Log (c s^e) is log c + e log s."""
+    for m in range(count):
+        x, rx, s, rs = c[i, m], r[i, m], c[SCALE, m], r[SCALE, m]
+        z = math.log(x)
+        wide = -math.log1p(-rx / x)
+        if e[i] != 0.0:
+            z += e[i] * math.log(s)
+            wide -= abs(e[i]) * math.log1p(-rs / s)
+            if not s > rs:
+                wide = math.nan
+        wide += (abs(z) + wide + 1.0 + abs(e[i] * math.log(s))) * FUNCTIONS
+        c[to, m], r[to, m] = z, (wide if x > rx * (1.0 + 2.0**-40) else math.nan)
+    invert(c, r, e, rise, i)

@@ -1,0 +1,1 @@
+"""The formula's derivative along the curve, and p² on it, at many places at once."""

@@ -1,0 +1,174 @@
+r"""Points of the loop, the radicand P = p² on it, and the rate dt/du, compiled.
+
+The phase u is θ/π of the orbits of a planar motion (one turn is 0 ≤ u ≤ 2):
+v = m − h cos θ between two rest points, v = ±θ around the whole loop. Places are
+stated by the distance w to an *anchor* (an end, the middle, a quarter turn), from
+which the distances to the ends and the sines keep all their digits.
+"""
+
+import math
+
+from workers.solvers.compiled.desk import Moments, Places
+from workers.solvers.compiled.evaluation.interpreter import derivative, derivative_with_bound
+from workers.solvers.compiled.kernels import inlined, kernel
+from workers.solvers.compiled.records import Formula, Loop
+
+
+@kernel
+def loop_points(loop: Loop, places: Places | Moments, count: int) -> None:
+    """Fill in primed g1, g2, g3 and c at places whose sines and cosines are known."""
+    alpha, size, z, sign = loop.alpha, loop.g, loop.z, loop.sign1
+    if alpha == 2.0:
+        for k in range(count):
+            sine = places.sine[k]
+            c = math.sqrt(z * z + size * size * (1.0 + sine * sine))
+            places.g1[k], places.g2[k] = sign * (size * sine * sine), c * places.cosine[k]
+            places.g3[k], places.c[k] = z * sine, c
+        return
+    for k in range(count):
+        sine, cosine = places.sine[k], places.cosine[k]
+        square = cosine * cosine
+        log_sine = 0.5 * math.log1p(-square) if square < 0.75 else math.log(abs(sine))
+        if square > 1e-24:
+            c = math.sqrt(z * z - size * size * math.expm1(2.0 * alpha * log_sine) / square)
+        else:
+            c = math.sqrt(z * z + size * size * alpha)
+        places.g1[k], places.g2[k] = sign * (size * math.exp(alpha * log_sine)), c * cosine
+        places.g3[k], places.c[k] = z * sine, c
+
+
+@kernel
+def radicands(
+    formula: Formula,
+    loop: Loop,
+    places: Places,
+    count: int,
+) -> None:
+    """Fill in P at places whose sines and cosines are known."""
+    loop_points(loop, places, count)
+    factor = -loop.factor if loop.mirrored else loop.factor
+    first, third = (places.g3, places.g1) if loop.mirrored else (places.g1, places.g3)
+    D = derivative(formula, first, places.g2, third, count)
+    for k in range(count):
+        places.radicand[k] = factor * places.g3[k] * D[k] / places.g1[k]
+
+
+@inlined
+def radicands_with_bounds(
+    formula: Formula,
+    loop: Loop,
+    places: Places,
+    count: int,
+) -> None:
+    """Fill in P and the bound of its rounding."""
+    loop_points(loop, places, count)
+    sign = -1.0 if loop.mirrored else 1.0
+    first, third = (places.g3, places.g1) if loop.mirrored else (places.g1, places.g3)
+    D, ulps = derivative_with_bound(formula, first, places.g2, third, count)
+    for k in range(count):
+        factor = loop.factor * places.g3[k] / places.g1[k]
+        places.radicand[k] = factor * (sign * D[k])
+        places.bound[k] = abs(factor) * (ulps[k] + 6.0 * abs(D[k])) * 1.1102230246251565e-16
+
+
+@kernel
+def place(loop: Loop, anchor: int, w: float) -> tuple[float, float, float, float, float]:
+    """Return v − v₋, v₊ − v, sin v, cos v and |dv/du| at u = anchor/2 + w."""
+    if loop.rotates:
+        turn = math.pi * w
+        sine, cosine = math.sin(turn), math.cos(turn)
+        for _ in range(anchor):
+            sine, cosine = cosine, -sine
+        return 0.0, 0.0, loop.direction * sine, cosine, math.pi
+    h = loop.half_width
+    if anchor == 1:
+        offset = h * math.sin(math.pi * w)
+        s, c = math.sin(offset), math.cos(offset)
+        sine = loop.s_middle * c + loop.c_middle * s
+        cosine = loop.c_middle * c - loop.s_middle * s
+        return h + offset, h - offset, sine, cosine, math.pi * h * math.cos(math.pi * w)
+    root = math.sin(0.5 * math.pi * w)
+    near = 2.0 * h * root * root
+    s, c = math.sin(near), math.cos(near)
+    speed = math.pi * h * abs(math.sin(math.pi * w))
+    if anchor == 0:
+        sine, cosine = loop.s_lower * c + loop.c_lower * s, loop.c_lower * c - loop.s_lower * s
+        return near, 2.0 * h - near, sine, cosine, speed
+    sine, cosine = loop.s_upper * c - loop.c_upper * s, loop.c_upper * c + loop.s_upper * s
+    return 2.0 * h - near, near, sine, cosine, speed
+
+
+@kernel
+def ratio(sine: float, angle: float) -> float:
+    """Return sin x / x, 1 at 0."""
+    return sine / angle if angle > 0.0 else 1.0
+
+
+@kernel
+def factor_by_roots(loop: Loop, below: float, above: float, sine: float, cosine: float) -> float:
+    """Return K (P for a rotation) from the roots in x = |g1| = G sin²v, for A = 2C.
+
+    P = ``leading`` · x^−``mu`` · Π. The kind of ``ends`` is 0 for a rotation, 1 where both ends are one root
+    of x, its value from below, 2 the same from above, 3 where they are two roots and x grows with v, 4 where
+    it falls. ``roots`` has the ``reals`` that are no ends, a flag −1 with lo − r or 1 with r − hi, then of
+    complex ``pairs`` the real and the imaginary part.
+    """
+    size = loop.g
+    x, equator = size * sine * sine, size * cosine * cosine
+    kind = loop.ends
+    up, down = x, equator
+    value = loop.leading
+    # sin(v − v₋) and sin(v₊ − v); far from the end, where they are small again, by the addition theorem.
+    to_lower, to_upper = math.sin(below), math.sin(above)
+    if below > 1.5 and above < below:
+        to_lower = abs(sine * loop.c_lower - cosine * loop.s_lower)
+    elif above > 1.5:
+        to_upper = abs(loop.s_upper * cosine - loop.c_upper * sine)
+    if kind == 1 or kind == 2:
+        value *= size * ratio(to_lower, below) * ratio(to_upper, above)
+        if kind == 1:
+            up = size * to_lower * to_upper
+        else:
+            down = size * to_lower * to_upper
+    elif kind >= 3:
+        first = sine * loop.c_lower + cosine * loop.s_lower
+        second = sine * loop.c_upper + cosine * loop.s_upper
+        value *= abs(size * size * ratio(to_lower, below) * ratio(to_upper, above) * first * second)
+        up, down = abs(size * to_lower * first), abs(size * to_upper * second)
+        if kind == 4:
+            up, down = down, up
+    value *= x**-loop.mu
+    for k in range(loop.reals):
+        value *= (up if loop.roots[k, 0] < 0.0 else down) + loop.roots[k, 1]
+    for k in range(loop.reals, loop.reals + loop.pairs):
+        away = x - loop.roots[k, 0]
+        value *= away * away + loop.roots[k, 1] * loop.roots[k, 1]
+    return float(value)
+
+
+@inlined
+def rates(
+    formula: Formula,
+    loop: Loop,
+    places: Places,
+    count: int,
+) -> None:
+    """Fill in dt/du at places that are there as :func:`place` has them."""
+    if loop.by_roots:
+        loop_points(loop, places, count)
+        for k in range(count):
+            places.rate[k] = factor_by_roots(
+                loop, places.below[k], places.above[k], places.sine[k], places.cosine[k]
+            )
+    else:
+        radicands(formula, loop, places, count)
+        for k in range(count):
+            places.rate[k] = places.radicand[k]
+        if not loop.rotates:
+            for k in range(count):
+                places.rate[k] /= places.below[k] * places.above[k]
+    numerator = math.pi * loop.z
+    for k in range(count):
+        K = places.rate[k]
+        rate = numerator / (places.c[k] * math.sqrt(K))
+        places.rate[k] = rate if K > 0.0 else math.nan

@@ -1,0 +1,59 @@
+"""A formula as arrays of instructions and constants: kernels interpret them, no formula is compiled."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.formula.algebras.real import nearest_double
+from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.tree import VARIABLES
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_OPERATIONS = ("constant", "add", "subtract", "multiply", "divide", "negate", "power", "general_power")
+_FUNCTIONS = ("exp", "log", "sin", "cos", "tan", "abs", "sign")
+CONSTANT, ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATE, POWER, GENERAL_POWER = range(8)
+EXP, LOG, SIN, COS, TAN, ABS, SIGN = range(8, 15)
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """The structure of a formula in g1, g2, g3 without its constants: rows (operation, left, right, slot).
+
+    ``slot`` is the place of the constant (or exponent) among the constants, -1 for none.
+    """
+
+    code: IntArray
+    """Shape (instructions, 4); the result is register ``result``; registers 0, 1, 2 are g1, g2, g3."""
+    result: int
+
+    @property
+    def key(self) -> bytes:
+        """Return what two formulas of one structure have in common."""
+        return self.code.tobytes() + self.result.to_bytes(4, "little")
+
+
+def make_program(tape: Tape) -> tuple[Program, FloatArray]:
+    """Return the structure of a tape over g1, g2, g3 and further variables, and its constants.
+
+    Further variables become constants, the first ones, with the value 0 until it is replaced.
+    """
+    extra = len(tape.variables) - len(VARIABLES)
+    rows: list[tuple[int, int, int, int]] = [(CONSTANT, -1, -1, slot) for slot in range(extra)]
+    constants = [0.0] * extra
+    for instruction in tape.instructions:
+        slot = -1
+        if instruction.operation == "pi" or instruction.number is not None:
+            slot = len(constants)
+            constants.append(np.pi if instruction.number is None else nearest_double(instruction.number))
+        if instruction.operation == "call":
+            operation = len(_OPERATIONS) + _FUNCTIONS.index(instruction.name)
+        else:
+            operation = _OPERATIONS.index(
+                "constant" if instruction.operation == "pi" else instruction.operation
+            )
+        rows.append((operation, instruction.left, instruction.right, slot))
+    code = np.array(rows, dtype=np.int64).reshape(-1, 4)
+    return Program(code, tape.result), np.array(constants)

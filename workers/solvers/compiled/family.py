@@ -1,0 +1,95 @@
+"""Periodic motions in compiled doubles, as a family of solvers that the chooser can ask.
+
+The compiler is loaded, and the first time run, only by those who need it: modules with kernels are imported
+by the functions that call them.
+"""
+
+from math import atan2
+from typing import TYPE_CHECKING
+
+import numpy as np
+from flint import arb
+
+from service.dynamics.body import RigidBody
+from service.dynamics.bounds import is_within
+from service.dynamics.motion import Motion
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.reduction.arc import Arc
+from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
+from workers.solvers.assembly.description import conventions_of
+from workers.solvers.assembly.periodic import Sampled, asked_times, make_periodic
+from workers.solvers.assembly.place import NOT_MINE, Declined, PeriodicPlace, Place
+
+if TYPE_CHECKING:
+    from workers.solvers.compiled.motion import SpectralMotion
+
+SAME = 1e-6
+"""Departure of g1 at its ends within which two solvers speak of one window."""
+DOUBT = 2.0**-44
+"""Of an end of the arc, in v."""
+
+
+class CompiledFamily:
+    """See :class:`workers.solvers.planar.duties.Family`."""
+
+    def takes(self, problem: Problem, place: Place) -> bool:
+        """Take periodic motions, save those that need to tell when a pole is passed by a convention.
+
+        The certified tier has a grade of its own, which is not one of doubles.
+        """
+        is_periodic = isinstance(place, PeriodicPlace) and isinstance(problem.motion, PlanarMotion)
+        return is_periodic and problem.accuracy.tier != "certified" and not conventions_of(place.start)
+
+    def promise(self, problem: Problem) -> float:
+        """Promise the tolerance at all asked times."""
+        return problem.tolerance
+
+    def solve(self, problem: Problem, place: Place) -> Motion | Declined:
+        """Return the motion; declined if it is not the one in the window, or worse than the tolerance."""
+        from workers.solvers.compiled.solve import solve_spectral  # noqa: PLC0415
+
+        motion, tier = problem.motion, problem.accuracy.tier
+        if (
+            not isinstance(place, PeriodicPlace)
+            or not isinstance(motion, PlanarMotion)
+            or tier == "certified"
+        ):
+            return NOT_MINE
+        found = solve_spectral(problem.body, problem.potential, motion, tier=tier)
+        if found is None or not _is_in(place, found):
+            return NOT_MINE
+        period = found.period
+        end = np.array([period.hi])
+        times = asked_times(problem, period).doubles if problem.wants_series else end
+        if not is_within(found.error_at(times), self.promise(problem)):
+            return Declined(found.error_at(times))
+        error = found.error_at(end)
+        evidence: dict[str, float | int | str] = {"compiled": len(found.panels), "rounding": error}
+        sampled = Sampled(found.sample, period, np.zeros(0), error, evidence, found)
+        return make_periodic(problem, place, sampled)
+
+
+def arc_in_doubles(body: RigidBody, potential: Potential, motion: PlanarMotion) -> Arc | None:
+    """Return the arc of the motion, its ends in doubt by roundings; None where doubles do not decide."""
+    from workers.solvers.compiled.solve import solve_spectral  # noqa: PLC0415
+
+    found = solve_spectral(body, potential, motion, tier="draft")
+    if found is None:
+        return None
+    loop = make_loop(body, potential, motion)
+    return _arc(found, loop, start_g3_sign(loop, motion))
+
+
+def _is_in(place: Place, found: "SpectralMotion") -> bool:
+    window = place.window
+    return found.ends == window.ends and bool(np.allclose(found.g1, window.g1, rtol=0, atol=SAME))
+
+
+def _arc(found: "SpectralMotion", loop: Loop, g3_sign: int) -> Arc:
+    orbit = found.loop
+    if orbit.rotates:
+        base = arb(0) if g3_sign > 0 else -arb.pi()
+        return Arc(loop, base, base + 2 * arb.pi(), None, None)
+    middle, half = atan2(orbit.s_middle, orbit.c_middle), float(orbit.half_width)
+    return Arc(loop, arb(middle - half, DOUBT), arb(middle + half, DOUBT), "rest", "rest")

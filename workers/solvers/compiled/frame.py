@@ -1,0 +1,79 @@
+"""Turns a body and a planar motion into the numbers that kernels need, in axes in which A > C."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
+from workers.solvers.compiled.records import LOOP, Loop, Records, copied
+from workers.solvers.compiled.windows.arcs import AUTOMATIC, EQUATOR, POINT, REST
+
+FloatArray = NDArray[np.float64]
+
+_EMPTY = np.zeros(1, dtype=LOOP)
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """The part of a problem that sets of a sweep share."""
+
+    shared: Records
+    """A loop, shape (1,), that is not solved for yet."""
+
+    @property
+    def loop(self) -> Loop:
+        """Return the only loop."""
+        loop: Loop = self.shared[0]
+        return loop
+
+    def primed(self, log_lambda: FloatArray) -> FloatArray:
+        """Return log λ in primed axes: λ' = λ^(−A/C) of the client, where they are mirrored."""
+        loop = self.loop
+        return -log_lambda / loop.alpha if loop.mirrored else log_lambda
+
+    def loops(self, logarithms: Sequence[float]) -> Records:
+        """Return the loops of the client's λ that have these logarithms, shape (sets,)."""
+        loops = copied(self.shared, len(logarithms))
+        loops["log_lambda"] = self.primed(np.array(logarithms))
+        return loops
+
+
+def make_frame(body: RigidBody, motion: PlanarMotion) -> Frame | None:
+    """Return the frame, None where the curve does not exist or the start is on the other side."""
+    if body.A == body.C or (motion.nu is not None and body.A != 2 * body.C) or not motion.lambda_squared:
+        return None
+    start = _start(motion)
+    window = -1 if motion.window is None else motion.window
+    if window < -1 or start is None:
+        return None
+    mirrored = body.A < body.C
+    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
+    alpha, logarithm = float(A / C), 0.5 * math.log(motion.lambda_squared)
+    shared = copied(_EMPTY)
+    # Its items: numpy takes several times longer for attributes.
+    loop = shared[0]
+    loop["alpha"], loop["factor"], loop["mirrored"] = alpha, float(C / ((A - C) * A)), mirrored
+    loop["sign1"] = motion.g3_sign if mirrored else motion.sign_of_g1
+    loop["half"] = motion.sign_of_g1 if mirrored else motion.g3_sign
+    loop["window"] = window
+    loop["kind"], loop["s_sign"], loop["g2_sign"], loop["size_of_g1"] = start
+    loop["log_lambda"] = -logarithm / alpha if mirrored else logarithm
+    return Frame(shared)
+
+
+def _start(motion: PlanarMotion) -> tuple[int, float, float, float] | None:
+    """Return the kind of start, the signs of s and g2, and |g1|."""
+    start = motion.start
+    if isinstance(start, StartAtEquator):
+        return EQUATOR, float(start.s_sign), 1.0, 0.0
+    if isinstance(start, StartAtRest):
+        return REST, 1.0, float(start.g2_sign), 0.0
+    if isinstance(start, StartAtPoint):
+        if start.g1 * motion.sign_of_g1 <= 0:
+            return None
+        return POINT, float(start.s_sign), float(start.g2_sign), abs(float(start.g1))
+    return AUTOMATIC, 1.0, 1.0, 0.0

@@ -1,0 +1,128 @@
+"""A periodic planar motion in doubles: samples at any time, with a bound of their error."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.motion import COLUMNS, Estimate
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.reduction.window import EndKind
+from service.dynamics.solution.dense_output import EPSILON, Period
+from workers.solvers.compiled.desk import DESK, PLACES
+from workers.solvers.compiled.evaluation.curve import loop_points
+from workers.solvers.compiled.records import Loop, Records, new_records
+from workers.solvers.compiled.time_map.sampling import sample_one
+
+FloatArray = NDArray[np.float64]
+
+FloatLike = float | FloatArray
+ALL = np.arange(6)
+TIME_ULPS = 1.5
+"""Roundings of a reduced time, in 2^-52 of the period: of the origin, the sum and the series."""
+FORMULA_ULPS = 6.0
+"""Roundings of a variable once the phase is known, in 2^-52 of itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What the error of a sample is made of; numbers, or arrays for many motions."""
+
+    time: FloatLike
+    """Of t(u) within one period."""
+    speed: FloatLike
+    """Largest time derivative of any variable."""
+    rate: FloatLike
+    """Relative, of dt/du, which p and r inherit."""
+    largest: FloatLike
+    """Largest |p| or |r|."""
+
+    def error_at(self, latest: FloatLike, length: FloatLike, uncertainty: FloatLike) -> FloatArray:
+        """Return the bound of any variable's error up to |t| = ``latest``, the period being known so well."""
+        turns = latest / length
+        # A time in doubles, and turns times the rounding of the period's two doubles.
+        rounding = TIME_ULPS * EPSILON * length + turns * length * EPSILON**2
+        late = self.time + uncertainty * turns + rounding
+        ulps = FORMULA_ULPS * EPSILON
+        return np.asarray(late * self.speed + (self.rate + ulps) * self.largest + ulps)
+
+
+@dataclass(frozen=True, slots=True)
+class SpectralMotion:
+    """A motion as panels of t(u), u being the phase."""
+
+    period: Period
+    loops: Records
+    """The only loop, shape (1,), with its orbit."""
+    panels: Records
+    bounds: Bounds
+    potential: Potential
+
+    @property
+    def loop(self) -> Loop:
+        """Return the loop."""
+        loop: Loop = self.loops[0]
+        return loop
+
+    @property
+    def ends(self) -> tuple[EndKind, EndKind]:
+        """Return where |g1| is smallest, where it is largest."""
+        loop = self.loop
+        if loop.rotates:
+            return "pole", "equator"
+        middle = float(np.arctan2(loop.s_middle, loop.c_middle))
+        half_turns = np.array([middle - loop.half_width, middle + loop.half_width]) / np.pi
+        # v is a multiple of π at the poles, and halfway between at the equator.
+        poles, equators = np.diff(np.floor(half_turns))[0], np.diff(np.floor(half_turns + 0.5))[0]
+        return "pole" if poles else "rest", "equator" if equators else "rest"
+
+    @property
+    def g1(self) -> tuple[float, float]:
+        """Return g1, with its sign, at the two ends."""
+        loop, places = self.loop, new_records(PLACES)[0]
+        # Both ends, and the equator.
+        places.sine[:3] = loop.s_lower, loop.s_upper, 1.0
+        places.cosine[:3] = loop.c_lower, loop.c_upper, 0.0
+        loop_points(loop, places, 3)
+        values = np.abs((places.g3 if loop.mirrored else places.g1)[:3]).tolist()
+        sizes = sorted(values[:2])
+        if self.ends[0] == "pole":
+            sizes[0] = 0.0
+        if self.ends[1] == "equator":
+            sizes[1] = values[2]
+        sign = float(np.sign(self.columns(np.zeros(1), ("g1",))[0, 0]))
+        return sign * sizes[0] + 0.0, sign * sizes[1]
+
+    def energy(self, body: RigidBody) -> Estimate:
+        """Return h = (A p² + C r²)/2 + V, from a place where nothing special happens."""
+        time = np.array([0.1271 * self.period.hi])
+        state = self.sample(time)[0]
+        kinetic = 0.5 * (float(body.A) * state[0] ** 2 + float(body.C) * state[2] ** 2)
+        value = float(self.potential.value(state[3:]))
+        slope = float(np.abs(self.potential.gradient(state[3:])).sum())
+        error = 2.0 * kinetic * self.bounds.rate + 8.0 * EPSILON * (kinetic + abs(value) + slope)
+        return Estimate(kinetic + value, error)
+
+    def sample(self, times: FloatArray, rests: FloatArray | None = None) -> FloatArray:
+        """Return p, q, r, g1, g2, g3 at ``times`` (n,), shape (n, 6); with ``rests``, at the sums of both."""
+        return self._sample(times, np.zeros(len(times)) if rests is None else rests, ALL)
+
+    def columns(self, times: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Return the variables of these names at ``times`` (n,), shape (n, len(names))."""
+        return self._sample(
+            times, np.zeros(len(times)), np.array([COLUMNS.index(name) for name in names], dtype=np.int64)
+        )
+
+    def error_at(self, times: FloatArray) -> float:
+        """Return the bound of the absolute error of any variable at any of ``times``."""
+        latest = float(np.abs(times).max(initial=0.0))
+        return float(self.bounds.error_at(latest, self.period.hi, self.period.error))
+
+    def _sample(self, times: FloatArray, rests: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
+        times = np.ascontiguousarray(times, dtype=np.float64)
+        rests = np.ascontiguousarray(rests, dtype=np.float64)
+        out = np.empty((len(times), len(columns)))
+        sample_one(self.loops, self.panels, times, rests, columns, new_records(DESK), out)
+        return out

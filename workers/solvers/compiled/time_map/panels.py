@@ -1,0 +1,222 @@
+"""Builds the panels of a time map, each a Chebyshev series; a panel is halved until its series ends."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workers.solvers.compiled.blocks import two_sum
+from workers.solvers.compiled.desk import Desk, Places
+from workers.solvers.compiled.evaluation.curve import place, rates
+from workers.solvers.compiled.kernels import inlined, kernel
+from workers.solvers.compiled.records import MAX_PANELS, NODES, Cut, Formula, Loop, Panel, Records
+from workers.solvers.compiled.time_map.series import POINTS, at, distance, last_coefficients
+
+FloatArray = NDArray[np.float64]
+
+NARROWEST = 2.0**-44
+NOISE = 1e-7
+
+
+def cosines() -> FloatArray:
+    """Return the matrix, transposed, that turns values at cos(π (j + 1/2) / NODES) into a series."""
+    k, j = np.meshgrid(np.arange(NODES), np.arange(NODES), indexing="ij")
+    matrix = np.cos(np.pi * (k * (2 * j + 1) % (4 * NODES)) / (2 * NODES)) * (2.0 / NODES)
+    matrix[0] *= 0.5
+    return np.ascontiguousarray(matrix.T)
+
+
+MATRIX = cosines()
+
+
+@kernel
+def _prepare_guess(panel: Panel, scratch: FloatArray) -> None:
+    """Interpolate the inverse function and its slope at the ends and in the middle (Hermite)."""
+    first, last, length = panel.first, panel.last, panel.length
+    middle = 0.5 * (first + last)
+    _, slope_first = at(panel, first)
+    at_middle, slope_middle = at(panel, middle)
+    _, slope_last = at(panel, last)
+    m = at_middle / length
+    z, f, slopes = scratch[0], scratch[1], scratch[2]
+    z[0], z[1], z[2], z[3], z[4], z[5] = 0.0, 0.0, m, m, 1.0, 1.0
+    f[0], f[1], f[2], f[3], f[4], f[5] = first, first, middle, middle, last, last
+    slopes[0], slopes[1], slopes[2] = length / slope_first, length / slope_middle, length / slope_last
+    panel.guess[0] = first
+    panel.guess[6] = m
+    for order in range(1, 6):
+        for k in range(6 - order):
+            if order == 1 and k % 2 == 0:
+                f[k] = slopes[k // 2]
+            else:
+                f[k] = (f[k + 1] - f[k]) / (z[k + order] - z[k])
+        panel.guess[order] = f[0]
+
+
+@inlined
+def _first_panels(rotates: bool, waiting: Records) -> int:
+    """Put the panels to begin with on the stack, the one with the smallest u on top; return how many."""
+    last = 4 if rotates else 2
+    pending = 0
+    for anchor in range(last, -1, -1):
+        low, high, first, final = -0.25, 0.25, -1.0, 1.0
+        if not rotates:
+            # Two panels at first: the middle is an anchor only where they are split.
+            low, high, first, final = -0.5, 0.5, (0.0 if anchor == 0 else -1.0), (1.0 if anchor == 0 else 0.0)
+            if anchor == 1:
+                continue
+        elif anchor == 0:
+            low = 0.0
+        elif anchor == last:
+            high = 0.0
+        top = waiting[pending]
+        top.anchor, top.low, top.high = anchor, low, high
+        top.first, top.last, top.before = first, final, math.inf
+        pending += 1
+    return pending
+
+
+@inlined
+def _copy(one: Panel | Cut, to: Panel | Cut) -> None:
+    """Put a panel where another was."""
+    to.anchor, to.low, to.high, to.first, to.last = one.anchor, one.low, one.high, one.first, one.last
+
+
+@inlined
+def _split(panel: Panel, tail: float, waiting: Records, pending: int) -> None:
+    """Put both parts of a panel on the stack."""
+    first, final = panel.first, panel.last
+    upper, lower = waiting[pending], waiting[pending + 1]
+    _copy(panel, upper)
+    _copy(panel, lower)
+    upper.before = lower.before = tail
+    if final - first < 2.0:
+        outer, inner = (upper, lower) if final > 0.0 else (lower, upper)
+        inner.low, inner.high = 0.5 * panel.low, 0.5 * panel.high
+        outer.first, outer.last = -1.0, 1.0
+        if final > 0.0:
+            outer.low = 0.5 * panel.high
+        else:
+            outer.high = 0.5 * panel.low
+        if panel.high == 0.5:
+            turned = -0.5 if final > 0.0 else 0.5
+            outer.anchor = 1
+            outer.low += turned
+            outer.high += turned
+    else:
+        middle = 0.5 * (panel.low + panel.high)
+        upper.low, lower.high = middle, middle
+
+
+@inlined
+def _rates_at_nodes(formula: Formula, loop: Loop, panel: Panel, places: Places, values: FloatArray) -> None:
+    """Fill in dt/du at the nodes, of which one half mirrors the other on half a panel."""
+    begin, end = 0, NODES
+    if panel.last - panel.first < 2.0:
+        begin, end = (0, NODES // 2) if panel.last > 0.0 else (NODES // 2, NODES)
+    for j in range(begin, end):
+        k = j - begin
+        places.below[k], places.above[k], places.sine[k], places.cosine[k], places.speed[k] = place(
+            loop, panel.anchor, distance(panel, POINTS[j])
+        )
+    rates(formula, loop, places, end - begin)
+    for j in range(begin, end):
+        values[j] = places.rate[j - begin]
+        if end - begin < NODES:
+            values[NODES - 1 - j] = values[j]
+
+
+@kernel
+def place_among(cuts: Records, count: int, panel: Panel) -> int:
+    """Return where a panel is among others, −1 if it is not there."""
+    for k in range(count):
+        if cuts[k].anchor == panel.anchor and cuts[k].low == panel.low and cuts[k].high == panel.high:
+            return k
+    return -1
+
+
+@kernel
+def build_panels(
+    formula: Formula,
+    loop: Loop,
+    tolerance: float,
+    panels: Records,
+    desk: Desk,
+    forced: int,
+    kept: Records,
+    squares: FloatArray,
+) -> tuple[int, float]:
+    """Fill the table of panels, and the series of 1/f² if there is room; cut the ``forced`` coarse ones.
+
+    The ``kept`` panels were built before. ``proved`` is NaN for the others.
+    """
+    waiting = desk.waiting
+    scratch = np.empty((3, NODES + 2))
+    values, series = np.empty(NODES), np.empty(NODES + 2)
+    pending = _first_panels(loop.rotates, waiting)
+    number, length, left_out = 0, 0.0, 0.0
+    while pending:
+        pending -= 1
+        before = waiting[pending].before
+        if number == MAX_PANELS:
+            return 0, math.nan
+        panel = panels[number]
+        _copy(waiting[pending], panel)
+        half = 0.5 * (panel.high - panel.low)
+        if place_among(desk.coarse, forced, panel) >= 0:
+            if number + pending + 2 > MAX_PANELS or half <= NARROWEST:
+                return 0, math.nan
+            _split(panel, math.inf, waiting, pending)
+            pending += 2
+            continue
+        known = place_among(kept, len(kept), panel)
+        if known >= 0:
+            panels[number] = kept[known]
+            panel.start, panel.start_lo = length, left_out
+            length, rest = two_sum(length, panel.length)
+            left_out += rest
+            number += 1
+            continue
+        _rates_at_nodes(formula, loop, panel, desk.places, values)
+        series[:] = 0.0
+        for j in range(NODES):
+            for k in range(NODES):
+                series[k] += MATRIX[j, k] * values[j]
+        largest = 0.0
+        for k in range(NODES):
+            largest = max(largest, abs(series[k]))
+        if not largest < math.inf or math.isnan(series[NODES - 1]):
+            return 0, math.nan
+        tail = last_coefficients(series)
+        # A tail that halving does not shrink is rounding, once it is small.
+        is_noise = tail > 0.25 * before and tail < NOISE * largest
+        is_open = tail * half > tolerance * (length + largest * half) and not is_noise
+        if is_open and half > NARROWEST:
+            if number + pending + 2 > MAX_PANELS:
+                return 0, math.nan
+            _split(panel, tail, waiting, pending)
+            pending += 2
+            continue
+        if len(squares) > 0:
+            inverse_squares = squares[number]
+            inverse_squares[:] = 0.0
+            for j in range(NODES):
+                value = 1.0 / (values[j] * values[j])
+                for k in range(NODES):
+                    inverse_squares[k] += MATRIX[j, k] * value
+        panel.times[0] = 0.0
+        for k in range(1, NODES + 1):
+            before_it = 2.0 * series[0] if k == 1 else series[k - 1]
+            panel.times[k] = half * (before_it - series[k + 1]) / (2.0 * k)
+        for k in range(NODES):
+            panel.slopes[k] = half * series[k]
+        begin, _ = at(panel, panel.first)
+        panel.times[0] = -begin
+        end, _ = at(panel, panel.last)
+        panel.start, panel.start_lo = length, left_out
+        panel.length, panel.proved = end, math.nan
+        _prepare_guess(panel, scratch)
+        length, rest = two_sum(length, end)
+        left_out += rest
+        number += 1
+    return number, length

@@ -1,0 +1,232 @@
+"""Finds the phase at given times, and from it the six variables.
+
+Times are sorted by the panel they are in, so that everything is done for many at once:
+each by itself, with the digits it has alone.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workers.solvers.compiled.blocks import BLOCK, SPLIT, sort_by_interval, two_sum
+from workers.solvers.compiled.desk import Moments
+from workers.solvers.compiled.evaluation.curve import loop_points, place
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.records import Loop, Panel, Records
+from workers.solvers.compiled.time_map.series import at, distance, series_at
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+STEP = 1e-8
+"""A Newton step after which the error, its square, is below rounding."""
+MAX_STEPS = 61
+
+
+@kernel
+def _reduce(
+    loop: Loop,
+    times: FloatArray,
+    rests: FloatArray,
+    local: FloatArray,
+    left_out: FloatArray,
+    sense: FloatArray,
+) -> None:
+    """Fill in the time on the panels, by a multiple of the period less, what it leaves out, and the sense.
+
+    The times are the sums of ``times`` and ``rests``.
+    A time has the size of the period: its roundings would be the largest of all.
+    """
+    hi, lo, origin, origin_lo = loop.period_hi, loop.period_lo, loop.origin, loop.origin_lo
+    first = -1.0 if loop.backwards else 1.0
+    b_high = SPLIT * hi - (SPLIT * hi - hi)
+    b_low = hi - b_high
+    # A libration comes back over the panels.
+    turning = math.inf if loop.rotates else 0.5 * hi
+    for k in range(len(times)):
+        n = math.floor(times[k] / hi + 0.5)
+        product = n * hi
+        a_high = SPLIT * n - (SPLIT * n - n)
+        a_low = n - a_high
+        # Dekker's: what the product leaves out. The difference of the time and the product is exact.
+        rest = ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
+        t, r1 = two_sum(first * (times[k] - product), -first * (rest + n * lo - rests[k]))
+        t, r2 = two_sum(t, origin)
+        turn = 1.0 if t < 0.0 else (-1.0 if t >= hi else 0.0)
+        t, r3 = two_sum(t, turn * hi)
+        rest = r1 + r2 + r3 + turn * lo + origin_lo
+        back, r4 = two_sum(hi, -t)
+        local[k] = back if t > turning else t
+        left_out[k] = (r4 + lo) - rest if t > turning else rest
+        sense[k] = -first if t > turning else first
+
+
+@kernel
+def _find_phases(panel: Panel, moments: Moments, begin: int, end: int) -> None:
+    """Fill in the phase x at which the time has passed since the panel's start, and dt/dx there.
+
+    Newton, safeguarded. The rows of ``moments`` are at distances that the compiler knows: it goes through
+    several times at once.
+    """
+    first, last, length = panel.first, panel.last, panel.length
+    n0, n1, n2, n3 = panel.guess[0], panel.guess[1], panel.guess[2], panel.guess[3]
+    n4, n5, m = panel.guess[4], panel.guess[5], panel.guess[6]
+    for k in range(begin, end):
+        share = moments.time[k] / length
+        guess = n2 + (share - m) * (n3 + (share - m) * (n4 + n5 * (share - 1.0)))
+        moments.phase[k] = min(last, max(first, n0 + share * (n1 + share * guess)))
+        moments.floor[k], moments.ceiling[k], moments.is_found[k] = first, last, 0.0
+    for _ in range(MAX_STEPS):
+        left = 0
+        for k in range(begin, end):
+            x, is_found = moments.phase[k], moments.is_found[k]
+            value, slope = series_at(panel, x)
+            miss = value - moments.time[k]
+            above = x if miss > 0.0 else moments.ceiling[k]
+            below = moments.floor[k] if miss > 0.0 else x
+            to = x - miss / slope
+            is_close = 1.0 if abs(miss / slope) <= STEP else 0.0
+            inside = to if (below < to) & (to < above) else 0.5 * (below + above)
+            to = min(last, max(first, to)) if is_close != 0.0 else inside
+            moments.phase[k] = x if is_found != 0.0 else to
+            moments.slope[k], moments.floor[k], moments.ceiling[k] = slope, below, above
+            moments.is_found[k] = max(is_found, is_close)
+            left += 1 if is_found == 0.0 else 0
+        if left == 0:
+            break
+
+
+@kernel
+def _places(loop: Loop, panel: Panel, moments: Moments, begin: int, end: int) -> None:
+    """Fill in the places on one panel at phases."""
+    width, anchor = panel.high - panel.low, panel.anchor
+    for k in range(begin, end):
+        w = distance(panel, moments.phase[k])
+        _, _, moments.sine[k], moments.cosine[k], moments.speed[k] = place(loop, anchor, w)
+        moments.width[k] = width
+
+
+@kernel
+def _rotate(loop: Loop, moments: Moments, count: int) -> None:
+    """Fill in the primed p = −(Z/c) dv/dt and r."""
+    z, alpha = loop.z, loop.alpha
+    direction = loop.direction if loop.rotates else 1.0
+    for k in range(count):
+        speed = moments.sense[k] * moments.speed[k] * 0.5 * moments.width[k] / moments.slope[k] * direction
+        sine, c = moments.sine[k], moments.c[k]
+        # r = −α g1 p/g3 with g3 = Z sin v.
+        r = alpha * moments.g1[k] * speed / (c * sine)
+        moments.p[k], moments.r[k] = -z * speed / c, (r if sine != 0.0 else 0.0)
+
+
+@kernel
+def _column(loop: Loop, moments: Moments, column: int) -> tuple[FloatArray, float]:
+    """Return a client's column (0 to 5, but not q), and its sign."""
+    is_first = (column % 3 == 0) != loop.mirrored
+    if column < 3:
+        return (moments.p if is_first else moments.r), (-1.0 if loop.mirrored else 1.0)
+    if column == 4:
+        return moments.g2, 1.0
+    return (moments.g1 if is_first else moments.g3), 1.0
+
+
+@kernel
+def sample(
+    loop: Loop,
+    panels: Records,
+    number: int,
+    times: FloatArray,
+    rests: FloatArray,
+    columns: IntArray,
+    moments: Moments,
+    out: FloatArray,
+) -> None:
+    """Fill ``out`` (times, columns) with the columns asked, numbered 0 to 5 for p, q, r, g1, g2, g3.
+
+    The times are the sums of ``times`` and ``rests``.
+    """
+    size = min(BLOCK, len(times))
+    local, left_out, sense = np.empty(size), np.empty(size), np.empty(size)
+    home, order = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
+    starts, begins = np.empty(number), np.empty(number + 1, dtype=np.uint64)
+    for n in range(number):
+        starts[n] = panels[n].start
+    wants_omega = False
+    for column in columns:
+        wants_omega = wants_omega or column == 0 or column == 2
+    for start in range(0, len(times), BLOCK):
+        count = min(BLOCK, len(times) - start)
+        stop = start + count
+        _reduce(loop, times[start:stop], rests[start:stop], local, left_out, sense)
+        sort_by_interval(starts, local[:count], home, begins, order)
+        for n in range(number):
+            begin, end = begins[n], begins[n + 1]
+            if begin == end:
+                continue
+            panel = panels[n]
+            for k in range(begin, end):
+                here = local[order[k]] - panel.start
+                moments.time[k] = here + (left_out[order[k]] - panel.start_lo)
+                moments.sense[k] = sense[order[k]]
+            _find_phases(panel, moments, begin, end)
+            _places(loop, panel, moments, begin, end)
+        loop_points(loop, moments, count)
+        if wants_omega:
+            _rotate(loop, moments, count)
+        for j in range(len(columns)):
+            if columns[j] == 1:
+                out[start : start + count, j] = 0.0
+                continue
+            row, sign = _column(loop, moments, columns[j])
+            for k in range(count):
+                out[start + order[k], j] = sign * row[k]
+
+
+@kernel
+def sample_one(
+    loops: Records,
+    panels: Records,
+    times: FloatArray,
+    rests: FloatArray,
+    columns: IntArray,
+    desks: Records,
+    out: FloatArray,
+) -> None:
+    """Sample the motion of the only loop there is; as :func:`sample`, called from Python."""
+    sample(loops[0], panels, len(panels), times, rests, columns, desks[0].moments, out)
+
+
+@kernel
+def extent(loop: Loop, panels: Records, number: int, moments: Moments) -> tuple[float, float]:
+    """Return the largest time derivative of any variable, and the largest |p| or |r|, over all panels.
+
+    Derivatives are differences between neighbouring places, a factor added for what is between them.
+    """
+    steepest, largest, last = 0.0, 0.0, math.nan
+    previous, now = np.empty(5), np.empty(5)
+    for n in range(number):
+        panel = panels[n]
+        count = 8 + (n == number - 1)
+        for k in range(count):
+            moments.phase[k] = panel.first + 0.125 * k * (panel.last - panel.first)
+            moments.sense[k] = 1.0
+        for k in range(count):
+            value, moments.slope[k] = at(panel, moments.phase[k])
+            moments.time[k] = panel.start + value
+        _places(loop, panel, moments, 0, count)
+        loop_points(loop, moments, count)
+        _rotate(loop, moments, count)
+        for k in range(count):
+            step = moments.time[k] - last
+            if step <= 1e-9 * loop.period_hi:
+                continue
+            now[0], now[1] = moments.p[k], moments.r[k]
+            now[2], now[3], now[4] = moments.g1[k], moments.g2[k], moments.g3[k]
+            largest = max(largest, abs(now[0]), abs(now[1]))
+            if step > 0.0:
+                for i in range(5):
+                    steepest = max(steepest, abs(now[i] - previous[i]) / step)
+            previous[:] = now
+            last = moments.time[k]
+    return 1.25 * steepest, largest

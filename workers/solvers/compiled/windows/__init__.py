@@ -1,0 +1,1 @@
+"""Which stretches of the loop a motion can fill: every zero of p², proved."""

@@ -1,0 +1,179 @@
+"""Cuts half of the loop into panels, and bounds D on each by discs and by a series."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workers.solvers.compiled.desk import Board, Desk, Places
+from workers.solvers.compiled.discs.on_loop import derivatives_on_board, put_disc, put_pole
+from workers.solvers.compiled.evaluation.curve import loop_points
+from workers.solvers.compiled.evaluation.interpreter import derivative, power
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.records import Formula, Loop
+from workers.solvers.compiled.windows.signs import (
+    NODES,
+    REACH,
+    SLOPE_TAIL,
+    VALUE_TAIL,
+    is_certain,
+    nodes,
+    read_panel,
+)
+from workers.solvers.compiled.windows.signs import to_series as matrix_to_series
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+EDGES = (0.06, 0.135, 0.28, 0.5, 0.76, 1.03, 1.3, 0.5 * math.pi)
+"""Of the first panels, in distances to the pole."""
+STEP = 2.25
+"""Between the edges of panels that are nearer to a pole than the first."""
+NEARER = 14
+"""Of them at most."""
+PANELS = 2 * (len(EDGES) - 1)
+TOGETHER = 10
+"""Panels whose nodes are gone through together."""
+ROUNDINGS = 64.0
+"""Rounding of D at a node, in bounds of that in the middle of its panel."""
+
+_EDGES = list(pairwise(EDGES))
+BEGINS, ENDS, SIDES = np.array(
+    [(a, b, 1.0) for a, b in _EDGES] + [(b, a, -1.0) for a, b in _EDGES[::-1]]
+).T.copy()
+"""Of the first panels, in the order of growing v: distances to the pole, and the side of the equator."""
+MIDDLE_SINES = np.array([math.sin(v) for v in 0.5 * (BEGINS + ENDS)])
+MIDDLE_COSINES = SIDES * np.array([math.cos(v) for v in 0.5 * (BEGINS + ENDS)])
+HALF_WIDTHS = 0.5 * np.abs(ENDS - BEGINS) * (1.0 + 1e-12)
+POLE_SINE = math.sin(EDGES[0]) * (1.0 + 1e-12)
+X, TO_SERIES = nodes(), matrix_to_series()
+_AWAY = 0.5 * (BEGINS[:, None] * (1.0 - X) + ENDS[:, None] * (1.0 + X)).ravel()
+NODE_SINES = np.array([math.sin(v) for v in _AWAY])
+NODE_COSINES = np.repeat(SIDES, NODES) * np.array([math.cos(v) for v in _AWAY])
+NODE_LOGARITHMS = np.array([math.log(s) for s in NODE_SINES])
+"""At the nodes of the first panels."""
+
+
+@kernel
+def _values(
+    formula: Formula, loop: Loop, places: Places, logs: FloatArray, exponent: float, count: int
+) -> None:
+    """Fill in D, its power of s left out, instead of P."""
+    loop_points(loop, places, count)
+    first, third = (places.g3, places.g1) if loop.mirrored else (places.g1, places.g3)
+    D = derivative(formula, first, places.g2, third, count)
+    if exponent == math.floor(exponent):
+        for k in range(count):
+            places.radicand[k] = D[k] * power(abs(places.sine[k]), -exponent)
+    else:
+        for k in range(count):
+            places.radicand[k] = D[k] * math.exp(-exponent * logs[k])
+
+
+@kernel
+def _put_panel(board: Board, lane: int, half: float, begin: float, end: float, side: float) -> None:
+    """Put the disc around a panel's ellipse on the board, and its centre alone on the next place."""
+    middle, wide = 0.5 * (begin + end), 0.5 * abs(end - begin)
+    sine, cosine = half * math.sin(middle), side * math.cos(middle)
+    put_disc(board, lane, sine, cosine, REACH * wide)
+    put_disc(board, lane + 1, sine, cosine, 0.0)
+
+
+@kernel
+def _series(values: FloatArray, first: int, series: FloatArray) -> None:
+    for k in range(NODES):
+        total = 0.0
+        for j in range(NODES):
+            total += TO_SERIES[k, j] * values[first + j]
+        series[k] = total
+
+
+@kernel
+def resolve(
+    formula: Formula,
+    loop: Loop,
+    half: float,
+    exponent: float,
+    panels: IntArray,
+    errors: FloatArray,
+    all_series: FloatArray,
+    desk: Desk,
+) -> None:
+    """Fill in the series of some of the first panels, and the errors of their values and slopes."""
+    number, logs = len(panels), np.empty(NODES * len(panels))
+    for k in range(number):
+        n = panels[k]
+        sine, cosine = half * MIDDLE_SINES[n], MIDDLE_COSINES[n]
+        put_disc(desk.board, 2 * k, sine, cosine, REACH * HALF_WIDTHS[n])
+        put_disc(desk.board, 2 * k + 1, sine, cosine, 0.0)
+        for j in range(NODES):
+            at, to = NODES * n + j, NODES * k + j
+            desk.places.sine[to], desk.places.cosine[to] = half * NODE_SINES[at], NODE_COSINES[at]
+            logs[to] = NODE_LOGARITHMS[at]
+    row = derivatives_on_board(formula, loop, desk.board, 2 * number)
+    _values(formula, loop, desk.places, logs, exponent, NODES * number)
+    for k in range(number):
+        n = panels[k]
+        far, rounding = formula.radii[row, 2 * k], formula.radii[row, 2 * k + 1] * ROUNDINGS
+        errors[n, 0] = far * VALUE_TAIL + rounding
+        errors[n, 1] = far * SLOPE_TAIL + rounding * NODES * NODES
+        _series(desk.places.radicand, NODES * k, all_series[n])
+
+
+@kernel
+def pole_cells(
+    formula: Formula,
+    loop: Loop,
+    half: float,
+    side: float,
+    desk: Desk,
+) -> int:
+    """Return how many more panels lead to a cell at the pole on which D has one sign (−1: none)."""
+    for k in range(NEARER):
+        put_pole(desk.board, k, math.sin(EDGES[0] / STEP ** (k + 1.0)) * (1.0 + 1e-15), side, half)
+    row = derivatives_on_board(formula, loop, desk.board, NEARER)
+    for k in range(NEARER):
+        if abs(formula.centres[row, k]) > formula.radii[row, k]:
+            return k + 1
+    return -1
+
+
+@kernel
+def read_alone(
+    formula: Formula,
+    loop: Loop,
+    half: float,
+    begin: float,
+    end: float,
+    side: float,
+    exponent: float,
+    state: FloatArray,
+    brackets: FloatArray,
+    found: int,
+    desk: Desk,
+) -> int:
+    """Read a panel that is not among the first; the state stays as it was where that fails."""
+    middle, wide = 0.5 * (begin + end), 0.5 * abs(end - begin)
+    _put_panel(desk.board, 0, half, begin, end, side)
+    put_disc(desk.board, 2, half * math.sin(middle), side * math.cos(middle), wide)
+    row = derivatives_on_board(formula, loop, desk.board, 3)
+    c, r = formula.centres, formula.radii
+    if abs(c[row, 2]) > r[row, 2]:
+        return is_certain(state, np.sign(c[row, 2]), begin, side, end, side, brackets, found)
+    far, rounding = r[row, 0], r[row, 1] * ROUNDINGS
+    if not far < math.inf:
+        return -1
+    logs, series, kept = np.empty(NODES), np.empty(NODES), state.copy()
+    for j in range(NODES):
+        x = X[j]
+        away = 0.5 * (begin * (1.0 - x) + end * (1.0 + x))
+        desk.places.sine[j], desk.places.cosine[j] = half * math.sin(away), side * math.cos(away)
+        logs[j] = math.log(math.sin(away))
+    _values(formula, loop, desk.places, logs, exponent, NODES)
+    _series(desk.places.radicand, 0, series)
+    error, slope_error = far * VALUE_TAIL + rounding, far * SLOPE_TAIL + rounding * NODES * NODES
+    found = read_panel(series, error, slope_error, begin, end, side, state, brackets, found)
+    if found < 0:
+        state[:] = kept
+    return found

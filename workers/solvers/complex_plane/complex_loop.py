@@ -1,0 +1,226 @@
+r"""The loop of a planar motion for complex v, in balls.
+
+With w = sin²v and u = cos²v (:mod:`service.dynamics.reduction.geometry.loop`)
+
+.. math::
+
+    |g_1| = G w^{\alpha/2}, \quad g_3 = Z\sin v, \quad g_2 = c\cos v, \quad
+    c^2 = Z^2 + G^2\,\frac{1-w^\alpha}{u},
+
+.. math:: P = W N, \qquad N = h - V, \qquad W = \frac{2C/A}{C + A (G/Z)^2 w^{\alpha-1}},
+
+the last from the energy h. Nothing vanishes together with its denominator,
+except at the equator u = 0, where
+
+.. math:: \frac{1-w^\alpha}{1-w} = \alpha\int_0^1 (1-su)^{\alpha-1} ds
+
+lies in the convex hull of the integrand.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache, partial
+from typing import NamedTuple, TypeVar
+
+from flint import acb, arb
+
+from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
+from service.dynamics.formula.programs import Kind, Way
+from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.traces import Traced, Tracer
+from service.dynamics.reduction.geometry.loop import Loop, ball
+from workers.solvers.complex_plane.loop_algebra import LoopAlgebra, Monomial
+from workers.solvers.complex_plane.questions import BEND, SLOPE, VALUE, PlaneQuestion
+
+T = TypeVar("T")
+
+MANY = 32
+"""Integers α up to this are summed as powers; all where a pole is passed."""
+NEAR_EQUATOR = 2.0**-8
+_UNKNOWN = acb(arb.nan())
+
+
+class ComplexPlace(NamedTuple):
+    """A ball of the loop; primed axes."""
+
+    sine: acb
+    cosine: acb
+    power: acb
+    """|sin v|^(α−1), with the sign of sin v where the motion passes poles and α is even."""
+    turn: acb
+    """|sin v|^α / (power · sin v): ±1."""
+    c_squared: acb
+    c: acb
+
+
+@dataclass(frozen=True, slots=True)
+class ComplexLoop:
+    """The curve and N = h − V on it.
+
+    ``side`` is the sign of sin v on the half that is meant, 0 for a motion that
+    passes poles: α is an integer then, and where it is odd g1 alone is not holomorphic.
+    """
+
+    loop: Loop
+    tape: Tape
+    h: arb
+    side: int
+
+    def place(self, v: acb, *, analytic: bool) -> ComplexPlace:
+        """Return the place; not finite if ``analytic`` and the curve is not holomorphic on the ball."""
+        loop = self.loop
+        sine, cosine = v.sin_cos()
+        alpha, u = loop.alpha, cosine * cosine
+        turn = acb(self.side or 1)
+        if alpha.denominator != 1:
+            power = (self.side * sine).pow(acb(ball(alpha - 1)), analytic=analytic)
+        else:
+            power = (sine if self.side >= 0 else -sine) ** (alpha.numerator - 1)
+            if self.side == 0 and alpha.numerator % 2:
+                turn = sine.real_sgn(analytic)
+        if alpha.denominator == 1 and (alpha <= MANY or self.side == 0):
+            quotient, w = acb(1), sine * sine
+            for _ in range(alpha.numerator - 1):
+                quotient = quotient * w + 1
+        else:
+            quotient = self._quotient(sine, u, analytic=analytic)
+        c_squared = loop.Z * loop.Z + loop.G * loop.G * quotient
+        return ComplexPlace(sine, cosine, power, turn, c_squared, c_squared.sqrt(analytic))
+
+    def gamma(self, at: ComplexPlace) -> tuple[acb, acb, acb]:
+        """Return g1, g2, g3 in the client's axes."""
+        loop = self.loop
+        g1 = loop.g1_sign * loop.G * at.power * at.sine * at.turn
+        g2, g3 = at.c * at.cosine, loop.Z * at.sine
+        return (g3, g2, g1) if loop.mirrored else (g1, g2, g3)
+
+    def N(self, at: ComplexPlace, *, analytic: bool) -> acb:
+        """Return h − V."""
+        return self.h - self.ask(VALUE, at, (), analytic=analytic)[0]
+
+    def slope(self, at: ComplexPlace, *, analytic: bool) -> acb:
+        """Return dN/dv; not finite if ``analytic`` and N is not holomorphic, though its derivative may be."""
+        loop = self.loop
+        A, C, G, Z = ball(loop.A), ball(loop.C), loop.G, loop.Z
+        first = loop.g1_sign * ball(loop.alpha) * G * at.power * at.turn * at.cosine
+        second = -at.sine * (A * (G * at.power) ** 2 + C * Z * Z) / (C * at.c)
+        third = Z * at.cosine
+        rates = (third, second, first) if loop.mirrored else (first, second, third)
+        value, rate = self.ask(SLOPE, at, rates, analytic=analytic)
+        return _UNKNOWN if analytic and not value.is_finite() else -rate
+
+    def slope_and_curvature(self, at: ComplexPlace, *, analytic: bool) -> tuple[acb, acb]:
+        """Return dN/dv and d²N/dv²: rough, for wide balls."""
+        loop = self.loop
+        if self.side and not (self.side * at.sine).real > 0:
+            # Powers of 1 − u are those of w only as long as |arg w| < π.
+            return _UNKNOWN, _UNKNOWN
+        alpha, A, C, G, Z = ball(loop.alpha), ball(loop.A), ball(loop.C), loop.G, loop.Z
+        sine, cosine, size = at.sine, at.cosine, loop.g1_sign * G * at.turn
+        below = at.power / sine
+        if loop.alpha.denominator == 1:
+            below = (self.side or 1) * ((self.side or 1) * sine) ** (loop.alpha.numerator - 2)
+        first = size * alpha * at.power * cosine
+        first_2 = size * alpha * ((alpha - 1) * below * cosine * cosine - at.power * sine)
+        # With E = A G² w^(α−1) + C Z², g2' = −E sin v / (C c).
+        square = A * (G * at.power) ** 2
+        E = square + C * Z * Z
+        # (c²)' = G² α (α − 1) sin 2v ∫ s (1 − su)^(α−2) ds, and ∫ s ds = 1/2.
+        hull = acb(1).union(sine * sine).pow(acb(alpha - 2), analytic=analytic)
+        c_rate = G * G * alpha * (alpha - 1) * sine * cosine * hull / (2 * at.c)
+        second = -sine * E / (C * at.c)
+        second_2 = -cosine * (2 * (alpha - 1) * square + E) / (C * at.c) - second * c_rate / at.c
+        third, third_2 = Z * cosine, -Z * sine
+        rates = (first, first_2), (second, second_2), (third, third_2)
+        beside = [part for pair in (rates[::-1] if loop.mirrored else rates) for part in pair]
+        value, rate, bend = self.ask(BEND, at, beside, analytic=analytic)
+        if analytic and not value.is_finite():
+            return _UNKNOWN, _UNKNOWN
+        return -rate, -bend
+
+    def expanded_N(self, v: acb, *, analytic: bool) -> acb:
+        """Return N on a wide ball, by Taylor's formula of order two about its centre."""
+        centre = v.mid()
+        middle = self.place(centre, analytic=False)
+        bend = self.slope_and_curvature(self.place(v, analytic=analytic), analytic=analytic)[1]
+        offset = v - centre
+        slope = self.slope(middle, analytic=False)
+        return self.N(middle, analytic=False) + offset * (slope + bend * offset / 2)
+
+    def W(self, at: ComplexPlace) -> acb:
+        """Return P / N."""
+        A, C = ball(self.loop.A), ball(self.loop.C)
+        ratio = self.loop.G * at.power / self.loop.Z
+        return 2 * C / (A * (C + A * ratio * ratio))
+
+    def r_over_p(self, at: ComplexPlace) -> acb:
+        """Return r/p = −A g1 / (C g3)."""
+        loop = self.loop
+        return -loop.g1_sign * ball(loop.alpha) * loop.G / loop.Z * at.power * at.turn
+
+    def ask(
+        self, question: PlaneQuestion, at: ComplexPlace, beside: Sequence[acb], *, analytic: bool
+    ) -> tuple[acb, ...]:
+        """Return the answers at a place."""
+        gamma = self.gamma(at)
+        # About a pole formulas use sin v, G and Z, too.
+        known = () if self.side else (at.sine, acb(self.loop.G), acb(self.loop.Z))
+        kind: Kind = "analytic" if analytic else "complex"
+        about = () if self.side else (self.loop.alpha, self.loop.mirrored, self.loop.g1_sign)
+        name = (question.name, kind, *about)
+        run = self.tape.program(name, Way(kind, partial(self._traced, question)))
+        if run is not None:
+            return run(*gamma, *known, *beside)
+        return question.answer(self.tape, self._algebra(_plain(analytic), gamma, known), gamma, beside)
+
+    def _traced(
+        self, question: PlaneQuestion, tape: Tape, tracer: Tracer
+    ) -> tuple[Sequence[Traced], Sequence[Traced]]:
+        gamma = [tracer.variable(name) for name in ("g1", "g2", "g3")]
+        known = [] if self.side else [tracer.variable(name) for name in ("sine", "G", "Z")]
+        beside = [tracer.variable(f"beside {k}") for k in range(question.beside)]
+        answers = question.answer(tape, self._algebra(tracer, gamma, known), gamma, beside)
+        return (*gamma, *known, *beside), answers
+
+    def _algebra(self, base: Algebra[T], gamma: Sequence[T], known: Sequence[T]) -> Algebra[T]:
+        """Return the algebra at a place with these g1, g2, g3, and sin v, G and Z if it may be a pole."""
+        if self.side:
+            return base
+        loop, (sine, G, Z) = self.loop, known
+        g1, _, g3 = reversed(gamma) if loop.mirrored else gamma
+        # In primed axes, as powers of |sin v|.
+        monomials = Monomial(g1, G, loop.alpha, loop.g1_sign), Monomial(g3, Z, Fraction(1), None)
+        return LoopAlgebra(base, sine, monomials)
+
+    def _quotient(self, sine: acb, u: acb, *, analytic: bool) -> acb:
+        """Return (1 − w^α) / u for sin v of the sign ``side``."""
+        alpha, signed = ball(self.loop.alpha), self.side * sine
+        # Powers of 1 − u are those of w only as long as |arg w| < π.
+        is_right = signed.real > 0
+        log = (-u).log1p() if is_right and u.abs_upper() < 0.75 else 2 * signed.log(analytic)
+        direct = -(alpha * log).expm1() / u
+        # The direct quotient is rough where u is small, and on balls about as wide as u.
+        if not (is_right and u.abs_lower() < arb(NEAR_EQUATOR).max(4 * u.real.rad())):
+            return direct
+        hull = acb(1).union(1 - u)
+        return tighter(direct, alpha * hull.pow(acb(alpha - 1), analytic=analytic))
+
+
+def tighter(one: acb, two: acb) -> acb:
+    """Return the ball of the smaller radius: a finite one, if there is one."""
+    if not one.is_finite():
+        return two
+    if not two.is_finite():
+        return one
+    return one if _size(one) < _size(two) else two
+
+
+def _size(value: acb) -> arb:
+    return value.real.rad() + value.imag.rad()
+
+
+@cache
+def _plain(analytic: bool) -> ComplexBallAlgebra:
+    return ComplexBallAlgebra(analytic=analytic)

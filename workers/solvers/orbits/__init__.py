@@ -1,0 +1,1 @@
+"""Periodic planar motions as functions of a phase in which time is smooth."""

@@ -1,0 +1,121 @@
+"""Chooses the solver of a motion by going through the tables; no other module does."""
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Literal
+
+from service.dynamics.body import RigidBody
+from service.dynamics.motion import EnclosureMethod, Motion
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import PlanarMotion, Problem, StateMotion
+from service.dynamics.sampling import sample_times
+from workers.solvers.assembly.place import Declined, Place, periodic_place
+from workers.solvers.certified.certify import Certified, certify
+from workers.solvers.compiled.family import arc_in_doubles
+from workers.solvers.errors import AccuracyNotMetError
+from workers.solvers.integration.solve import integrate_state
+from workers.solvers.planar.start import planar_start, with_enough_bits
+from workers.solvers.planar.table import (
+    EnclosureRow,
+    Kind,
+    Row,
+    enclosure_row_for,
+    grade_of,
+    row_for,
+)
+
+CompiledTier = Literal["draft", "standard", "high"]
+
+
+def choose(problem: Problem, kind: Kind) -> Row:
+    """Return who is asked for a motion of this kind, in the order of the table."""
+    return row_for(kind, problem.method, grade_of(problem.accuracy))
+
+
+def choose_enclosures(problem: Problem) -> EnclosureRow:
+    """Return whether, and by what, the samples are enclosed."""
+    return enclosure_row_for(problem.method, grade_of(problem.accuracy))
+
+
+def compiled_tier(problem: Problem) -> CompiledTier | None:
+    """Return the tier at which compiled doubles are asked first for a periodic motion; None if they are not.
+
+    Those who compute many motions at once may then do so by compiled doubles alone, with the numbers of
+    single ones, and leave to :func:`find_motion` what these decline.
+    """
+    tier = problem.accuracy.tier
+    is_first = choose(problem, "periodic").asked[0] == "compiled"
+    return tier if is_first and tier != "certified" else None
+
+
+def find_motion(problem: Problem) -> Motion:
+    """Return the motion from the first of the table that has it, however large its error is.
+
+    Raises
+    ------
+    NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError
+        The motion asked for is not there, or not the only one.
+    AccuracyNotMetError
+        What the last one found contradicts its own claim, or the integration is worse than the tolerance.
+    DynamicsError
+        One class per cause; the families name theirs.
+    """
+    motion = problem.motion
+    if isinstance(motion, StateMotion):
+        return _integrate(problem, motion.omega, motion.gamma)
+    if "integration" in choose(problem, "periodic").asked:
+        state = planar_start(problem.body, problem.potential, motion)
+        return _integrate(problem, state[:3], state[3:])
+    return with_enough_bits(problem, _ask_in_turn)
+
+
+def enclose(
+    body: RigidBody,
+    potential: Potential,
+    motion: PlanarMotion | StateMotion,
+    times: Sequence[Fraction],
+    bits: int,
+    *,
+    methods: Sequence[EnclosureMethod] = ("elliptic", "integral"),
+    about_a_period: float | None = None,
+) -> Certified:
+    """Return the enclosures of :func:`.certify`, which prove what compiled doubles find."""
+    return certify(
+        body,
+        potential,
+        motion,
+        times,
+        bits,
+        methods=methods,
+        about_a_period=about_a_period,
+        find_arc=arc_in_doubles,
+    )
+
+
+def _ask_in_turn(problem: Problem, found: Place) -> Motion:
+    is_periodic = found.window.kind == "periodic"
+    place = periodic_place(found) if is_periodic else found
+    reached = float("inf")
+    for family in choose(problem, "periodic" if is_periodic else "not periodic").families:
+        if not family.takes(problem, place):
+            continue
+        motion = family.solve(problem, place)
+        if not isinstance(motion, Declined):
+            return motion
+        reached = motion.reached
+    raise AccuracyNotMetError(reached, problem.tolerance)
+
+
+def _integrate(
+    problem: Problem, omega: Sequence[Fraction | float], gamma: Sequence[Fraction | float]
+) -> Motion:
+    times = sample_times(problem.time, None)
+    return integrate_state(
+        problem.body,
+        problem.potential,
+        omega,
+        gamma,
+        times.doubles,
+        tolerance=problem.tolerance,
+        rests=times.rests,
+    )

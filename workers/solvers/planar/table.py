@@ -1,0 +1,111 @@
+"""The tables of solver families, in the order in which they are tried.
+
+Both tables are read from the top; the first row that fits holds. A family that does not take the motion, or
+declines it, leaves it to the next one of its row.
+
+Doubles of compiled code are the cheapest, and as exact as their tier demands. Next come elliptic functions,
+where the potential has three terms, and last the quadrature in balls, which has every motion.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+from service.dynamics.accuracy import TIER_TOLERANCES
+from service.dynamics.motion import EnclosureMethod
+from service.dynamics.problem import Accuracy, Method, Tier
+from workers.solvers.closed_form.family import ClosedFormFamily
+from workers.solvers.compiled.family import CompiledFamily
+from workers.solvers.planar.duties import Family
+from workers.solvers.quadrature.family import QuadratureFamily
+
+Kind = Literal["any state", "periodic", "not periodic"]
+"""Of a motion: integrated from any state; or planar, by the kind of its window."""
+Grade = Literal["draft", "loose", "standard", "high", "certified"]
+"""The tiers; ``loose`` is a tolerance that is looser than the promise of ``standard``."""
+FamilyName = Literal["compiled", "closed form", "quadrature"]
+Solver = FamilyName | Literal["integration"]
+Enclosing = Literal["always", "where needed", "never"]
+"""Whether samples are enclosed: ``where needed`` is where doubles do not keep the tolerance."""
+
+FAMILIES: Mapping[FamilyName, Family] = MappingProxyType(
+    {"compiled": CompiledFamily(), "closed form": ClosedFormFamily(), "quadrature": QuadratureFamily()}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """For motions of these kinds, by these methods, of these grades: who is asked, in this order."""
+
+    kinds: tuple[Kind, ...]
+    methods: tuple[Method, ...]
+    grades: tuple[Grade, ...]
+    asked: tuple[Solver, ...]
+
+    @property
+    def families(self) -> tuple[Family, ...]:
+        """Return those among them that are asked with a window, which integration does not need."""
+        return tuple(FAMILIES[name] for name in self.asked if name != "integration")
+
+
+@dataclass(frozen=True, slots=True)
+class EnclosureRow:
+    """By these methods, of these grades: when samples are enclosed, and by what, in this order."""
+
+    methods: tuple[Method, ...]
+    grades: tuple[Grade, ...]
+    when: Enclosing
+    asked: tuple[EnclosureMethod, ...]
+
+
+_PLANAR: tuple[Kind, ...] = ("periodic", "not periodic")
+_ANY_METHOD: tuple[Method, ...] = ("auto", "quadrature", "integration", "both")
+_FREE: tuple[Method, ...] = ("auto", "both")
+"""Methods that leave the choice to the table."""
+_ANY_GRADE: tuple[Grade, ...] = ("draft", "loose", "standard", "high", "certified")
+_NOT_BY_DOUBLES: tuple[Grade, ...] = ("standard", "certified")
+_BY_DOUBLES: tuple[Grade, ...] = ("draft", "loose", "high")
+
+# fmt: off
+FUNCTIONS_OF_TIME: tuple[Row, ...] = (
+    #   motion              method             accuracy          asked, in this order
+    Row(("any state",),     _ANY_METHOD,       _ANY_GRADE,       ("integration",)),
+    Row(_PLANAR,            ("integration",),  _ANY_GRADE,       ("integration",)),
+    Row(("not periodic",),  _ANY_METHOD,       _ANY_GRADE,       ("quadrature",)),
+    Row(("periodic",),      ("quadrature",),   _ANY_GRADE,       ("quadrature",)),
+    Row(("periodic",),      _FREE,             _BY_DOUBLES,      ("compiled", "closed form", "quadrature")),
+    Row(("periodic",),      _FREE,             _NOT_BY_DOUBLES,  ("closed form", "quadrature")),
+)
+"""Who computes the motion as a function of time."""
+
+ENCLOSURES: tuple[EnclosureRow, ...] = (
+    #            method        accuracy         enclosed         asked, in this order
+    EnclosureRow(_ANY_METHOD,  ("certified",),  "always",        ("elliptic", "integral")),
+    EnclosureRow(_FREE,        _ANY_GRADE,      "where needed",  ("elliptic", "integral")),
+    EnclosureRow(_ANY_METHOD,  _ANY_GRADE,      "never",         ()),
+)
+"""Whether samples are enclosed besides, and by what."""
+# fmt: on
+
+
+def grade_of(accuracy: Accuracy) -> Grade:
+    """Return the grade of an accuracy: who is content with less than ``standard`` gets what is cheapest."""
+    tier: Tier = accuracy.tier
+    if tier == "standard" and accuracy.tolerance > TIER_TOLERANCES["standard"]:
+        return "loose"
+    return tier
+
+
+def row_for(kind: Kind, method: Method, grade: Grade) -> Row:
+    """Return the first row of FUNCTIONS_OF_TIME that fits; there is one for everything."""
+    return next(
+        row
+        for row in FUNCTIONS_OF_TIME
+        if kind in row.kinds and method in row.methods and grade in row.grades
+    )
+
+
+def enclosure_row_for(method: Method, grade: Grade) -> EnclosureRow:
+    """Return the first row of ENCLOSURES that fits; there is one for everything."""
+    return next(row for row in ENCLOSURES if method in row.methods and grade in row.grades)

@@ -1,0 +1,89 @@
+"""The family of solvers by quadrature in balls, which takes every planar motion."""
+
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.motion import Motion
+from service.dynamics.problem import Problem
+from service.dynamics.reduction.ends import require_known_ends
+from workers.solvers.assembly.periodic import Sampled, make_periodic
+from workers.solvers.assembly.place import Declined, PeriodicPlace, Place
+from workers.solvers.orbits.near_rest import SlowOrbit
+from workers.solvers.quadrature.aperiodic import solve_aperiodic
+from workers.solvers.quadrature.phase_sampler import phase_sampler
+from workers.solvers.quadrature.squared_speed import time_map_of
+from workers.solvers.quadrature.time_map import make_time_map
+
+FloatArray = NDArray[np.float64]
+
+
+class QuadratureFamily:
+    """See :class:`workers.solvers.planar.duties.Family`."""
+
+    def takes(self, problem: Problem, place: Place) -> bool:
+        """Take every motion."""
+        return True
+
+    def promise(self, problem: Problem) -> float:
+        """Promise nothing: what it reaches, it claims."""
+        return inf
+
+    def solve(self, problem: Problem, place: Place) -> Motion | Declined:
+        """Return the motion; that of a window that is not periodic is never declined.
+
+        Raises
+        ------
+        LeavesDomainError, FlatZeroError
+            The motion ends where no quadrature knows the way to.
+        PrecisionLostError
+            More bits are needed.
+        QuadratureNotConvergedError, DenseOutputNotResolvedError
+            The motion has more detail than the largest number of panels or pieces holds.
+        WindowBlockedError
+            p² is negative inside the window.
+        PeriodNeededError, MotionEndedError
+            The times asked for are not there: the motion has no period, or has ended before.
+        """
+        require_known_ends(place.window)
+        if isinstance(place, PeriodicPlace):
+            return make_periodic(problem, place, _by_time_map(place))
+        kind = place.window.kind
+        assert kind != "periodic"
+        assert kind != "edge"
+        return solve_aperiodic(problem, place.window, kind, place.start)
+
+
+def _by_time_map(place: PeriodicPlace) -> Sampled:
+    orbit = place.orbit
+    time_map = (
+        make_time_map(orbit.rate, orbit.corners + orbit.junctions, is_even=orbit.is_even)
+        if isinstance(orbit, SlowOrbit)
+        else time_map_of(orbit)
+    )
+    period = time_map.period
+    origin = float(time_map.time_at(np.array([orbit.start]))[0])
+    on_map = phase_sampler(orbit, time_map)
+
+    def sample(times: FloatArray) -> FloatArray:
+        local = times + origin
+        local = np.where(local > period.hi, local - period.hi, local)
+        return on_map(np.clip(local, 0.0, period.hi))
+
+    passages = np.sort((time_map.time_at(np.array(orbit.corners)) - origin) % period.hi)
+    kinks = np.sort((time_map.kinks - origin) % period.hi)
+    times, widths = time_map.features()
+    features = (times - origin) % period.hi, widths
+    # The phase of the start, too, has its time from the map.
+    late = 2.0 * time_map.error
+    return Sampled(
+        sample,
+        period,
+        passages,
+        0.0,
+        time_map.evidence(),
+        time_error=late,
+        features=features,
+        kinks=kinks,
+    )

@@ -1,0 +1,234 @@
+r"""One panel of a time map: dt/du as a series, with a proven bound of its truncation.
+
+On the panel |x| ≤ 1 the rate is f > 0 and its inverse square F = 1/f² (:mod:`.squared_speed`) is
+holomorphic inside the ellipse of Bernstein of the parameter ρ, with |F| ≤ M there. The series is the
+polynomial p = Σ p_k T_k that takes the values of f at DEGREE + 1 Chebyshev points, and Π = Σ |p_k| ρ^k
+bounds it on the ellipse. So
+
+.. math:: E = p^2 F - 1,\qquad |E| \le \Pi^2 M + 1 \quad\text{on the ellipse.}
+
+A function bounded by B there has Chebyshev coefficients of at most 2 B ρ^-k. The polynomial of degree n
+through its values at the n + 1 points cos(πj/n) takes those of degree k > n for others, hence differs from
+it on the panel by at most
+
+.. math:: \tau_n(B) = \sum_{k>n} 2\cdot 2B\rho^{-k} = \frac{4B\rho^{-n}}{\rho-1}
+
+(Trefethen, Approximation Theory and Approximation Practice, theorems 8.1 and 8.2), and is itself at most
+Λ times its largest value at the points, Λ = 1 + (2/π) log(n + 1) (theorem 15.2). E is known at the points,
+in balls:
+
+.. math:: |E| \le e = \Lambda\max_j|E_j| + \tau_n(\Pi^2 M + 1) .
+
+If e ≤ 1/4, then p² F > 0: F has no zero on the panel, which proves the motion to pass it, and p, positive
+at the points, has none. So p = f √(1 + E), and with S = Σ |p_k| and \|(1 + E)^{-1/2} − 1 + E/2\| ≤ E²
+
+.. math:: |p - f| \le e f,\qquad
+          \Bigl|\int_{-1}^1 f\,dx - \int_{-1}^1 p\,dx + \frac12\sum_j w_j\,p(x_j) E_j\Bigr|
+          \le \tau_n(\Pi(\Pi^2 M + 1)) + 2 S e^2 ,
+
+w_j being the weights of Clenshaw and Curtis, whose sum is exact for what goes through the points. The error
+of the series is corrected by what is known of it: lengths are as good as the bound of F, which may be entire
+where f has singularities. The series that is kept has the coefficients p_k rounded to doubles as p_k + δ_k,
+which moves its integral from −1 to any x by at most
+
+.. math:: \sum_k |\delta_k| \max_x\Bigl|\int_{-1}^x T_k\,dx\Bigr| \le
+          2|\delta_0| + \frac12|\delta_1| + \sum_{k\ge 2}\frac{2k}{k^2-1}|\delta_k| .
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf, isfinite, log, nextafter, pi
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+from numpy.typing import NDArray
+
+from service.dynamics.solution.dense_output import EPSILON, chebyshev_coefficients
+from workers.solvers.errors import PrecisionLostError
+from workers.solvers.quadrature.ellipse import DEGREE, Ellipse, tail_of
+from workers.solvers.quadrature.errors import QuadratureNotConvergedError
+
+FloatArray = NDArray[np.float64]
+
+KNOWN_BITS = 60
+LARGEST_DEPARTURE = 0.25
+"""Of e."""
+ROUNDINGS = 64.0 * EPSILON
+"""More than those of DEGREE coefficients of a series that is nearly constant, in parts of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """dt/du for left ≤ u ≤ right."""
+
+    left: float
+    right: float
+    series: FloatArray
+    """Chebyshev coefficients, shape (DEGREE + 1,)."""
+    length: arb
+    """The time it takes."""
+    error: float
+    """Bound of the error of the length; inf if none is proved."""
+    inner_error: float
+    """Bound of the error of the integral of the series from −1 to any place; inf if none is proved."""
+    change: float
+    """Relative change of the length from half the nodes."""
+    nodes: int
+    """Evaluations of the rate."""
+
+    def between(self, slowest: arb, fastest: arb) -> "Panel":
+        """Return the panel with the proof that f lies between two bounds: its weights are positive.
+
+        The series departs from the middle of them by at most Λ < 4 halves of their distance.
+        """
+        width = above((fastest - slowest) * (arb(self.right) - arb(self.left)))
+        return replace(self, error=width, inner_error=3.0 * width + ROUNDINGS * float(self.length))
+
+    @property
+    def tail(self) -> float:
+        """What the last two coefficients amount to over the panel."""
+        return float(np.abs(self.series[-2:]).sum()) * (self.right - self.left)
+
+    @property
+    def relative_tail(self) -> float:
+        """The larger of the last two coefficients in parts of the largest."""
+        return float(np.abs(self.series[-2:]).max()) / float(np.abs(self.series).max())
+
+
+def make_panel(
+    rate: Callable[[arb], arb],
+    left: float,
+    right: float,
+    ellipse: Ellipse | None,
+    limit: Callable[[arb], arb | None] = lambda _: None,
+) -> Panel:
+    """Return the panel of dt/dθ = ``rate``, with its proof if there is an ellipse.
+
+    At turning points, at poles and on the equator a rate is taken a hair beside them: at its ends, the only
+    nodes that may be such, the panel has the ``limit`` instead where that is known.
+
+    Raises
+    ------
+    PrecisionLostError
+        The rate is known to fewer than KNOWN_BITS.
+    QuadratureNotConvergedError
+        The rate is beyond all doubles.
+    """
+    degree = DEGREE if ellipse is None else ellipse.degree
+    values = _values(rate, limit, left, right, degree)
+    doubles = np.array([float(value) for value in values[:: degree // DEGREE]])
+    if not np.isfinite(doubles).all():
+        raise QuadratureNotConvergedError("the time of a part of the way is beyond all doubles")
+    series = chebyshev_coefficients(doubles)
+    half = (arb(right) - arb(left)) / 2
+    fine, coarse = (
+        _sum(_rule(DEGREE // k, ctx.prec).weights, values[:: k * degree // DEGREE]) for k in (1, 2)
+    )
+    change = abs(float((fine - coarse) / fine))
+    if ellipse is None:
+        return Panel(left, right, series, (half * fine).mid(), inf, inf, change, len(values))
+    length, error, inner_error = _proved(series, values, ellipse)
+    errors = above(half * error), above(half * inner_error)
+    return Panel(left, right, series, (half * length).mid(), *errors, change, len(values))
+
+
+def _proved(series: FloatArray, values: Sequence[arb], ellipse: Ellipse) -> tuple[arb, arb, arb]:
+    """Return ∫ f dx, the bound of its error, and that of ∫ f dx from −1 to any place by the ``series``."""
+    degree, rho = ellipse.degree, arb(ellipse.rho)
+    base, rule = _rule(DEGREE, ctx.prec), _rule(degree, ctx.prec)
+    known = arb_mat([[value] for value in values[:: degree // DEGREE]])
+    coefficients = base.interpolation * known
+    p = (rule.series * coefficients).entries()
+    sizes, S, Pi = coefficients.entries(), arb(0), arb(0)
+    rounding = arb(0)
+    # Horner's rule for Π.
+    for k in range(DEGREE, -1, -1):
+        size = abs(sizes[k])
+        S, Pi = S + size, Pi * rho + size
+        rounding += abs(sizes[k] - arb(series[k])) * base.rises[k]
+    E = [at * at / (value * value) - 1 for at, value in zip(p, values, strict=True)]
+    B = Pi * Pi * ellipse.largest + 1
+    Lambda = 1.0001 + 2.0 / pi * log(degree + 1)
+    e = Lambda * arb(max(abs(value).upper() for value in E)) + tail_of(degree, ellipse.rho, B)
+    integral = _sum(base.weights, values[:: degree // DEGREE])
+    if not (e < LARGEST_DEPARTURE and all(at > 0 for at in p)):
+        # Where E is not small it corrects nothing: the sum, whose weights are positive, is at least a time.
+        return integral, arb("inf"), arb("inf")
+    length = integral - _sum(rule.weights, [at * value for at, value in zip(p, E, strict=True)]) / 2
+    error = length.rad() + tail_of(degree, ellipse.rho, Pi * B) + 2 * S * e * e
+    # |p − f| ≤ e f, and the integral of f over the panel is positive.
+    return length, error, e * (length.abs_upper() + error) + rounding
+
+
+def above(value: arb) -> float:
+    """Return a double that is no less than the ball; inf if it is not finite."""
+    found = float(value.upper())
+    return nextafter(found, inf) if isfinite(found) else inf
+
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """At the points cos(πj/degree)."""
+
+    points: tuple[arb, ...]
+    weights: tuple[arb, ...]
+    """Of Clenshaw and Curtis (1960)."""
+    series: arb_mat
+    """T_k at the points, k ≤ DEGREE."""
+    interpolation: arb_mat
+    """Chebyshev coefficients from values at the points."""
+    rises: tuple[arb, ...]
+    """Bounds of the integral of T_k from −1 to any place, k ≤ DEGREE."""
+
+
+@lru_cache(maxsize=32)
+def _rule(degree: int, precision: int) -> _Rule:
+    with ctx.workprec(precision):
+        cosines = [(arb.pi() * k / degree).cos() for k in range(2 * degree)]
+        table = [[cosines[j * k % (2 * degree)] for k in range(DEGREE + 1)] for j in range(degree + 1)]
+        halves = [(1 if k in (0, degree) else 2) for k in range(degree + 1)]
+        inverse = [
+            [cosines[j * k % (2 * degree)] * halves[j] * halves[k] / (2 * degree) for j in range(degree + 1)]
+            for k in range(degree + 1 if degree == DEGREE else 0)
+        ]
+        rises = (arb(2), arb(0.5), *(arb(2 * k) / (k * k - 1) for k in range(2, DEGREE + 1)))
+        points, weights = tuple(cosines[: degree + 1]), _weights(degree, cosines)
+        return _Rule(points, weights, arb_mat(table), arb_mat(inverse), rises)
+
+
+def _weights(degree: int, cosines: Sequence[arb]) -> tuple[arb, ...]:
+    weights = []
+    for j in range(degree + 1):
+        total = arb(1)
+        for k in range(1, degree // 2 + 1):
+            factor = 1 if 2 * k == degree else 2
+            total -= factor * cosines[2 * k * j % (2 * degree)] / (4 * k * k - 1)
+        weights.append(total * (1 if j in (0, degree) else 2) / degree)
+    return tuple(weights)
+
+
+def _values(
+    rate: Callable[[arb], arb],
+    limit: Callable[[arb], arb | None],
+    left: float,
+    right: float,
+    degree: int,
+) -> list[arb]:
+    middle, half = (arb(left) + arb(right)) / 2, (arb(right) - arb(left)) / 2
+    phases = [arb.pi() * (middle + half * x) for x in _rule(degree, ctx.prec).points]
+    known = {k: limit(phases[k]) for k in (0, degree)}
+    values = []
+    for k, theta in enumerate(phases):
+        value = known.get(k)
+        values.append(arb.pi() * (value if value is not None and value.is_finite() else rate(theta)))
+    if min(value.rel_accuracy_bits() for value in values) < KNOWN_BITS:
+        raise PrecisionLostError(f"the integrand is known to fewer than {KNOWN_BITS} bits")
+    return values
+
+
+def _sum(weights: Sequence[arb], values: Sequence[arb]) -> arb:
+    total = arb(0)
+    for weight, value in zip(weights, values, strict=True):
+        total += weight * value
+    return total

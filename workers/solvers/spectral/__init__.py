@@ -1,1 +1,0 @@
-"""Planar periodic motions in compiled doubles: fast, each with a measured bound of its error."""

@@ -1,0 +1,1 @@
+"""Potentials of three terms: intervals, mirror images and phases of their motions."""
