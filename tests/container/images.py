@@ -17,6 +17,10 @@ BASE = "docker.io/library/debian:trixie-slim"
 POSTGRES = "docker.io/library/postgres:17-trixie"
 POLHODE = "localhost/polhode"
 CERTIFICATES = Path("/etc/ssl/certs/ca-certificates.crt")
+# Where the build sees this machine's certificates, and the settings that lead pip to them. Not where Debian's
+# package ca-certificates writes its own: a file that is mounted cannot be replaced, and installing it failed.
+TRUSTED = "/run/trusted-certificates.crt"
+PIP_SETTINGS = "/etc/pip.conf"
 LEFT_OUT = ("./dev/*", "./proc/*", "./sys/*", "./var/cache/apt/archives/*.deb", "./var/lib/apt/lists/*")
 
 
@@ -52,10 +56,20 @@ def build_base() -> None:
 
 
 def _build(file: Path, context: Path, tag: str) -> None:
-    # The builder trusts the certificates that this machine trusts; nothing of them stays in the image.
-    trusted = [f"--volume={CERTIFICATES}:{CERTIFICATES}:ro"] if CERTIFICATES.exists() else []
-    command = ["buildah", "build", "--isolation=chroot", "--format=docker", "--pull=never", *trusted]
-    run([*command, f"--file={file}", f"--tag={tag}", str(context)])
+    command = ["buildah", "build", "--isolation=chroot", "--format=docker", "--pull=never"]
+    with tempfile.TemporaryDirectory(prefix="trusted") as folder:
+        run([*command, *_certificates(Path(folder)), f"--file={file}", f"--tag={tag}", str(context)])
+
+
+def _certificates(folder: Path) -> list[str]:
+    # pip in the build trusts the certificates that this machine trusts; nothing of them stays in the image.
+    if not CERTIFICATES.exists():
+        return []
+    settings = folder / "pip.conf"
+    settings.write_text(f"[global]\ncert = {TRUSTED}\n", encoding="utf-8")
+    settings.chmod(0o644)
+    folder.chmod(0o755)
+    return [f"--volume={CERTIFICATES}:{TRUSTED}:ro", f"--volume={settings}:{PIP_SETTINGS}:ro"]
 
 
 def run(command: Iterable[str]) -> None:
