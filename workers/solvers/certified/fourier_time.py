@@ -1,6 +1,6 @@
 r"""Time as one Fourier series of the phase, where dt/dθ is proven holomorphic on a strip.
 
-With r_k from n equidistant values and ‖dt/dθ‖ ≤ M on \|Im θ\| ≤ a (:mod:`.strip`) what the other
+With r_k from n equidistant values and ‖dt/dθ‖ ≤ M on \|Im θ\| ≤ a (:mod:`.strips.bound`) what the other
 r_k alias, and what they leave out, changes dt/dθ by at most
 
 .. math:: \varepsilon = 2 M e^{-an/2}

@@ -17,7 +17,7 @@ from flint import arb
 
 from workers.solvers.certified.doubles import rates
 from workers.solvers.certified.phase import LibrationPhase, RotationPhase
-from workers.solvers.certified.strip import bound_on_strip
+from workers.solvers.certified.strips.bound import bound_on_strip
 
 SAMPLES = (64, 256, 1024)
 """Of dt/dθ in doubles, that show how high the strip is; more where these do not resolve it."""

@@ -1,4 +1,4 @@
-r"""Evaluates formulas on functions of a strip, by the operations of :mod:`.strip_series`.
+r"""Evaluates formulas on functions of a strip, by the operations of :mod:`.series`.
 
 Inverses and roots are guessed by values at equidistant nodes, and proven by their
 residual ρ: where ‖ρ‖ < 1, 1 − ρ has a holomorphic inverse, root and logarithm on the
@@ -12,7 +12,7 @@ from math import exp, factorial, frexp
 import numpy as np
 
 from service.dynamics.formula.algebras.real import nearest_double
-from workers.solvers.certified.strip_series import ULP, FloatArray, Series, SeriesRing
+from workers.solvers.certified.strips.series import ULP, FloatArray, Series, SeriesRing
 
 LARGEST_RESIDUAL = 0.5
 LARGEST_ROOT = 64

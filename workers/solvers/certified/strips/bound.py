@@ -1,6 +1,6 @@
 r"""Proves that time is a holomorphic, bounded function of the phase on a strip about the real axis.
 
-On the strip everything is a series of :mod:`.strip_series`. Of a libration
+On the strip everything is a series of :mod:`.series`. Of a libration
 v = m − d cos θ it takes the sine and cosine of X = d cos θ, by
 
 .. math:: X^s = \Bigl(\frac d2\Bigr)^{\!s}\sum_j \binom{s}{j} e^{i(s-2j)\theta}.
@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from service.dynamics.reduction.geometry.loop import ball
 from workers.solvers.certified.phase import LibrationPhase, RotationPhase
-from workers.solvers.certified.strip_algebra import Strip
-from workers.solvers.certified.strip_series import INFLATED, LEAST_REACH, ULP, Series
+from workers.solvers.certified.strips.algebra import Strip
+from workers.solvers.certified.strips.series import INFLATED, LEAST_REACH, ULP, Series
 from workers.solvers.complex_plane.complex_loop import ComplexLoop
 from workers.solvers.complex_plane.loop_algebra import LoopAlgebra, Monomial
 
