@@ -54,19 +54,24 @@ class _DomainIntervals(IntervalAlgebra):
 
 
 @dataclass(frozen=True)
-class Half:
-    """One half of a loop, 0 < v < π on the side of one sign of g3, with Z and G in doubles."""
+class Curves:
+    """Half loops of one potential, 0 < v < π on the side of one sign of g3: single ones, or all of a stretch of λ."""
 
-    loop: Loop
     tape: Tape
     body: RigidBody
     """In the axes of the client."""
     loops: Loops
-    """It alone."""
-    g3_sign: int
-    """Of the primed g3."""
     turn: int
     """The sign of P / D."""
+
+
+@dataclass(frozen=True)
+class Half(Curves):
+    """One half of one loop, with Z and G in doubles."""
+
+    loop: Loop
+    g3_sign: int
+    """Of the primed g3."""
 
     @cached_property
     def pole_forms(self) -> dict[int, tuple[Tape, Tape]]:
@@ -95,27 +100,44 @@ def half_of(loop: Loop, tape: Tape, g3_sign: int) -> Half:
     loops = Loops(shape, _bounds(loop.Z), _bounds(loop.G))
     is_turned = (loop.g1_sign * g3_sign < 0) != loop.mirrored
     return Half(
-        loop,
-        tight_form(tape),
-        RigidBody(A, None, C, allow_unphysical=True),
-        loops,
-        g3_sign,
-        -1 if is_turned else 1,
+        tape=tight_form(tape),
+        body=RigidBody(A, None, C, allow_unphysical=True),
+        loops=loops,
+        turn=-1 if is_turned else 1,
+        loop=loop,
+        g3_sign=g3_sign,
     )
 
 
-def look_at(half: Half, cells: Cells, *, with_slope: bool) -> Found:
+def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
     """Return what bounds say of the cells."""
-    algebra = _DomainIntervals(scales(half.loops, cells))
-    first, third = axes(algebra, half.loops, cells)
-    g1, g3 = (third, first) if half.loops.shape.is_mirrored else (first, third)
-    g2 = algebra.interval(*heights(half.loops, cells))
+    algebra = _DomainIntervals(scales(curves.loops, cells))
+    first, third = axes(algebra, curves.loops, cells)
+    g1, g3 = (third, first) if curves.loops.shape.is_mirrored else (first, third)
+    g2 = algebra.interval(*heights(curves.loops, cells))
     with np.errstate(all="ignore"):
-        D, *slopes = derivatives_along(algebra, half.tape, half.body, (g1, g2, g3), 1 if with_slope else 0)
+        D, *slopes = derivatives_along(
+            algebra, curves.tape, curves.body, (g1, g2, g3), 1 if with_slope else 0
+        )
     shape = cells.low.shape
-    slope = _signs(slopes[0], shape) * half.turn if slopes else np.zeros(shape, dtype=np.int64)
+    slope = _signs(slopes[0], shape) * curves.turn if slopes else np.zeros(shape, dtype=np.int64)
     is_undefined = np.broadcast_to(algebra.is_undefined, shape)
-    return Found(_signs(D, shape) * half.turn, slope, is_undefined, _are_faint(D, shape))
+    return Found(_signs(D, shape) * curves.turn, slope, is_undefined, _are_faint(D, shape))
+
+
+def derivative_values(curves: Curves, cells: Cells, order: int) -> list[Bounds]:
+    """Return bounds on each cell of D, X D, … up to this order, times the sign of P / D; NaN where there are none."""
+    algebra = IntervalAlgebra(scales(curves.loops, cells))
+    first, third = axes(algebra, curves.loops, cells)
+    g1, g3 = (third, first) if curves.loops.shape.is_mirrored else (first, third)
+    g2 = algebra.interval(*heights(curves.loops, cells))
+    zero = algebra.constant(Fraction(0))
+    with np.errstate(all="ignore"):
+        found = derivatives_along(algebra, curves.tape, curves.body, (g1, g2, g3), order)
+        values = [algebra.bounds(zero if each is None else each) for each in found]
+    shape = cells.low.shape
+    full = [(np.broadcast_to(lo, shape), np.broadcast_to(hi, shape)) for lo, hi in values]
+    return full if curves.turn > 0 else [(-hi, -lo) for lo, hi in full]
 
 
 def _signs(element: Interval | None, shape: tuple[int, ...]) -> IntArray:

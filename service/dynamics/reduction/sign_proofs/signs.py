@@ -106,10 +106,10 @@ def refined(half: Half, picture: Picture, most_rounds: int) -> Picture:
     A cell that cannot be cut, and one among more than MOST_CELLS, is left as it is.
     """
     for _ in range(most_rounds):
-        is_cut = _to_cut(picture)
+        is_cut = cells_to_cut(picture)
         if not is_cut.any() or is_cut.sum() > MOST_CELLS:
             break
-        parts = _parts(picture.cells.at(is_cut))
+        parts = parts_of(picture.cells.at(is_cut))
         found = look_at(half, parts, with_slope=True)
         picture = joined(chosen(picture, ~is_cut), Picture(parts, found, np.full(len(parts.low), -1)))
     return picture
@@ -117,10 +117,10 @@ def refined(half: Half, picture: Picture, most_rounds: int) -> Picture:
 
 def is_crowded(picture: Picture) -> bool:
     """Tell whether more cells are open than are cut."""
-    return bool(_to_cut(picture).sum() > MOST_CELLS)
+    return bool(cells_to_cut(picture).sum() > MOST_CELLS)
 
 
-def _to_cut(picture: Picture) -> BoolArray:
+def cells_to_cut(picture: Picture) -> BoolArray:
     """Tell which cells to cut: those of open gaps on which P may turn."""
     is_cut = np.zeros(len(picture.found.sign), dtype=np.bool_)
     low, high = picture.cells.low, picture.cells.high
@@ -132,7 +132,7 @@ def _to_cut(picture: Picture) -> BoolArray:
     return is_cut
 
 
-def _parts(cells: Cells) -> Cells:
+def parts_of(cells: Cells) -> Cells:
     """Return the parts of each cell; next to a pole the nearer ones are much the smaller."""
     low, high = cells.low[:, None], cells.high[:, None]
     shares = np.arange(PARTS + 1) / PARTS

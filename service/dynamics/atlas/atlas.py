@@ -1,0 +1,202 @@
+"""Finds all planar motions of a body and a potential over a range of λ."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from flint import arb, ctx
+
+from service.dynamics.atlas.bands import Series, motion_value, series_of
+from service.dynamics.atlas.changes import Beside, Change, change_between
+from service.dynamics.atlas.curves import HalfCurves, Stretch, half_curves
+from service.dynamics.atlas.structures import Part, first_stretches, parts_of_range
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.parity import is_written_even
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import PlanarMotion, Sign
+from service.dynamics.reduction.windows import find_windows
+
+BITS = 128
+FEWEST = 9
+"""λ of a part at which its windows are followed."""
+AWAY = 1e-6
+"""Relative distance from a change at which it is looked at which zeros meet."""
+EVENT = 1e-5
+"""Relative width up to which a stretch without a proof, between parts that differ, is the enclosure of a change."""
+
+
+class AtlasNeedsFormulaError(DynamicsError):
+    """The potential is given by integrals, of which nothing is known on whole stretches."""
+
+    code = "atlas_needs_formula"
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """lower ≤ λ ≤ upper, and the signs of g1 and g3."""
+
+    lower: Fraction
+    upper: Fraction
+    g1_sign: Sign = 1
+    g3_sign: Sign = 1
+
+
+@dataclass(frozen=True, slots=True)
+class AtlasPart:
+    """A part of the range on which the windows keep their number, kinds and ends: proved for all its λ."""
+
+    lower: arb
+    upper: arb
+    series: Series | None
+    """None, with ``reason``, where the kind of the windows is not settled at the λ that was looked at."""
+    reason: DynamicsError | None
+
+
+@dataclass(frozen=True, slots=True)
+class Atlas:
+    """All planar motions over a range of λ, in the order of growing λ of the client's axes."""
+
+    range: Range
+    parts: tuple[AtlasPart, ...]
+    changes: tuple[Change, ...]
+    """Outside of them and of ``undecided`` nothing changes."""
+    undecided: tuple[tuple[arb, arb], ...]
+
+
+def make_atlas(
+    body: RigidBody,
+    potential: Potential,
+    over: Range,
+    samples: int,
+    is_late: Callable[[], bool] = lambda: False,
+) -> Atlas:
+    """Return the atlas, with some ``samples`` values of λ in all; what is open when it ``is_late`` is undecided.
+
+    Raises
+    ------
+    EqualMomentsError
+        A = C.
+    AtlasNeedsFormulaError
+        The potential has no formula.
+    """
+    body.require_planar()
+    if not potential.has_formula:
+        raise AtlasNeedsFormulaError(
+            "the potential is given by integrals of F and G that have no formula, and an atlas is proved by bounds of "
+            "formulas; accepted are potentials with a formula of g1, g2 and g3",
+            pointer="/potential",
+        )
+    with ctx.workprec(BITS):
+        halves = _halves(body, potential, over)
+        parts = parts_of_range(halves, first_stretches(*_primed(halves[0], over)), is_late)
+        if halves[0].shape.is_mirrored:
+            parts = parts[::-1]
+        return _assembled(halves, parts, over, samples)
+
+
+def _halves(body: RigidBody, potential: Potential, over: Range) -> list[HalfCurves]:
+    """Return the half on which the motion is asked, and the other one where it has other zeros."""
+    is_mirrored = body.A < body.C
+    signs: list[tuple[Sign, Sign]] = [(over.g1_sign, over.g3_sign)]
+    if not is_written_even(potential.tape, 0 if is_mirrored else 2):
+        turned: Sign = -1 if (over.g1_sign if is_mirrored else over.g3_sign) > 0 else 1
+        signs.append((turned, over.g3_sign) if is_mirrored else (over.g1_sign, turned))
+    return [
+        half_curves(body, potential, PlanarMotion(Fraction(1), g1_sign=first, g3_sign=third))
+        for first, third in signs
+    ]
+
+
+def _primed(half: HalfCurves, over: Range) -> tuple[float, float]:
+    """Return the range of the primed λ, rounded outwards."""
+    ends = [float(over.lower), float(over.upper)]
+    if half.shape.is_mirrored:
+        ends = [end ** -float(1 / half.shape.alpha) for end in reversed(ends)]
+    # A power in doubles has an error of some units in the last place.
+    return ends[0] * (1.0 - 1e-14), ends[1] * (1.0 + 1e-14)
+
+
+def _assembled(
+    halves: Sequence[HalfCurves], parts: Sequence[Part], over: Range, samples: int
+) -> Atlas:
+    found, changes, undecided = list[AtlasPart](), list[Change](), list[tuple[arb, arb]]()
+    whole = float(np.log(float(over.upper) / float(over.lower)))
+    for k, part in enumerate(parts):
+        lower, upper = _ends(halves[0], part, over)
+        if part.signatures is not None:
+            share = float(np.log(float(upper.mid()) / float(lower.mid()))) / whole
+            found.append(_part(halves, part, lower, upper, max(round(samples * share), FEWEST)))
+            continue
+        around = [parts[n] if 0 <= n < len(parts) else None for n in (k - 1, k + 1)]
+        change = _change(halves, around, (lower, upper))
+        if change is None:
+            undecided.append((lower, upper))
+        else:
+            changes.append(change)
+    return Atlas(over, tuple(found), tuple(changes), tuple(undecided))
+
+
+def _ends(half: HalfCurves, part: Part, over: Range) -> tuple[arb, arb]:
+    ends = [*half.sent(part.stretches[0]), *half.sent(part.stretches[-1])]
+    lower, upper = min(ends, key=lambda end: float(end.mid())), max(ends, key=lambda end: float(end.mid()))
+    first, last = (arb(end.numerator) / end.denominator for end in (over.lower, over.upper))
+    return (first if lower < first else lower), (last if upper > last else upper)
+
+
+def _change(
+    halves: Sequence[HalfCurves], around: Sequence[Part | None], ends: tuple[arb, arb]
+) -> Change | None:
+    before, after = around
+    is_narrow = ends[1] - ends[0] < EVENT * ends[1]
+    if before is None or after is None or not is_narrow:
+        return None
+    if before.signatures is None or after.signatures is None or before.signatures == after.signatures:
+        return None
+    mirrored = halves[0].shape.is_mirrored
+    # In the order of the client's λ; stretches are in that of the primed one.
+    first = Beside(before.signatures, before.stretches[0 if mirrored else -1])
+    second = Beside(after.signatures, after.stretches[-1 if mirrored else 0])
+    return change_between(halves, _at(first, upper=not mirrored), _at(second, upper=mirrored), ends)
+
+
+def _at(beside: Beside, *, upper: bool) -> Beside:
+    """Return it with a single λ next to the end that lies at the change; not too near, that the zeros are apart."""
+    stretch = beside.nearest
+    end = _logarithm(stretch, upper=upper)
+    return Beside(beside.signatures, _at_logarithm(end - AWAY if upper else end + AWAY))
+
+
+def _part(halves: Sequence[HalfCurves], part: Part, lower: arb, upper: arb, count: int) -> AtlasPart:
+    assert part.signatures is not None
+    single = _single(part, count)
+    if halves[0].shape.is_mirrored:
+        single = single[::-1]
+    row = len(single) // 2
+    half = halves[0]
+    motion = PlanarMotion(
+        motion_value(half, single[row]), g1_sign=half.motion.g1_sign, g3_sign=half.motion.g3_sign
+    )
+    try:
+        windows = find_windows(half.body, half.potential, motion)
+    except DynamicsError as refusal:
+        return AtlasPart(lower, upper, None, refusal)
+    return AtlasPart(lower, upper, series_of(halves, part.signatures, single, windows, row), None)
+
+
+def _single(part: Part, count: int) -> list[Stretch]:
+    """Return single λ of a part, denser towards its ends, where windows may grow like a root."""
+    low, high = (_logarithm(part.stretches[k], upper=k != 0) for k in (0, -1))
+    shares = 0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1))
+    return [_at_logarithm(float(low + (high - low) * share)) for share in shares]
+
+
+def _logarithm(stretch: Stretch, *, upper: bool) -> float:
+    k = stretch.high if upper != stretch.is_inverse else stretch.low
+    return -float(np.log(k)) if stretch.is_inverse else float(np.log(k))
+
+
+def _at_logarithm(logarithm: float) -> Stretch:
+    k = min(float(np.exp(-abs(logarithm))), 1.0)
+    return Stretch(logarithm > 0.0, k, k)

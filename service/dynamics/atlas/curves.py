@@ -1,0 +1,102 @@
+"""Describes the half curves of one potential, for many λ or stretches of λ at once.
+
+Everything is in primed axes (:mod:`service.dynamics.reduction.geometry.loop`): a body with A < C is mirrored, and
+its primed λ is λ^(−A/C). A stretch of the primed λ is stored as the two doubles that bound k = λ, or k = 1/λ
+where λ > 1, because the bounds of the curve are tight for 0 ≤ k ≤ 1.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+from flint import arb
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.formula.tape import Tape
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.reduction.geometry.tight_form import tight_form
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, Shape, shape_of
+from service.dynamics.reduction.sign_proofs.cells import Curves
+from service.dynamics.reduction.sign_proofs.equators import loops_of_stretches
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """low ≤ k ≤ high ≤ 1, k being the primed λ or 1/λ; one λ where both ends are equal."""
+
+    is_inverse: bool
+    low: float
+    high: float
+
+    def halves(self) -> "tuple[Stretch, Stretch]":
+        """Return both parts, with equal ratios of their ends, in the order of growing k."""
+        middle = float(np.sqrt(self.low) * np.sqrt(self.high))
+        return Stretch(self.is_inverse, self.low, middle), Stretch(self.is_inverse, middle, self.high)
+
+    @property
+    def width(self) -> float:
+        """The relative width."""
+        return (self.high - self.low) / self.high
+
+
+@dataclass(frozen=True, slots=True)
+class HalfCurves:
+    """The half curves of a body and a potential on which g1 and g3 have given signs, for every λ."""
+
+    body: RigidBody
+    potential: Potential
+    motion: PlanarMotion
+    """Gives the signs; its λ has no meaning."""
+    shape: Shape
+    tape: Tape
+
+    def over(self, stretches: Sequence[Stretch]) -> Curves:
+        """Return the curves of each stretch, which all have the same ``is_inverse``."""
+        low, high = (np.array([getattr(each, end) for each in stretches]) for end in ("low", "high"))
+        # A loop of a stretch is open at its ends: the next doubles enclose them.
+        below, above = np.nextafter(low, 0.0), np.minimum(np.nextafter(high, 2.0), 1.0)
+        loops = loops_of_stretches(self.shape, below, above, is_inverse=stretches[0].is_inverse)
+        return Curves(self.tape, self._own_body, loops, self._turn)
+
+    @property
+    def _own_body(self) -> RigidBody:
+        return RigidBody(self.body.A, None, self.body.C, allow_unphysical=True)
+
+    @property
+    def _turn(self) -> int:
+        is_turned = (self.shape.first_sign * self.shape.third_sign < 0) != self.shape.is_mirrored
+        return -1 if is_turned else 1
+
+    def loops(self, stretches: Sequence[Stretch]) -> Loops:
+        """Return bounds of Z and G on each stretch."""
+        return self.over(stretches).loops
+
+    def sent(self, stretch: Stretch) -> tuple[arb, arb]:
+        """Return the ends of a stretch as λ of the client's axes, the smaller first."""
+        ends = [arb(end) for end in (stretch.low, stretch.high)]
+        primed = [1 / end for end in ends] if stretch.is_inverse else ends
+        alpha = ball(self.shape.alpha)
+        own = [(-alpha * end.log()).exp() for end in primed] if self.shape.is_mirrored else primed
+        return (own[0], own[1]) if own[0].mid() <= own[1].mid() else (own[1], own[0])
+
+
+def grouped(single: Sequence[Stretch]) -> list[list[Stretch]]:
+    """Return neighbours with the same ``is_inverse`` together, in their order."""
+    return [list(group) for _, group in groupby(single, key=lambda each: each.is_inverse)]
+
+
+def half_curves(body: RigidBody, potential: Potential, motion: PlanarMotion) -> HalfCurves:
+    """Return the half curves on which g1 and g3 have the signs of ``motion``; A ≠ C.
+
+    Raises
+    ------
+    NoClosedFormError
+        The potential has no formula.
+    """
+    return HalfCurves(body, potential, motion, shape_of(body, motion), tight_form(potential.tape))

@@ -1,0 +1,183 @@
+"""Proves, for many stretches of λ at once, on which cells of the curve p² has a sign."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import NARROWEST, QUARTER, Cells
+from service.dynamics.reduction.sign_proofs.cells import Curves, look_at
+from service.dynamics.reduction.sign_proofs.signs import (
+    CELLS,
+    FIRST,
+    Picture,
+    cells_to_cut,
+    chosen,
+    joined,
+    parts_of,
+)
+
+BoolArray = NDArray[np.bool_]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+ROUNDS = 6
+MOST_CUT = 192
+"""Open cells of one stretch of λ that are cut; of a stretch with more of them the halves are looked at instead."""
+
+Signature = tuple[int, ...]
+"""The signs of p² along a half curve from the north pole to the south pole, one for each stretch of one sign
+(``UNDEFINED`` where p² has no value), with ``EQUATOR`` between the hemispheres."""
+UNDEFINED, EQUATOR = 2, 9
+
+
+@dataclass(frozen=True, slots=True)
+class Bracket:
+    """A stretch of the half curve on which p² has exactly one zero: between two distances from a pole."""
+
+    hemisphere: int
+    """The sign of g2."""
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Finest:
+    """Relative widths below which cells are not cut."""
+
+    anywhere: float = 0.0
+    at_equator: float = 0.0
+    """Of the cell next to the equator, where a zero may cross it."""
+
+
+def pictures_of(
+    curves: Curves, starts: Sequence[Picture | None], finest: Sequence[Finest]
+) -> list[Picture]:
+    """Return for each curve what bounds say, open cells being cut.
+
+    A start is a picture of curves among which this one is: what it settles stays settled.
+    """
+    found = _first(curves, starts)
+    for _ in range(ROUNDS):
+        cuts = [_cut(picture, least) for picture, least in zip(found, finest, strict=True)]
+        active = [k for k, cut in enumerate(cuts) if 0 < cut.sum() <= MOST_CUT]
+        if not active:
+            break
+        parts = _together([parts_of(found[k].cells.at(cuts[k])) for k in active], active)
+        answers = _split(Picture(parts, look_at(curves, parts, with_slope=True), _no_zeros(parts)), active)
+        for k in active:
+            found[k] = joined(chosen(found[k], ~cuts[k]), answers[k])
+    return found
+
+
+def _cut(picture: Picture, least: Finest) -> BoolArray:
+    widths = _widths(picture.cells)
+    is_cut: BoolArray = cells_to_cut(picture) & (widths > least.anywhere)
+    return is_cut | (_open_at_equator(picture) & (widths > max(least.at_equator, NARROWEST)))
+
+
+def _open_at_equator(picture: Picture) -> BoolArray:
+    """Tell which of the two cells next to the equator are without a sign."""
+    is_open: BoolArray = (picture.cells.high >= QUARTER) & ~picture.is_settled & (picture.most_zeros < 0)
+    return is_open
+
+
+def _first(curves: Curves, starts: Sequence[Picture | None]) -> list[Picture]:
+    """Return the first cells of curves without a start, and the open cells of the others looked at again."""
+    found: list[Picture | None] = list(starts)
+    fresh = [k for k, start in enumerate(starts) if start is None]
+    if fresh:
+        cells = _together([_first_cells()] * len(fresh), fresh)
+        answers = _split(Picture(cells, look_at(curves, cells, with_slope=False), _no_zeros(cells)), fresh)
+        for k in fresh:
+            found[k] = answers[k]
+    again = {k: _open_cells(start) for k, start in enumerate(starts) if start is not None}
+    again = {k: cells for k, cells in again.items() if cells.any()}
+    if again:
+        given = {k: start for k, start in enumerate(starts) if start is not None and k in again}
+        cells = _together([start.cells.at(again[k]) for k, start in given.items()], list(given))
+        answers = _split(Picture(cells, look_at(curves, cells, with_slope=True), _no_zeros(cells)), list(given))
+        for k, start in given.items():
+            found[k] = joined(chosen(start, ~again[k]), answers[k])
+    return [picture for picture in found if picture is not None]
+
+
+def _first_cells() -> Cells:
+    low, high = FIRST[:-1], FIRST[1:]
+    return Cells(
+        np.zeros(2 * len(low), dtype=np.int64),
+        np.repeat([1.0, -1.0], len(low)),
+        np.concatenate([low, low[::-1]]),
+        np.concatenate([high, high[::-1]]),
+    )
+
+
+def _open_cells(picture: Picture) -> BoolArray:
+    """Tell which cells are without a sign, and belong to a gap that is not closed; none that :mod:`.turns` made."""
+    is_open = np.zeros(len(picture.found.sign), dtype=np.bool_)
+    for first, last in picture.open_gaps():
+        is_open[first:last] = True
+    return (is_open & (picture.most_zeros < 0)) | _open_at_equator(picture)
+
+
+def _widths(cells: Cells) -> FloatArray:
+    """Return the relative widths of cells; those at a pole are cut as if they were as wide as can be."""
+    found: FloatArray = 1.0 - cells.low / cells.high
+    return found
+
+
+def _together(parts: Sequence[Cells], owners: Sequence[int]) -> Cells:
+    """Return the cells of several curves, each with the number of its curve."""
+    owner = np.repeat(np.array(owners), [len(part.low) for part in parts])
+    rest = (np.concatenate([getattr(part, name) for part in parts]) for name in CELLS[1:])
+    return Cells(owner, *rest)
+
+
+def _no_zeros(cells: Cells) -> IntArray:
+    return np.full(len(cells.low), -1)
+
+
+def _split(whole: Picture, owners: Sequence[int]) -> dict[int, Picture]:
+    return {k: chosen(whole, np.flatnonzero(whole.cells.owner == k)) for k in owners}
+
+
+def signature_of(picture: Picture) -> Signature | None:
+    """Return the signs along the half curve if they are the same, and proved, for every λ of the stretch, else None.
+
+    Then p² has one simple zero between two signs, and no other, for every λ, and none at the equator or a pole.
+    """
+    is_settled = picture.is_settled
+    north = picture.cells.hemisphere > 0.0
+    border = int(np.count_nonzero(north))
+    at_ends = (0, border - 1, border, len(is_settled) - 1)
+    if not all(is_settled[k] for k in at_ends) or picture.open_gaps():
+        return None
+    labels = np.where(picture.found.is_undefined, UNDEFINED, picture.found.sign)
+    # A change without a stretch of growth or fall between is a jump, or the edge of where p² has a value.
+    jumps = (labels[1:] != labels[:-1]) & is_settled[1:] & is_settled[:-1]
+    if jumps.any() or _touches_edge(picture, labels):
+        return None
+    parts = [labels[part & is_settled] for part in (north, ~north)]
+    runs = [part[np.flatnonzero(np.diff(part, prepend=0))].tolist() for part in parts]
+    return (*runs[0], EQUATOR, *runs[1])
+
+
+def _touches_edge(picture: Picture, labels: IntArray) -> bool:
+    """Tell whether a gap begins or ends where p² has no value: what is there is not proved by a slope."""
+    return any(UNDEFINED in (labels[first - 1], labels[last]) for first, last in picture.gaps())
+
+
+def brackets_of(picture: Picture) -> list[Bracket]:
+    """Return the stretches with one zero of p² each, from the north pole to the south pole; of a settled picture."""
+    found = []
+    cells = picture.cells
+    for first, last in picture.gaps():
+        if picture.found.sign[first - 1] != picture.found.sign[last]:
+            here = slice(first, last)
+            found.append(
+                Bracket(
+                    int(cells.hemisphere[first]), float(cells.low[here].min()), float(cells.high[here].max())
+                )
+            )
+    return found

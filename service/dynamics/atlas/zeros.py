@@ -1,0 +1,144 @@
+"""Encloses the zeros of p² along one half curve for many single λ: doubles guess, bounds prove."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.atlas.curves import HalfCurves, Stretch, grouped
+from service.dynamics.atlas.pictures import EQUATOR, Finest, Signature, brackets_of, signature_of
+from service.dynamics.atlas.radicands import d_on_curves
+from service.dynamics.atlas.turns import settled_pictures
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Cells, heights
+from service.dynamics.reduction.sign_proofs.cells import Curves, look_at
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+HALVINGS = 56
+WIDTHS = np.array([8.0**-k for k in range(16, 4, -1)])
+"""Relative widths to both sides of a guess that are tried, from 3.6e-15 to 3e-5."""
+THIN = 1e-15
+
+
+@dataclass(frozen=True, slots=True)
+class Zeros:
+    """The zeros of p² on one half curve for single λ, from the north pole to the south pole; shape (λ, zeros)."""
+
+    low: FloatArray
+    """Bounds of the distance from the pole; where they are not proved, NaN."""
+    high: FloatArray
+    hemisphere: IntArray
+    """The sign of g2, shape (zeros,)."""
+    size: tuple[FloatArray, FloatArray]
+    """Bounds of |g1|, in the client's axes."""
+    height: tuple[FloatArray, FloatArray]
+    """Bounds of g2."""
+
+
+def zeros_of(half: HalfCurves, single: Sequence[Stretch], signature: Signature) -> Zeros:
+    """Return the zeros for single λ of a part with this signature."""
+    parts = [_zeros_of(half, group, signature) for group in grouped(single)]
+
+    def joined(bounds: Sequence[FloatArray]) -> FloatArray:
+        return np.concatenate(bounds)
+
+    return Zeros(
+        joined([part.low for part in parts]),
+        joined([part.high for part in parts]),
+        parts[0].hemisphere,
+        (joined([part.size[0] for part in parts]), joined([part.size[1] for part in parts])),
+        (joined([part.height[0] for part in parts]), joined([part.height[1] for part in parts])),
+    )
+
+
+def _hemispheres(signature: Signature) -> list[int]:
+    """Return the sign of g2 at each zero."""
+    border = signature.index(EQUATOR)
+    return [1] * (border - 1) + [-1] * (len(signature) - border - 2)
+
+
+def _zeros_of(half: HalfCurves, single: Sequence[Stretch], signature: Signature) -> Zeros:
+    curves = half.over(single)
+    pictures = settled_pictures(half, single, [None] * len(single), [Finest()] * len(single))
+    brackets = [
+        brackets_of(picture) if signature_of(picture) == signature else None for picture in pictures
+    ]
+    hemisphere = np.array(_hemispheres(signature), dtype=np.int64)
+    low = np.full((len(single), len(hemisphere)), np.nan)
+    high = low.copy()
+    for k, found in enumerate(brackets):
+        if found is not None and [each.hemisphere for each in found] == hemisphere.tolist():
+            low[k], high[k] = [each.low for each in found], [each.high for each in found]
+    guesses = _bisected(half, single, hemisphere, low, high)
+    low, high = _enclosed(curves, hemisphere, guesses)
+    cells = _cells(hemisphere, low, high)
+    full = (len(single), len(hemisphere))
+    size, height = _sizes(curves, cells), heights(curves.loops, cells)
+    return Zeros(low, high, hemisphere, _shaped(size, full), _shaped(height, full))
+
+
+def _shaped(bounds: tuple[FloatArray, FloatArray], full: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+    return bounds[0].reshape(full), bounds[1].reshape(full)
+
+
+def _bisected(
+    half: HalfCurves, single: Sequence[Stretch], hemisphere: IntArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    if not low.size:
+        return low
+    side = hemisphere[None, :].astype(np.float64)
+    at_low = d_on_curves(half, single, side, low)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        is_before = (d_on_curves(half, single, side, middle) > 0.0) == (at_low > 0.0)
+        low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+    return 0.5 * (low + high)
+
+
+def _enclosed(curves: Curves, hemisphere: IntArray, guesses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the narrowest bounds between which D is proved to change its sign."""
+    low, high = (np.full(guesses.shape, np.nan) for _ in range(2))
+    if not guesses.size:
+        return low, high
+    below, above = (guesses[:, :, None] * (1.0 + sign * WIDTHS) for sign in (-1.0, 1.0))
+    signs = []
+    for place in (below, above):
+        cells = _cells(np.repeat(hemisphere, len(WIDTHS)), *_about(place.reshape(len(guesses), -1)))
+        signs.append(look_at(curves, cells, with_slope=False).sign.reshape(below.shape))
+    is_proved = signs[0] * signs[1] < 0
+    best = np.argmax(is_proved, axis=2)[:, :, None]
+    found = np.take_along_axis(is_proved, best, axis=2)[:, :, 0]
+    # The cells about the places are part of the enclosure.
+    low = np.where(found, np.take_along_axis(below, best, axis=2)[:, :, 0] * (1.0 - THIN), np.nan)
+    high = np.where(found, np.take_along_axis(above, best, axis=2)[:, :, 0] * (1.0 + THIN), np.nan)
+    return low, high
+
+
+def _about(place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return place * (1.0 - THIN), place * (1.0 + THIN)
+
+
+def _cells(hemisphere: IntArray, low: FloatArray, high: FloatArray) -> Cells:
+    """Return cells of arrays of shape (λ, n)."""
+    count, n = low.shape
+    owner = np.repeat(np.arange(count), n)
+    return Cells(owner, np.tile(hemisphere.astype(np.float64), count), low.ravel(), high.ravel())
+
+
+def _sizes(curves: Curves, cells: Cells) -> tuple[FloatArray, FloatArray]:
+    """Return bounds of the client's |g1| on cells."""
+    shape, loops = curves.loops.shape, curves.loops
+    low, high = np.sin(cells.low) * (1.0 - 4.0 * THIN), np.sin(cells.high) * (1.0 + 4.0 * THIN)
+    if shape.is_mirrored:
+        return loops.Z[0][cells.owner] * low, loops.Z[1][cells.owner] * high
+    alpha = float(shape.alpha)
+    with np.errstate(all="ignore"):
+        # sin x to the power alpha: its logarithm is at most 60, and is known to 16 digits.
+        spread = 1.0 + 64.0 * alpha * THIN
+        return (
+            loops.G[0][cells.owner] * low**alpha / spread,
+            loops.G[1][cells.owner] * high**alpha * spread,
+        )
