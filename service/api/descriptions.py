@@ -9,6 +9,7 @@ from pydantic.json_schema import models_json_schema
 
 from service.api.keys.access import ACCESS, OPEN
 from service.api.replies.responses import refusals
+from service.schemas.atlas.reading import AtlasIn
 from service.schemas.problem.sections import ProblemIn, ValidationIn
 from service.schemas.replies.problem_details import ProblemDetailsOut
 from service.schemas.sweep.reading import SweepIn
@@ -57,6 +58,7 @@ def describe(app: FastAPI) -> dict[str, object]:
         [
             (ProblemIn, "validation"),
             (ValidationIn, "validation"),
+            (AtlasIn, "validation"),
             (SweepIn, "validation"),
             (ProblemDetailsOut, "serialization"),
         ],

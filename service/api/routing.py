@@ -10,6 +10,7 @@ from service.api.middleware.observing import Observation
 from service.api.middleware.security import Guard
 from service.api.routes import (
     accuracy,
+    atlases,
     docs_page,
     enclosures,
     families,
@@ -30,6 +31,7 @@ def install(app: FastAPI) -> None:
         resource.router
         for resource in (
             validations,
+            atlases,
             jobs,
             solutions,
             trajectory,

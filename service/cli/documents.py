@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
+from service.cli.children import examining
 from service.cli.common import (
     REFUSED,
     WRONG_USAGE,
@@ -113,22 +113,12 @@ def _examined(document: object, formats: Sequence[Format]) -> str:
     from service.verdicts.formulas import examine_question_with_formulas  # noqa: PLC0415
 
     settings = settings_of()
-    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=[examine_question.__module__])
-    try:
-        with Console(stderr=True).status("examining …"):  # shows nothing where stderr is not a terminal
-            if not formats:
-                return sandbox.run(examine_question, json.dumps(document), seconds=settings.verdict_seconds)
-            asked = json.dumps({"document": document, "formats": formats})
-            text = sandbox.run(examine_question_with_formulas, asked, seconds=settings.verdict_seconds)
-            return _simplified(sandbox, text, settings.formula_seconds)
-    except SandboxTimeoutError:
-        fail(f"no verdict within POLHODE_VERDICT_SECONDS = {settings.verdict_seconds:g}", REFUSED)
-    except SandboxMemoryError:
-        fail(f"no verdict within POLHODE_JOB_MEMORY_MB = {settings.job_memory_mb}", REFUSED)
-    except SandboxCrashError as fault:
-        fail(f"no verdict: {fault}", REFUSED)
-    finally:
-        sandbox.close()
+    with examining(settings, examine_question.__module__) as sandbox:
+        if not formats:
+            return sandbox.run(examine_question, json.dumps(document), seconds=settings.verdict_seconds)
+        asked = json.dumps({"document": document, "formats": formats})
+        text = sandbox.run(examine_question_with_formulas, asked, seconds=settings.verdict_seconds)
+        return _simplified(sandbox, text, settings.formula_seconds)
 
 
 def _simplified(sandbox: Sandbox, text: str, seconds: float) -> str:

@@ -115,7 +115,7 @@ def _judge_question(document: object) -> Answer:
     question = read_question(document)
     if question.problem is not None and isinstance(question.motion, StateMotion):
         return {"verdict": None}
-    verdict = decide(question.body, question.potential, _verdict_deadline())
+    verdict = decide(question.body, question.potential, verdict_deadline())
     answer = verdict_document(question.body, verdict, question.potential)
     accepts = question.problem is not None and question.problem.problem.accept == "undecided"
     refusal = None if question.problem is None else refusal_of_verdict(verdict, answer, accepts)
@@ -179,7 +179,8 @@ def _require_asked(question: Question, motion: PlanarMotion, windows: tuple[Wind
     return window
 
 
-def _verdict_deadline() -> Callable[[], bool]:
+def verdict_deadline() -> Callable[[], bool]:
+    """Return when an open verdict is to stay undecided."""
     return deadline(VERDICT_PROCESSOR_SECONDS, VERDICT_SECONDS)
 
 
@@ -195,7 +196,7 @@ def _judge_problem(
     assert isinstance(document, dict)
     setting = json.dumps([document["body"], document["potential"]])
     if setting not in known:
-        known[setting] = decide(problem.body, problem.potential, _verdict_deadline())
+        known[setting] = decide(problem.body, problem.potential, verdict_deadline())
     verdict = known[setting]
     answer = verdict_document(problem.body, verdict, problem.potential)
     refusal = refusal_of_verdict(verdict, answer, problem.accept == "undecided")
@@ -217,7 +218,7 @@ def _judge_problem(
 def _prove_motion(problem: Problem, motion: PlanarMotion, window: Window) -> None:
     """Raise the refusal of a motion in an undecided potential unless q = 0 is proved on its own curve."""
     arc = starting_point(window, motion).arc
-    require_proof_on_arc(problem.body, problem.potential, motion, arc, _verdict_deadline())
+    require_proof_on_arc(problem.body, problem.potential, motion, arc, verdict_deadline())
 
 
 def _require_motion(problem: Problem, motion: PlanarMotion, windows: tuple[Window, ...]) -> Window:

@@ -10,6 +10,7 @@ OPERATIONS = {
     "/readyz": {"GET": "get_readiness"},
     "/metrics": {"GET": "get_metrics"},
     "/v1/accuracy": {"GET": "get_accuracy"},
+    "/v1/atlases": {"POST": "draw_atlas"},
     "/v1/families": {"GET": "list_families"},
     "/v1/jobs": {"GET": "list_jobs", "POST": "submit_job"},
     "/v1/jobs/{job_id}": {"GET": "get_job"},

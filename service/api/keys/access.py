@@ -28,6 +28,7 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/v1/families": {"GET": Role.READ},
     # Stores nothing, but a verdict may occupy a child process for seconds, which Role.READ does not cover.
     "/v1/validations": {"POST": Role.SUBMIT},
+    "/v1/atlases": {"POST": Role.SUBMIT},
     "/v1/jobs": {"GET": Role.READ, "POST": Role.SUBMIT},
     "/v1/jobs/{job_id}": {"GET": Role.READ},
     # For jobs of the same key; cancelling others' needs OPERATE, which the endpoint checks.

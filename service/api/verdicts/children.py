@@ -13,7 +13,7 @@ from service.schemas.reading.faults import Fault
 async def examine(
     verdicts: VerdictQueue, examination: Examination, text: str, claimant: Claimant
 ) -> Mapping[str, object] | None:
-    """Return the verdict on the JSON document ``text``, or None if it needs none.
+    """Return the examination's answer to the JSON document ``text``: a verdict, or None if it needs none.
 
     Raises
     ------

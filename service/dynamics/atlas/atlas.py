@@ -24,7 +24,7 @@ FEWEST = 9
 AWAY = 1e-6
 """Relative distance from a change at which it is looked at which zeros meet."""
 EVENT = 1e-5
-"""Relative width up to which a stretch without a proof, between parts that differ, is the enclosure of a change."""
+"""Relative width up to which a stretch without a proof, between parts that differ, encloses a change."""
 
 
 class AtlasNeedsFormulaError(DynamicsError):
@@ -72,7 +72,7 @@ def make_atlas(
     samples: int,
     is_late: Callable[[], bool] = lambda: False,
 ) -> Atlas:
-    """Return the atlas, with some ``samples`` values of λ in all; what is open when it ``is_late`` is undecided.
+    """Return the atlas, with some ``samples`` values of λ in all; what is open when it ``is_late`` stays so.
 
     Raises
     ------
@@ -84,8 +84,8 @@ def make_atlas(
     body.require_planar()
     if not potential.has_formula:
         raise AtlasNeedsFormulaError(
-            "the potential is given by integrals of F and G that have no formula, and an atlas is proved by bounds of "
-            "formulas; accepted are potentials with a formula of g1, g2 and g3",
+            "the potential is given by integrals of F and G that have no formula, and an atlas is proved by "
+            "bounds of formulas; accepted are potentials with a formula of g1, g2 and g3",
             pointer="/potential",
         )
     with ctx.workprec(BITS):
@@ -118,9 +118,7 @@ def _primed(half: HalfCurves, over: Range) -> tuple[float, float]:
     return ends[0] * (1.0 - 1e-14), ends[1] * (1.0 + 1e-14)
 
 
-def _assembled(
-    halves: Sequence[HalfCurves], parts: Sequence[Part], over: Range, samples: int
-) -> Atlas:
+def _assembled(halves: Sequence[HalfCurves], parts: Sequence[Part], over: Range, samples: int) -> Atlas:
     found, changes, undecided = list[AtlasPart](), list[Change](), list[tuple[arb, arb]]()
     whole = float(np.log(float(over.upper) / float(over.lower)))
     for k, part in enumerate(parts):
@@ -162,7 +160,7 @@ def _change(
 
 
 def _at(beside: Beside, *, upper: bool) -> Beside:
-    """Return it with a single λ next to the end that lies at the change; not too near, that the zeros are apart."""
+    """Return it with a single λ next to the change, and far enough from it that the zeros are apart."""
     stretch = beside.nearest
     end = _logarithm(stretch, upper=upper)
     return Beside(beside.signatures, _at_logarithm(end - AWAY if upper else end + AWAY))

@@ -70,9 +70,7 @@ def series_of(
     row: int,
 ) -> Series:
     """Return the windows at single λ of one part; ``windows`` are those at ``row``."""
-    zeros = [
-        zeros_of(half, single, signature) for half, signature in zip(halves, signatures, strict=True)
-    ]
+    zeros = [zeros_of(half, single, signature) for half, signature in zip(halves, signatures, strict=True)]
     lambda_ = np.array([float(halves[0].sent(each)[0].mid()) for each in single])
     Z, G = equator_of(halves[0], single)
     bands = tuple(_band(halves[0], zeros, Z, G, window, row) for window in windows)

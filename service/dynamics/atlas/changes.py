@@ -1,4 +1,4 @@
-"""Says what changes at a value of λ between two parts: which windows appear, vanish, merge, split or move an end."""
+"""Tells what changes between two parts: windows appear, vanish, merge or split, or an end moves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,11 +6,14 @@ from typing import Literal
 
 import numpy as np
 from flint import arb
+from numpy.typing import NDArray
 
 from service.dynamics.atlas.bands import Measured
 from service.dynamics.atlas.curves import HalfCurves, Stretch
 from service.dynamics.atlas.pictures import EQUATOR, Signature
 from service.dynamics.atlas.zeros import Zeros, zeros_of
+
+FloatArray = NDArray[np.float64]
 
 ChangeKind = Literal[
     "window_appears",
@@ -21,8 +24,8 @@ ChangeKind = Literal[
     "end_at_pole",
     "several",
 ]
-"""As λ grows. Where a window appears or vanishes its motion is an equilibrium; where windows merge or split there is
-a separatrix."""
+"""As λ grows. Where a window appears or vanishes its motion is an equilibrium; where windows merge or split
+there is a separatrix."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,15 +100,16 @@ def _meeting(
     if not gaps.size or np.isnan(gaps).all():
         return 0, None, None
     first = int(np.nanargmin(gaps))
-    return _signs(signature)[first + 1], *(_about(bounds, first) for bounds in _places(half, zeros))
+    g1, g2 = (_about(bounds, first) for bounds in _places(half, zeros))
+    return _signs(signature)[first + 1], g1, g2
 
 
-def _places(half: HalfCurves, zeros: Zeros) -> "list[tuple[np.ndarray[tuple[int, ...], np.dtype[np.float64]], ...]]":
+def _places(half: HalfCurves, zeros: Zeros) -> list[tuple[FloatArray, ...]]:
     sign = half.shape.third_sign if half.shape.is_mirrored else half.shape.first_sign
     g1 = tuple(sign * side[0] for side in zeros.size)
     return [g1, tuple(side[0] for side in zeros.height)]
 
 
-def _about(bounds: "tuple[np.ndarray[tuple[int, ...], np.dtype[np.float64]], ...]", first: int) -> Measured:
+def _about(bounds: tuple[FloatArray, ...], first: int) -> Measured:
     both = np.concatenate([side[first : first + 2] for side in bounds])
     return Measured(np.asarray(0.5 * (both.min() + both.max())), np.asarray(both.max() - both.min()))

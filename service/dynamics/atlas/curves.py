@@ -1,8 +1,8 @@
 """Describes the half curves of one potential, for many λ or stretches of λ at once.
 
-Everything is in primed axes (:mod:`service.dynamics.reduction.geometry.loop`): a body with A < C is mirrored, and
-its primed λ is λ^(−A/C). A stretch of the primed λ is stored as the two doubles that bound k = λ, or k = 1/λ
-where λ > 1, because the bounds of the curve are tight for 0 ≤ k ≤ 1.
+Everything is in primed axes (:mod:`service.dynamics.reduction.geometry.loop`): a body with A < C is
+mirrored, and its primed λ is λ^(−A/C). A stretch of the primed λ is stored as the two doubles that bound
+k = λ, or k = 1/λ where λ > 1, because the bounds of the curve are tight for 0 ≤ k ≤ 1.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,8 @@
 r"""Computes periods of many motions of one window at once, in doubles, with an error that is estimated.
 
-Between two simple zeros of P, v = m − r cos θ makes dt = Z dv / (c √P) a smooth function of θ, and round a whole loop it
-is periodic in v. The midpoint rule converges fast for both; the number of points is doubled until two sums agree, and
-their difference is the estimate.
+Between two simple zeros of P, v = m − r cos θ makes dt = Z dv / (c √P) a smooth function of θ, and round a
+whole loop it is periodic in v. The midpoint rule converges fast for both; the number of points is doubled
+until two sums agree, and their difference is the estimate.
 """
 
 from collections.abc import Callable

@@ -24,7 +24,7 @@ IntArray = NDArray[np.int64]
 
 ROUNDS = 6
 MOST_CUT = 192
-"""Open cells of one stretch of λ that are cut; of a stretch with more of them the halves are looked at instead."""
+"""Open cells of one stretch of λ that are cut; if there are more, its halves are looked at instead."""
 
 Signature = tuple[int, ...]
 """The signs of p² along a half curve from the north pole to the south pole, one for each stretch of one sign
@@ -51,9 +51,7 @@ class Finest:
     """Of the cell next to the equator, where a zero may cross it."""
 
 
-def pictures_of(
-    curves: Curves, starts: Sequence[Picture | None], finest: Sequence[Finest]
-) -> list[Picture]:
+def pictures_of(curves: Curves, starts: Sequence[Picture | None], finest: Sequence[Finest]) -> list[Picture]:
     """Return for each curve what bounds say, open cells being cut.
 
     A start is a picture of curves among which this one is: what it settles stays settled.
@@ -97,7 +95,9 @@ def _first(curves: Curves, starts: Sequence[Picture | None]) -> list[Picture]:
     if again:
         given = {k: start for k, start in enumerate(starts) if start is not None and k in again}
         cells = _together([start.cells.at(again[k]) for k, start in given.items()], list(given))
-        answers = _split(Picture(cells, look_at(curves, cells, with_slope=True), _no_zeros(cells)), list(given))
+        answers = _split(
+            Picture(cells, look_at(curves, cells, with_slope=True), _no_zeros(cells)), list(given)
+        )
         for k, start in given.items():
             found[k] = joined(chosen(start, ~again[k]), answers[k])
     return [picture for picture in found if picture is not None]
@@ -114,7 +114,7 @@ def _first_cells() -> Cells:
 
 
 def _open_cells(picture: Picture) -> BoolArray:
-    """Tell which cells are without a sign, and belong to a gap that is not closed; none that :mod:`.turns` made."""
+    """Tell which cells are without a sign in gaps that are not closed; none that :mod:`.turns` made."""
     is_open = np.zeros(len(picture.found.sign), dtype=np.bool_)
     for first, last in picture.open_gaps():
         is_open[first:last] = True
@@ -143,9 +143,9 @@ def _split(whole: Picture, owners: Sequence[int]) -> dict[int, Picture]:
 
 
 def signature_of(picture: Picture) -> Signature | None:
-    """Return the signs along the half curve if they are the same, and proved, for every λ of the stretch, else None.
+    """Return the signs along the half curve if they are proved, the same for every λ of the stretch, or None.
 
-    Then p² has one simple zero between two signs, and no other, for every λ, and none at the equator or a pole.
+    Then p² has one simple zero between two signs and no other, for every λ; none at the equator or a pole.
     """
     is_settled = picture.is_settled
     north = picture.cells.hemisphere > 0.0
@@ -169,7 +169,7 @@ def _touches_edge(picture: Picture, labels: IntArray) -> bool:
 
 
 def brackets_of(picture: Picture) -> list[Bracket]:
-    """Return the stretches with one zero of p² each, from the north pole to the south pole; of a settled picture."""
+    """Return the stretches of a settled picture with one zero each, from the north to the south pole."""
     found = []
     cells = picture.cells
     for first, last in picture.gaps():

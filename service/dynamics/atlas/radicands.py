@@ -38,7 +38,9 @@ def curve_at(
         log_sine = log_sine_real(sine, square)
         first = shape.first_sign * G * np.exp(alpha * log_sine)
         third = shape.third_sign * Z * sine
-        ratio = np.where(square > 0.0, numerator_real(alpha, log_sine) / np.where(square > 0.0, square, 1.0), alpha)
+        ratio = np.where(
+            square > 0.0, numerator_real(alpha, log_sine) / np.where(square > 0.0, square, 1.0), alpha
+        )
         c = np.sqrt(Z * Z + G * G * ratio)
     g1, g3 = (third, first) if shape.is_mirrored else (first, third)
     return g1, cosine * c, g3, c
@@ -47,7 +49,7 @@ def curve_at(
 def d_on_curves(
     half: HalfCurves, stretches: Sequence[Stretch], side: FloatArray, x: FloatArray
 ) -> FloatArray:
-    """Return D at distances x from the pole g2 = ``side``, for a λ inside each stretch; shape (stretches, n)."""
+    """Return D at distances x from the pole g2 = ``side``, for a λ in each stretch; shape (stretches, n)."""
     Z, G = equator_of(half, stretches)
     g1, g2, g3, _ = curve_at(half, Z, G, np.sin(x), side * np.cos(x))
     with np.errstate(all="ignore"):

@@ -1,12 +1,13 @@
 """Cuts a range of λ into parts on which the zeros of p² keep their number, order and hemispheres, by proof.
 
 Of a stretch of λ it is proved that p² has certain signs on certain parts of the curve, and one simple zero
-between two of them, for every λ in it (:mod:`.pictures`). A stretch of which this is not proved is halved. What
-is still open when it is very narrow encloses a value of λ where something changes, or may change.
+between two of them, for every λ in it (:mod:`.pictures`). A stretch of which this is not proved is halved.
+What is still open when it is very narrow encloses a value of λ where something changes, or may change.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,7 +21,7 @@ NARROW = 1e-9
 RATIO = 2.0
 """Of the ends of the first stretches."""
 FINEST, WIDE = 1 / 8, 1e-3
-"""Cells are cut to this share of the root of the width of a stretch, of one as wide as this without a limit."""
+"""Cells are cut to this share of the root of a stretch's width; of one as wide as this without a limit."""
 MOST_OPEN = 96
 """Stretches that are halved at a time: with more of them nothing is gained."""
 
@@ -84,7 +85,8 @@ def _look_again(
         for k, half in enumerate(halves)
     ]
     found: list[tuple[_Open, tuple[Signature, ...] | None]] = []
-    for stretch, *pictures in zip(stretches, *columns, strict=True):
+    for place, stretch in enumerate(stretches):
+        pictures = [column[place] for column in columns]
         signatures = [signature_of(picture) for picture in pictures]
         known = tuple(signature for signature in signatures if signature is not None)
         found.append((_Open(stretch, tuple(pictures)), known if len(known) == len(halves) else None))
@@ -92,18 +94,18 @@ def _look_again(
 
 
 def first_stretches(low: float, high: float) -> list[Stretch]:
-    """Return stretches that cover ``low`` ≤ λ ≤ ``high``, both positive (primed λ), with ends of the ratio 2 or less."""
-    found = []
+    """Return stretches with ends of the ratio 2 or less that cover ``low`` ≤ λ ≤ ``high`` (primed λ > 0)."""
+    found: list[Stretch] = []
     if low < 1.0:
         top = min(high, 1.0)
         ends = _geometric(low, top)
-        found.extend(Stretch(False, a, b) for a, b in zip(ends, ends[1:], strict=False))
+        found.extend(Stretch(False, a, b) for a, b in pairwise(ends))
     if high > 1.0:
         # 1/λ is rounded: the stretches cover a little more.
         ends = _geometric(
             float(np.nextafter(1.0 / high, 0.0)), min(float(np.nextafter(1.0 / max(low, 1.0), 2.0)), 1.0)
         )
-        found.extend(Stretch(True, a, b) for a, b in zip(ends, ends[1:], strict=False))
+        found.extend(Stretch(True, a, b) for a, b in pairwise(ends))
     return found
 
 

@@ -1,8 +1,8 @@
 r"""Settles stretches of the curve on which D turns at most once, next to two zeros that are about to meet.
 
-Cells alone need a number of them that grows without end there, because bounds of D on a cell are wider than D by
-the width of the cell, while D is as small as its square. Where s X² D ≥ m > 0 on the whole stretch, s being the sign
-of D at both ends, D is convex along the curve, and its values at one place decide:
+The number of cells that would be needed there grows without end, because bounds of D on a cell are wider than
+D by the width of the cell, while D is as small as its square. Where s X² D ≥ m > 0 on the whole stretch, s
+being the sign of D at both ends, s D is convex along the curve; its value and slope at one place decide:
 
 * s D < 0 there: D has two zeros, one on each side;
 * s D > (X D)² / 2m there: D has none.
@@ -113,7 +113,7 @@ def _candidate(owner: int, picture: Picture, gap: tuple[int, int]) -> _Gap | Non
 
 
 def _least_bends(curves: Curves, gaps: Sequence[_Gap]) -> FloatArray:
-    """Return for each gap the smallest |X² D|, with the sign that X² D has all over it; 0 if it has not one."""
+    """Return for each gap the smallest |X² D| with the sign that X² D has all over it; 0 without one."""
     ends = np.array([np.linspace(gap.low, gap.high, BENDS + 1) for gap in gaps])
     *_, (low, high) = derivative_values(curves, _cells(gaps, ends[:, :-1], ends[:, 1:]), 2)
     least, most = (side.reshape(len(gaps), BENDS) for side in (low, high))
@@ -147,12 +147,11 @@ def _turning_places(half: HalfCurves, stretches: Sequence[Stretch], gaps: Sequen
         with np.errstate(all="ignore"):
             move = 0.5 * step * (above - below) / (above - 2.0 * here + below)
         x = np.clip(x - np.nan_to_num(move), low, high)
-    return x[:, 0]
+    found: FloatArray = x[:, 0]
+    return found
 
 
-def _settled(
-    curves: Curves, gaps: Sequence[_Gap], least: FloatArray, centres: FloatArray
-) -> list[Picture]:
+def _settled(curves: Curves, gaps: Sequence[_Gap], least: FloatArray, centres: FloatArray) -> list[Picture]:
     """Return the cells that take the place of each gap."""
     low, high = centres[:, None] * (1.0 - THIN), centres[:, None] * (1.0 + THIN)
     (value, slope) = derivative_values(curves, _cells(gaps, low, high), 1)
@@ -184,9 +183,7 @@ def _decided(
     return _row(gap, (gap.low, gap.high), (0,), (0,))
 
 
-def _row(
-    gap: _Gap, ends: Sequence[float], signs: Sequence[int], slopes: Sequence[int]
-) -> Picture:
+def _row(gap: _Gap, ends: Sequence[float], signs: Sequence[int], slopes: Sequence[int]) -> Picture:
     """Return cells one after the other, with signs and slopes in the order of growing v."""
     n = len(signs)
     order = slice(None) if gap.hemisphere > 0 else slice(None, None, -1)

@@ -25,7 +25,7 @@ THIN = 1e-15
 
 @dataclass(frozen=True, slots=True)
 class Zeros:
-    """The zeros of p² on one half curve for single λ, from the north pole to the south pole; shape (λ, zeros)."""
+    """Zeros of p² on one half curve for single λ, from the north pole to the south pole; shape (λ, zeros)."""
 
     low: FloatArray
     """Bounds of the distance from the pole; where they are not proved, NaN."""
@@ -63,9 +63,7 @@ def _hemispheres(signature: Signature) -> list[int]:
 def _zeros_of(half: HalfCurves, single: Sequence[Stretch], signature: Signature) -> Zeros:
     curves = half.over(single)
     pictures = settled_pictures(half, single, [None] * len(single), [Finest()] * len(single))
-    brackets = [
-        brackets_of(picture) if signature_of(picture) == signature else None for picture in pictures
-    ]
+    brackets = [brackets_of(picture) if signature_of(picture) == signature else None for picture in pictures]
     hemisphere = np.array(_hemispheres(signature), dtype=np.int64)
     low = np.full((len(single), len(hemisphere)), np.nan)
     high = low.copy()

@@ -55,7 +55,7 @@ class _DomainIntervals(IntervalAlgebra):
 
 @dataclass(frozen=True)
 class Curves:
-    """Half loops of one potential, 0 < v < π on the side of one sign of g3: single ones, or all of a stretch of λ."""
+    """Half loops of one potential, 0 < v < π on the side of one sign of g3, of single λ or stretches."""
 
     tape: Tape
     body: RigidBody
@@ -126,7 +126,7 @@ def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
 
 
 def derivative_values(curves: Curves, cells: Cells, order: int) -> list[Bounds]:
-    """Return bounds on each cell of D, X D, … up to this order, times the sign of P / D; NaN where there are none."""
+    """Return bounds of D, X D, … up to this order on each cell, times the sign of P / D; NaN for none."""
     algebra = IntervalAlgebra(scales(curves.loops, cells))
     first, third = axes(algebra, curves.loops, cells)
     g1, g3 = (third, first) if curves.loops.shape.is_mirrored else (first, third)

@@ -1,0 +1,1 @@
+"""The documents of atlases: what is asked, and the answer."""

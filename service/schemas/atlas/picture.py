@@ -1,0 +1,193 @@
+"""Draws an atlas as SVG: windows as bands of g2 over λ, and below them energy and periods."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil, floor, isfinite, log10
+from xml.sax.saxutils import escape
+
+from service.schemas.atlas.replies import AtlasOut, AtlasSamplesOut, AtlasWindowOut
+
+WIDTH, LEFT, RIGHT, TOP, GAP = 860.0, 60.0, 20.0, 58.0, 36.0
+HEIGHTS = (260.0, 120.0, 120.0)
+"""Of the panels: windows, energy, periods."""
+LOGARITHMIC = 10.0
+"""Ratio of the ends of the range from which λ is drawn on a logarithmic axis."""
+COLOURS = ("#3b6ea5", "#c7762b", "#4c8c4a", "#9b4f96", "#a33c3c", "#5f6b7a")
+KINDS = {
+    "window_appears": "a window appears",
+    "window_vanishes": "a window vanishes",
+    "windows_merge": "windows merge",
+    "window_splits": "a window splits",
+    "end_crosses_equator": "an end crosses the equator",
+    "end_at_pole": "an end reaches or leaves a pole",
+    "several": "several changes",
+}
+STYLE = (
+    "text{font:12px system-ui,sans-serif;fill:#222}.title{font-size:14px;font-weight:600}"
+    ".axis{stroke:#888;fill:none}.grid{stroke:#ddd}.change{stroke:#222;stroke-dasharray:4 3}"
+    ".open{fill:#bbb;fill-opacity:.5}"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class _Axis:
+    """Maps numbers to places on the picture."""
+
+    low: float
+    high: float
+    start: float
+    stop: float
+    is_logarithmic: bool = False
+
+    def at(self, value: float) -> float:
+        low, high, x = (
+            (log10(self.low), log10(self.high), log10(value))
+            if self.is_logarithmic
+            else (self.low, self.high, value)
+        )
+        return self.start + (self.stop - self.start) * (x - low) / (high - low)
+
+    def ticks(self) -> list[float]:
+        if self.is_logarithmic:
+            powers = range(floor(log10(self.low)), ceil(log10(self.high)) + 1)
+            found = [m * 10.0**power for power in powers for m in (1.0, 2.0, 5.0)]
+        else:
+            step = _round_step((self.high - self.low) / 5.0)
+            found = [k * step for k in range(ceil(self.low / step), floor(self.high / step) + 1)]
+        return [tick for tick in found if self.low <= tick <= self.high]
+
+
+def _round_step(rough: float) -> float:
+    power = 10.0 ** floor(log10(rough))
+    return next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= rough)
+
+
+def picture_of(atlas: AtlasOut) -> str:
+    """Return an SVG document."""
+    low, high = atlas.lambda_
+    across = _Axis(low, high, LEFT, WIDTH - RIGHT, high / low >= LOGARITHMIC)
+    series = [part.samples for part in atlas.parts if part.samples is not None]
+    tops = [TOP + sum(HEIGHTS[:k]) + GAP * k for k in range(len(HEIGHTS))]
+    bottom = tops[-1] + HEIGHTS[-1]
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {bottom + 44:g}" role="img">',
+        f"<title>{escape(_summary(atlas))}</title><style>{STYLE}</style>",
+        f'<rect width="{WIDTH:g}" height="{bottom + 44:g}" fill="#fff"/>',
+        f'<text class="title" x="{LEFT:g}" y="24">{escape(_summary(atlas))}</text>',
+    ]
+    windows = _Axis(-1.0, 1.0, tops[0] + HEIGHTS[0], tops[0])
+    lines += _frame(across, windows, "g2", is_last=False)
+    for samples in series:
+        for window in samples.windows:
+            lines += _bands(across, windows, samples, window)
+    for k, (name, curves) in enumerate((("energy", _energies(series)), ("period", _periods(series))), 1):
+        found = [(colour, list(points)) for colour, points in curves]
+        values = [y for _, points in found for _, y in points]
+        up = _Axis(*_spread(values), tops[k] + HEIGHTS[k], tops[k])
+        lines += _frame(across, up, name, is_last=k == 2)
+        lines += [_curve(across, up, colour, points) for colour, points in found if len(points) > 1]
+    lines += _marks(atlas, across, bottom)
+    lines.append("</svg>")
+    return "\n".join(lines) + "\n"
+
+
+def _summary(atlas: AtlasOut) -> str:
+    low, high = atlas.lambda_
+    count = len(atlas.changes)
+    many = "no change" if count == 0 else "1 change" if count == 1 else f"{count} changes"
+    rest = f", {len(atlas.undecided)} stretches undecided" if atlas.undecided else ""
+    return f"Windows of planar motions for λ from {low:g} to {high:g}: {many}{rest}"
+
+
+def _frame(across: _Axis, up: _Axis, name: str, *, is_last: bool) -> Iterator[str]:
+    for tick in up.ticks():
+        y = up.at(tick)
+        yield f'<line class="grid" x1="{LEFT:g}" x2="{WIDTH - RIGHT:g}" y1="{y:.1f}" y2="{y:.1f}"/>'
+        yield f'<text x="{LEFT - 8:g}" y="{y + 4:.1f}" text-anchor="end">{tick:.4g}</text>'
+    for tick in across.ticks():
+        x = across.at(tick)
+        yield f'<line class="grid" x1="{x:.1f}" x2="{x:.1f}" y1="{up.stop:.1f}" y2="{up.start:.1f}"/>'
+        if is_last:
+            yield f'<text x="{x:.1f}" y="{up.start + 18:.1f}" text-anchor="middle">{tick:.4g}</text>'
+    if is_last:
+        middle = 0.5 * (LEFT + WIDTH - RIGHT)
+        yield f'<text x="{middle:g}" y="{up.start + 36:.1f}" text-anchor="middle">λ</text>'
+    width, height = WIDTH - RIGHT - LEFT, up.start - up.stop
+    yield f'<rect class="axis" x="{LEFT:g}" y="{up.stop:.1f}" width="{width:g}" height="{height:.1f}"/>'
+    yield f'<text x="{LEFT:g}" y="{up.stop - 7:.1f}">{name}</text>'
+
+
+def _bands(across: _Axis, up: _Axis, samples: AtlasSamplesOut, window: AtlasWindowOut) -> Iterator[str]:
+    colour = COLOURS[window.window % len(COLOURS)]
+    known = [
+        (across.at(x), low, high)
+        for x, low, high in zip(samples.lambda_, *window.g2, strict=True)
+        if low is not None and high is not None
+    ]
+    if len(known) > 1:
+        yield _band(up, colour, window, known)
+        if window.has_mirror_image:
+            yield _band(up, colour, window, [(x, -high, -low) for x, low, high in known])
+
+
+def _band(up: _Axis, colour: str, window: AtlasWindowOut, known: Sequence[tuple[float, float, float]]) -> str:
+    outline = [(x, up.at(high)) for x, _, high in known] + [(x, up.at(low)) for x, low, _ in known[::-1]]
+    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in outline)
+    title = f"window {window.window}: {window.kind}, {window.ends[0]} to {window.ends[1]}"
+    look = f'fill="{colour}" fill-opacity=".45" stroke="{colour}"'
+    return f'<polygon points="{points}" {look}><title>{title}</title></polygon>'
+
+
+_Curve = tuple[str, Iterable[tuple[float, float]]]
+
+
+def _energies(series: Sequence[AtlasSamplesOut]) -> Iterator[_Curve]:
+    for samples in series:
+        # Where there is no motion there is no energy of one.
+        if samples.windows:
+            yield "#222", _known(samples.lambda_, samples.energy)
+
+
+def _periods(series: Sequence[AtlasSamplesOut]) -> Iterator[_Curve]:
+    for samples in series:
+        for window in samples.windows:
+            if window.period is not None:
+                yield COLOURS[window.window % len(COLOURS)], _known(samples.lambda_, window.period)
+
+
+def _known(x: Sequence[float], y: Sequence[float | None]) -> list[tuple[float, float]]:
+    return [(one, other) for one, other in zip(x, y, strict=True) if other is not None]
+
+
+def _curve(across: _Axis, up: _Axis, colour: str, points: Sequence[tuple[float, float]]) -> str:
+    places = " ".join(f"{across.at(x):.1f},{up.at(min(max(y, up.low), up.high)):.1f}" for x, y in points)
+    return f'<polyline points="{places}" fill="none" stroke="{colour}" stroke-width="1.6"/>'
+
+
+def _spread(values: Sequence[float]) -> tuple[float, float]:
+    """Return the ends of an axis: those of the values, without the highest few where they run away."""
+    finite = sorted(value for value in values if isfinite(value))
+    if not finite:
+        return 0.0, 1.0
+    low, high = finite[0], finite[-1]
+    usual = finite[int(0.97 * (len(finite) - 1))]
+    if usual > low and high - low > 4.0 * (usual - low):
+        high = usual
+    room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+    return low - room, high + room
+
+
+def _marks(atlas: AtlasOut, across: _Axis, bottom: float) -> Iterator[str]:
+    for low, high in atlas.undecided:
+        x, width = across.at(low), max(across.at(high) - across.at(low), 1.0)
+        title = f"not decided from {low:g} to {high:g}"
+        yield (
+            f'<rect class="open" x="{x:.1f}" y="{TOP:g}" width="{width:.1f}" height="{bottom - TOP:.1f}">'
+            f"<title>{title}</title></rect>"
+        )
+    for row, change in enumerate(atlas.changes):
+        x = across.at(change.lambda_.value)
+        yield f'<line class="change" x1="{x:.1f}" x2="{x:.1f}" y1="{TOP:g}" y2="{bottom:.1f}"/>'
+        side, off = ("end", -4.0) if x > 0.6 * WIDTH else ("start", 4.0)
+        label = f"{KINDS[change.kind]}, λ = {change.lambda_.value:.6g}"
+        yield f'<text x="{x + off:.1f}" y="{TOP + 16 + 16 * (row % 8):g}" text-anchor="{side}">{label}</text>'

@@ -1,0 +1,108 @@
+"""Reads what ``POST /v1/atlases`` takes: a body, a potential and a range of λ."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from service.dynamics.atlas.atlas import Range
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.potential import Potential
+from service.schemas.problem.members import MEMBERS
+from service.schemas.problem.potentials import PotentialIn
+from service.schemas.problem.problem import each_once
+from service.schemas.problem.rules import read_setting
+from service.schemas.problem.sections import Accept, BodyIn
+from service.schemas.reading.choices import WireModel
+from service.schemas.reading.faults import InvalidProblemError, fault_of
+from service.schemas.reading.numbers import Positive, Sign, refuse
+from service.schemas.reading.parts import read_parts
+
+SMALLEST, LARGEST = Fraction(1, 10**9), Fraction(10**9)
+FEWEST, MOST = 9, 2001
+
+
+def _forward(ends: list[Fraction]) -> list[Fraction]:
+    lower, upper = ends
+    for place, end in enumerate(ends):
+        if not SMALLEST <= end <= LARGEST:
+            raise refuse("out_of_range", f"{float(end):g}; accepted are 1e-9 to 1e9", below=str(place))
+    if not lower < upper or float(lower) == float(upper):
+        raise refuse(
+            "out_of_range", "the second number must be larger than the first, also as a double", below="1"
+        )
+    return ends
+
+
+AtlasOutput = Literal["period"]
+
+
+def _all_outputs() -> list[AtlasOutput]:
+    return ["period"]
+
+
+class AtlasIn(WireModel):
+    """A body, a potential and a range of λ: what ``POST /v1/atlases`` takes."""
+
+    body: BodyIn = Field(description="The rigid body; A ≠ C. B has no meaning here.")
+    potential: PotentialIn = Field(description="The potential, with a formula of g1, g2 and g3.")
+    lambda_: Annotated[list[Positive], Field(min_length=2, max_length=2), AfterValidator(_forward)] = Field(
+        alias="lambda", description="Smallest and largest λ, from 1e-9 to 1e9."
+    )
+    g1_sign: Sign = Field(default=1, description="Sign of g1 on the curves; 1 if left out.")
+    g3_sign: Sign = Field(default=1, description="Sign of g3 where the motion starts; 1 if left out.")
+    samples: Annotated[int, Field(ge=FEWEST, le=MOST)] = Field(
+        default=101,
+        description="About how many λ the windows are followed at; each part has at least 9.",
+    )
+    outputs: Annotated[list[AtlasOutput], Field(max_length=1)] = Field(
+        default_factory=_all_outputs, description="`period`, or nothing, which is faster."
+    )
+    accept: Accept = Field(
+        default="proved",
+        description="`undecided`: the potential may be neither proved admissible nor refuted; the motions are"
+        " then those that it would have.",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class AtlasQuestion:
+    """What an atlas is asked of."""
+
+    body: RigidBody
+    potential: Potential
+    range: Range
+    samples: int
+    wants_period: bool
+    accepts_undecided: bool
+
+
+def read_atlas(document: object) -> AtlasQuestion:
+    """Return what the document asks.
+
+    Raises
+    ------
+    InvalidProblemError
+        Lists every fault.
+    """
+    parts, faults = read_parts(document, AtlasIn, MEMBERS)
+    body, potential = read_setting(document, parts, faults)
+    if body is not None:
+        try:
+            body.require_planar()
+        except DynamicsError as error:
+            faults.append(fault_of(error))
+    match parts:
+        case {
+            "lambda_": [Fraction() as lower, Fraction() as upper],
+            "g1_sign": (1 | -1) as g1_sign,
+            "g3_sign": (1 | -1) as g3_sign,
+            "samples": int(samples),
+            "outputs": list(outputs),
+            "accept": str(accept),
+        } if body is not None and potential is not None and not faults:
+            over = Range(lower, upper, g1_sign, g3_sign)
+            return AtlasQuestion(body, potential, over, samples, bool(outputs), accept == "undecided")
+    raise InvalidProblemError(each_once(faults))
