@@ -47,10 +47,9 @@ def curve_at(
 
 
 def d_on_curves(
-    half: HalfCurves, stretches: Sequence[Stretch], side: FloatArray, x: FloatArray
+    half: HalfCurves, Z: FloatArray, G: FloatArray, side: FloatArray, x: FloatArray
 ) -> FloatArray:
-    """Return D at distances x from the pole g2 = ``side``, for a λ in each stretch; shape (stretches, n)."""
-    Z, G = equator_of(half, stretches)
+    """Return D at distances x from the pole g2 = ``side``, shape (λ, n)."""
     g1, g2, g3, _ = curve_at(half, Z, G, np.sin(x), side * np.cos(x))
     with np.errstate(all="ignore"):
         found: FloatArray = half.potential.D_real(g1, g2, g3)

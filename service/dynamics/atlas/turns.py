@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.atlas.curves import HalfCurves, Stretch
 from service.dynamics.atlas.pictures import Finest, pictures_of
-from service.dynamics.atlas.radicands import d_on_curves
+from service.dynamics.atlas.radicands import d_on_curves, equator_of
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER, Cells
 from service.dynamics.reduction.sign_proofs.cells import Curves, Found, derivative_values
 from service.dynamics.reduction.sign_proofs.signs import Picture, chosen, joined
@@ -127,9 +127,10 @@ def _turning_places(half: HalfCurves, stretches: Sequence[Stretch], gaps: Sequen
     """Return where D turns in each gap for a λ inside the stretch, in doubles: a guess."""
     low, high = (np.array([getattr(gap, end) for gap in gaps])[:, None] for end in ("low", "high"))
     side = np.array([gap.hemisphere for gap in gaps])[:, None]
+    Z, G = equator_of(half, stretches)
 
     def D(x: FloatArray) -> FloatArray:
-        return d_on_curves(half, stretches, side, x)
+        return d_on_curves(half, Z, G, side, x)
 
     left, right = low, high
     shares = np.linspace(0.0, 1.0, GRID)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.atlas.curves import HalfCurves, Stretch, grouped
 from service.dynamics.atlas.pictures import EQUATOR, Finest, Signature, brackets_of, signature_of
-from service.dynamics.atlas.radicands import d_on_curves
+from service.dynamics.atlas.radicands import d_on_curves, equator_of
 from service.dynamics.atlas.turns import settled_pictures
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Cells, heights
 from service.dynamics.reduction.sign_proofs.cells import Curves, look_at
@@ -88,10 +88,11 @@ def _bisected(
     if not low.size:
         return low
     side = hemisphere[None, :].astype(np.float64)
-    at_low = d_on_curves(half, single, side, low)
+    Z, G = equator_of(half, single)
+    at_low = d_on_curves(half, Z, G, side, low)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        is_before = (d_on_curves(half, single, side, middle) > 0.0) == (at_low > 0.0)
+        is_before = (d_on_curves(half, Z, G, side, middle) > 0.0) == (at_low > 0.0)
         low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
     return 0.5 * (low + high)
 
