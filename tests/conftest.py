@@ -1,4 +1,5 @@
 import os
+import sys
 
 import pytest
 from hypothesis import is_hypothesis_test, settings
@@ -16,6 +17,7 @@ from tests.support.databases import (
     url,
 )
 from tests.support.effort import DRAWS_MANY
+from tests.support.forked_workers import IS_POSSIBLE, ForkedWorkers
 from tests.support.processor_time import ProcessorTime
 from workers.computation.compiled_code import keep_compiled_code
 
@@ -46,8 +48,15 @@ __all__ = [
 
 def pytest_configure(config: pytest.Config) -> None:
     keep_compiled_code()
+    if IS_POSSIBLE and config.getoption("tx", None):
+        config.pluginmanager.register(ForkedWorkers())
     if (listed := config.option.durations) is not None:
         config.pluginmanager.register(ProcessorTime(listed))
+
+
+def pytest_xdist_auto_num_workers() -> int | None:
+    """Return one more than there are processors: tests also wait, for their processes or for time to pass."""
+    return len(os.sched_getaffinity(0)) + 1 if sys.platform == "linux" else None
 
 
 @pytest.hookimpl(tryfirst=True)  # before markers choose
