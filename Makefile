@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-# What is compiled from Python's text is kept: the tests start hundreds of processes, and each would compile its own.
+# What is compiled from Python text is kept: the tests start hundreds of processes, and each would compile its own.
 unexport PYTHONDONTWRITEBYTECODE
 
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 5 --dist worksteal

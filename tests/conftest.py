@@ -25,7 +25,7 @@ from workers.computation.compiled_code import keep_compiled_code
 # On CI the same examples are drawn each time, so that a red run is about the change and can be repeated;
 # who runs the tests at home, and the honesty run, draw others every time.
 SAME_EXAMPLES = os.environ.get("CI") == "true"
-settings.register_profile("fast", deadline=None, max_examples=30, derandomize=SAME_EXAMPLES)
+settings.register_profile("fast", deadline=None, max_examples=20, derandomize=SAME_EXAMPLES)
 settings.register_profile("long", deadline=None, max_examples=100, derandomize=SAME_EXAMPLES)
 settings.load_profile("long" if DRAWS_MANY else "fast")
 
