@@ -4,7 +4,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# What is compiled from Python text is kept: the tests start hundreds of processes, and each would compile its own.
+unexport PYTHONDONTWRITEBYTECODE
+
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 5 --dist worksteal
 PYTEST_OPTIONS ?=
 OTHER_PROCESSOR := $(BIN)/python -m tests.support.other_processor
 NUMBERS := tests/golden tests/laws tests/conformance tests/workers/solvers \

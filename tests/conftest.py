@@ -1,4 +1,5 @@
 import os
+import sys
 
 import pytest
 from hypothesis import is_hypothesis_test, settings
@@ -16,6 +17,7 @@ from tests.support.databases import (
     url,
 )
 from tests.support.effort import DRAWS_MANY
+from tests.support.forked_workers import IS_POSSIBLE, ForkedWorkers
 from tests.support.processor_time import ProcessorTime
 from workers.computation.compiled_code import keep_compiled_code
 
@@ -23,7 +25,7 @@ from workers.computation.compiled_code import keep_compiled_code
 # On CI the same examples are drawn each time, so that a red run is about the change and can be repeated;
 # who runs the tests at home, and the honesty run, draw others every time.
 SAME_EXAMPLES = os.environ.get("CI") == "true"
-settings.register_profile("fast", deadline=None, max_examples=30, derandomize=SAME_EXAMPLES)
+settings.register_profile("fast", deadline=None, max_examples=20, derandomize=SAME_EXAMPLES)
 settings.register_profile("long", deadline=None, max_examples=100, derandomize=SAME_EXAMPLES)
 settings.load_profile("long" if DRAWS_MANY else "fast")
 
@@ -46,8 +48,15 @@ __all__ = [
 
 def pytest_configure(config: pytest.Config) -> None:
     keep_compiled_code()
+    if IS_POSSIBLE and config.getoption("tx", None):
+        config.pluginmanager.register(ForkedWorkers())
     if (listed := config.option.durations) is not None:
         config.pluginmanager.register(ProcessorTime(listed))
+
+
+def pytest_xdist_auto_num_workers() -> int | None:
+    """Return one more than there are processors: tests also wait, for their processes or for time to pass."""
+    return len(os.sched_getaffinity(0)) + 1 if sys.platform == "linux" else None
 
 
 @pytest.hookimpl(tryfirst=True)  # before markers choose

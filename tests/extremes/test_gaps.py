@@ -13,6 +13,7 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
 from tests.extremes.elliptic import elliptic, time_to_collision
 from tests.extremes.problems import METHODS, SEPARATRIX, Answer, require_claims, solve, three_terms
+from tests.support.effort import each_once, seldom
 from tests.support.planar import body, formula
 
 ONE, ZERO = Fraction(1), Fraction(0)
@@ -36,8 +37,7 @@ def test_one_ulp_on_either_side_of_the_separatrix(method, upward):
     require_claims(answer, elliptic(ends, nu=ONE, a1=-ONE, b1=ZERO, c1=c1))
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("bits", [52, 60, 100, 210])
+@each_once(bits=[52, 60, 100, 210], sign=[1, -1])
 def test_gaps_below_what_a_double_sees(bits, sign):
     c1 = gap(bits, sign)
     reference = elliptic("PW" if sign > 0 else "PE", nu=ONE, a1=-ONE, b1=ZERO, c1=c1)
@@ -45,15 +45,14 @@ def test_gaps_below_what_a_double_sees(bits, sign):
     require_claims(three_terms(-1, 0, c1, 1, PERIODS, method="quadrature"), reference)
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("bits", [60, 100, 210])
+@each_once(bits=[60, 100, 210], sign=[1, -1])
 def test_gaps_at_the_pole(bits, sign):
     a1 = sign * Fraction(1, 2**bits)
     reference = elliptic("WE" if sign > 0 else "PE", nu=ONE, a1=a1, b1=ZERO, c1=-ONE)
     require_claims(three_terms(a1, 0, -1, 1, PERIODS), reference)
 
 
-@pytest.mark.parametrize("bits", [210, 400])
+@pytest.mark.parametrize("bits", [210, *seldom(400)])
 def test_a_gap_is_not_taken_for_none_when_the_motion_is_asked_long_enough(bits):
     """For 2^-210 the body rests near the equator for 70 units of time, and goes on."""
     late = {"start": 0, "stop": 997, "samples": 45}
@@ -105,7 +104,7 @@ def test_beyond_the_gap_the_motion_lasts_until_its_collision(bits):
     assert beyond_the_gap(bits, times[-2:]).code == "motion_ended"
 
 
-@pytest.mark.parametrize("bits", [95, 210])
+@pytest.mark.parametrize("bits", [95, *seldom(210)])
 def test_a_collision_whose_time_is_not_known_ends_no_motion(bits):
     """A near rest narrower than the panels of a motion that ends makes its time a guess.
 

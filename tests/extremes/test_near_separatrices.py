@@ -14,6 +14,7 @@ from service.storage.codecs.arrays import decode_arrays
 from tests.extremes.elliptic import elliptic
 from tests.extremes.problems import STATE, require_claims, solve, three_terms
 from tests.extremes.test_gaps import ONE, ZERO
+from tests.support.effort import each_once, seldom
 from workers.computation.compute import solve_checked
 from workers.solvers.errors import PeriodNotKnownError, require_period_known
 
@@ -42,10 +43,9 @@ def document(potential, *, body=("2", "1"), time=PERIOD, motion=None, **fields):
     )
 
 
-@pytest.mark.parametrize("sign", ["+", "-"])
-@pytest.mark.parametrize(
-    ("n", "tier"),
-    [(40, "standard"), (100, "draft"), (600, "standard"), (1500, "draft"), (10_000, "standard")],
+@each_once(
+    n__tier=[(40, "standard"), (100, "draft"), (600, "standard"), (1500, "draft"), (10_000, "standard")],
+    sign=["+", "-"],
 )
 def test_periods_and_samples_are_within_their_claims(sign, n, tier):
     exact, bits = reference(sign, n)
@@ -158,7 +158,7 @@ def test_no_proof_and_no_gap_is_refused_by_name():
     assert answer.code == "separatrix_undecided"
 
 
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", [1, *seldom(-1)])
 def test_beside_a_separatrix_at_the_pole_the_period_is_that_of_the_enclosures(sign):
     """There doubles lose it; the function of time says so, and the samples are right."""
     a1 = Fraction(sign, 10**150)

@@ -13,6 +13,7 @@ from flint import arb, ctx
 from service.dynamics.potentials.recognition.three_terms import ThreeTerms
 from tests.extremes.elliptic import elliptic
 from tests.extremes.problems import METHODS, require_claims, solve, three_terms
+from tests.support.effort import each_once, seldom
 from tests.support.planar import body
 from tests.support.witnesses.collision import collision_time
 
@@ -21,8 +22,7 @@ ONE, ZERO = Fraction(1), Fraction(0)
 G1_PERIOD = 6.432310535121612580
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("exponent", [-12, -9, -6, -3, 3, 6, 9, 12])
+@each_once(exponent=[-12, -9, -6, -3, 3, 6, 9, 12], method=METHODS)
 def test_lambda_from_1e_minus_12_to_1e12(method, exponent):
     nu = Fraction(10) ** (2 * exponent)
     # r grows like lambda, times a time that is known to 1e-16 of the period: 1e-16 lambda and some.
@@ -40,8 +40,7 @@ def test_lambda_from_1e_minus_12_to_1e12(method, exponent):
         assert reflected.code == "accuracy_not_met"
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("exponent", [-298, -150, -31, -12, 0, 6, 10])
+@each_once(exponent=[-298, -150, -31, -12, 0, 6, 10], method=METHODS)
 def test_coefficients_of_any_size_scale_the_time(method, exponent):
     k = Fraction(10) ** exponent
     b1, c1 = Fraction(1, 50), Fraction(6, 5)
@@ -127,9 +126,7 @@ def test_a_reflection_at_1e_minus_300_is_not_taken_for_an_end_at_the_pole():
     assert three_terms(-1, "1e-299", 0, 1, start_turn_start, method="quadrature").code == "accuracy_not_met"
 
 
-@pytest.mark.parametrize(
-    "b1", ["-1e-20", *(pytest.param(b1, marks=pytest.mark.long) for b1 in ("-1e-100", "-1e-250")), "-1e-150"]
-)
+@pytest.mark.parametrize("b1", [*seldom("-1e-20", "-1e-100", "-1e-250"), "-1e-150"])
 def test_a_collision_that_tiny_terms_decide_comes_in_finite_time(b1):
     """V = −(g1² − g2²) alone tends to the pole for ever; b1/g3² takes over at x² ~ |b1| and ends it."""
     answer = three_terms(0, b1, -1, 1, {"start": 0, "stop": "1e4", "samples": 2001})

@@ -10,7 +10,7 @@ import pytest
 from tests.benchmarks.hostile_counts import TIERS, HostileRecord, Row, faults_of, measure_hostile
 from tests.support.hostile_judgement import facts_of, judged_tier, judged_verdict
 
-COUNT = 40
+COUNT = 20
 SEED = 20
 """Of problems that the benchmark, with its own seed, does not ask."""
 MOVING = 4

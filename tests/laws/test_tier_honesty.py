@@ -4,11 +4,14 @@ import pytest
 
 from tests.benchmarks.honesty_counts import TIERS, Record, measured
 from tests.support.claims import CLAIMS
+from tests.support.effort import examples
 from tests.support.random_documents import FAMILIES
 
-COUNT = 60
+COUNT = examples(30, 60)
 SEED = 20
 """Of problems that python -m tests.benchmarks.honesty, with its own seed, does not ask."""
+
+pytestmark = pytest.mark.random_law
 
 
 @pytest.fixture(scope="module")

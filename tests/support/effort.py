@@ -1,10 +1,20 @@
-"""How many examples the dearest random laws draw: few in ``make test``, many in ``make test-long``.
+"""What ``make test`` does of a law, and what it leaves to ``make test-long``.
 
-A law is the same with either; many find what is rare. Such tests carry the
-marker ``random_law``, by which ``make test-long`` chooses them.
+Every law is tested by both; ``make test-long`` tests it in more cases, which
+take long and seldom find what the others do not.
+
+- ``examples``: random laws draw few examples or many. Such tests carry the
+  marker ``random_law``, by which ``make test-long`` chooses them.
+- ``seldom``: cases beside others of the same table.
+- ``each_once``: of the combinations of several tables, ``make test`` takes so
+  many that it meets every value of every table.
 """
 
+import itertools
 import os
+from collections.abc import Sequence
+
+import pytest
 
 DRAWS_MANY = os.environ.get("POLHODE_TEST_EXAMPLES") == "many"
 
@@ -12,3 +22,25 @@ DRAWS_MANY = os.environ.get("POLHODE_TEST_EXAMPLES") == "many"
 def examples(few: int, many: int) -> int:
     """Return how many to draw."""
     return many if DRAWS_MANY else few
+
+
+def seldom(*cases: object) -> list:
+    """Return cases of a table, each a value or a tuple of values, that ``make test-long`` tests only."""
+    rows = [case if isinstance(case, tuple) else (case,) for case in cases]
+    return [pytest.param(*row, marks=pytest.mark.long) for row in rows]
+
+
+def each_once(**tables: Sequence[object]) -> pytest.MarkDecorator:
+    """Parametrize by all combinations; ``make test`` takes a diagonal, in which each value occurs.
+
+    A name ``one__two`` stands for two parameters, whose values are pairs.
+    """
+    lengths = [len(values) for values in tables.values()]
+    diagonal = {tuple(k % length for length in lengths) for k in range(max(lengths))}
+    cases = []
+    for places in itertools.product(*map(range, lengths)):
+        case: list[object] = []
+        for (name, values), place in zip(tables.items(), places, strict=True):
+            case.extend(values[place] if "__" in name else [values[place]])
+        cases.append(pytest.param(*case, marks=() if places in diagonal else pytest.mark.long))
+    return pytest.mark.parametrize([part for name in tables for part in name.split("__")], cases)

@@ -18,10 +18,12 @@ from sqlalchemy.exc import OperationalError
 from service.local.wakeup import Doorbell
 from service.storage.database.database import Database
 from service.storage.tables.jobs import JobRow
+from tests.workers.forked_process import ForkedProcess
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 120.0
 """Seconds until a test gives up: what has not happened by then never will, however busy the machine."""
+OWN_NETWORK = ("unshare", "--net")
 
 T = TypeVar("T")
 
@@ -32,11 +34,10 @@ def network_apart() -> tuple[str, ...]:
 
     Files, the sockets of Postgres among them, are shared all the same.
     """
-    command = ("unshare", "--net")
     if shutil.which("unshare") is None:
         return ()
-    allowed = subprocess.run([*command, "true"], capture_output=True).returncode == 0
-    return command if allowed else ()
+    allowed = subprocess.run([*OWN_NETWORK, "true"], capture_output=True).returncode == 0
+    return OWN_NETWORK if allowed else ()
 
 
 def wait_until(condition: Callable[[], T], patience: float = PATIENCE) -> T:
@@ -95,16 +96,29 @@ class Worker:
             **settings,
         }
         environment = {f"POLHODE_{name.upper()}": str(value) for name, value in chosen.items()}
-        environment |= {"CLOCK_SHIFT": str(clock_shift), "PYTHONPATH": str(ROOT)}
-        command = [sys.executable, "-m", "tests.workers.worker_process", str(slots)]
+        environment |= {"CLOCK_SHIFT": str(clock_shift), "PYTHONPATH": str(ROOT), "POLHODE_DATABASE_URL": url}
+        environment = {**os.environ, **environment}
         theirs = None if doorbell is None else doorbell.new_line()
-        self.process = subprocess.Popen(
-            [*begins_with, *command, *([] if theirs is None else [str(theirs.fileno())])],
-            cwd=folder,
-            env={**os.environ, **environment, "POLHODE_DATABASE_URL": url},
-            pass_fds=[] if theirs is None else [theirs.fileno()],
-            start_new_session=True,
-        )
+        descriptors = [] if theirs is None else [theirs.fileno()]
+        self.process: subprocess.Popen[bytes] | ForkedProcess
+        has_own_network = begins_with == OWN_NETWORK
+        if sys.platform != "linux" or (begins_with and not has_own_network):
+            command = [sys.executable, "-m", "tests.workers.worker_process", str(slots)]
+            self.process = subprocess.Popen(
+                [*begins_with, *command, *map(str, descriptors)],
+                cwd=folder,
+                env=environment,
+                pass_fds=descriptors,
+                start_new_session=True,
+            )
+        else:
+            self.process = ForkedProcess(
+                [str(slots)],
+                folder=folder,
+                environment=environment,
+                descriptors=descriptors,
+                has_own_network=has_own_network,
+            )
         if theirs is not None:
             theirs.close()
 

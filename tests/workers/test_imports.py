@@ -15,24 +15,25 @@ print(*{name.partition(".")[0] for name in sys.modules} & {"fastapi", "starlette
 
 COMPUTING = """
 import sys
-import workers.cli.main, workers.process.worker
+import workers.cli.main, workers.cli.solve, workers.process.worker
 names = {name.partition(".")[0] for name in sys.modules} & {"heyoka", "scipy", "sympy", "numba", "pyarrow"}
 print(*names, *({"workers.computation.compute", "workers.solvers"} & set(sys.modules)))
 """
 
 
-def test_a_worker_is_there_before_the_solvers_are_loaded():
+def test_a_worker_and_a_command_are_there_before_the_solvers_are_loaded():
     result = subprocess.run([sys.executable, "-c", COMPUTING], capture_output=True, text=True, check=True)
     assert result.stdout.split() == []
 
 
 CALLING = """
 import contextlib, importlib, sys
+from workers.computation import in_child
 from workers.process import tasks
-for name in tasks.PRELOAD:
+for name in (*tasks.PRELOAD, *in_child.PRELOAD):
     importlib.import_module(name)
 before = set(sys.modules)
-for computation in tasks.COMPUTATIONS.values():
+for computation in (*tasks.COMPUTATIONS.values(), lambda document: in_child.solve_judged(document, "{}")):
     with contextlib.suppress(Exception):
         computation("{}")
 print(*(set(sys.modules) - before))

@@ -1,11 +1,14 @@
 """A real worker for the tests: ``python -m tests.workers.worker_process SLOTS [WAKE_FD]``.
 
-Its clock is wrong by CLOCK_SHIFT seconds of its environment.
+Its clock is wrong by CLOCK_SHIFT seconds of its environment. With ``fork FD``
+it makes such workers, each a fork of itself, whenever it is asked to: see
+``forked_process.py``.
 """
 
 import os
 import sys
 import time
+from collections.abc import Sequence
 
 from tests.workers.chores import CHORES
 
@@ -17,7 +20,7 @@ def shift_clock(seconds: float) -> None:
     time.time_ns = lambda: true_time_ns() + int(seconds * 1e9)
 
 
-def main() -> None:
+def work(arguments: Sequence[str]) -> None:
     # Here, since the fork server imports this module too: what only a worker needs takes a second to load.
     import logging  # noqa: PLC0415
 
@@ -26,8 +29,17 @@ def main() -> None:
 
     shift_clock(float(os.environ["CLOCK_SHIFT"]))
     logging.basicConfig(level=logging.INFO)
-    slots, *wake_fd = map(int, sys.argv[1:])
+    slots, *wake_fd = map(int, arguments)
     run_worker(CHORES, Settings(), slots=slots, wake_fd=wake_fd[0] if wake_fd else None)
+
+
+def main() -> None:
+    if sys.argv[1] != "fork":
+        work(sys.argv[1:])
+        return
+    from tests.workers.forking import fork_whenever_asked  # noqa: PLC0415
+
+    fork_whenever_asked(int(sys.argv[2]), work)
 
 
 if __name__ == "__main__":

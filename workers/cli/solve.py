@@ -13,7 +13,7 @@ from service.storage.codecs.arrays import decode_arrays
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
 from service.verdicts.examination import examine_problem
 from service.verdicts.refusals import refusal_of_reading
-from workers.computation.compute import solve_judged
+from workers.computation.in_child import PRELOAD, solve_judged
 from workers.computation.text import describe, to_csv
 
 
@@ -51,7 +51,7 @@ def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
 def _compute(document: str, settings: Settings) -> SolveOutcome:
     """Compute in a child with the limits of a verdict and of a job, and show a progress sign."""
     console = Console(stderr=True)
-    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=["workers.computation.compute"])
+    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=PRELOAD)
     try:
         with console.status("solving …"):  # shows nothing where stderr is not a terminal
             try:

@@ -5,11 +5,11 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
-import pytest
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.families.gravity import gravity_potential
 from service.dynamics.problem import PlanarMotion
+from tests.support.effort import each_once
 from tests.support.planar import formula, planar
 from tests.support.solving import solve_planar
 from workers.computation.compute import solve_document
@@ -28,8 +28,10 @@ def quadrature(rigid_body, potential, nu, times):
     return solve_planar(planar(rigid_body, potential, PlanarMotion(None, nu=Fraction(nu)), times))
 
 
-@pytest.mark.parametrize("integrator", ["heyoka", "dop853"])
-@pytest.mark.parametrize("text", ["-g1", "-g1 + 1/(20*g3^2)", "-g1 + 1/(50*g3^2) + 6/5*(g1^2 - g2^2)"])
+@each_once(
+    text=["-g1", "-g1 + 1/(20*g3^2)", "-g1 + 1/(50*g3^2) + 6/5*(g1^2 - g2^2)"],
+    integrator=["heyoka", "dop853"],
+)
 def test_right_quadrature_is_confirmed_over_all_its_times(text, integrator):
     rigid_body = body("3/2")
     potential = formula(text, rigid_body)

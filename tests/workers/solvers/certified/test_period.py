@@ -14,7 +14,7 @@ from service.dynamics.problem import PlanarMotion, StartAtRest
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.windows import SeveralWindowsError
 from tests.support.admissible import Case, cases, with_periodic_window
-from tests.support.effort import examples
+from tests.support.effort import examples, seldom
 from tests.support.planar import body, formula
 from tests.workers.solvers.certified.cases import SEPARATRIX, is_inside, three_terms
 from workers.solvers.certified.by_integral import integral_motion, motion_by_integral, periodic_window
@@ -61,7 +61,7 @@ def period_by_mpmath(alpha: mpmath.mpf) -> mpmath.mpf:
     return 2 * mpmath.quad(rate, [0, mpmath.pi])
 
 
-@pytest.mark.parametrize("A", ["3", "5/2", "17/10", "7/5"])
+@pytest.mark.parametrize("A", ["3", *seldom("5/2", "7/5"), "17/10"])
 def test_it_is_that_of_quadrature_by_mpmath(A):
     rigid_body = body(A, 1)
     found = enclose(rigid_body, formula(NOT_EVEN, rigid_body), ON_4_5, [], 128)
@@ -75,7 +75,7 @@ def test_it_is_that_of_quadrature_by_mpmath(A):
     assert float(found.period.rad()) < 1e-38
 
 
-@pytest.mark.parametrize("A", ["3", "5/2", "17/10", "7/5"])
+@pytest.mark.parametrize("A", [*seldom("3", "17/10"), "5/2", "7/5"])
 def test_more_bits_are_inside_fewer_and_as_narrow_as_asked(A):
     rigid_body = body(A, 1)
     potential = formula(NOT_EVEN, rigid_body)
@@ -88,7 +88,7 @@ def test_more_bits_are_inside_fewer_and_as_narrow_as_asked(A):
 
 @pytest.mark.random_law
 @given(cases())
-@settings(max_examples=examples(10, 25), deadline=None)
+@settings(max_examples=examples(5, 25), deadline=None)
 def test_it_is_that_of_pieces_of_time_and_of_windows_found_in_balls(case: Case):
     periodic = with_periodic_window(case)
     assume(periodic is not None)
@@ -129,7 +129,7 @@ def test_it_is_proven_by_a_strip_through_poles_too(text, lambda_):
         assert bool(found.rad() < arb(2) ** -130)
 
 
-@pytest.mark.parametrize("gap", ["1e-3", "-1e-3", "1e-4", "1e-6", "-1e-6"])
+@pytest.mark.parametrize("gap", ["1e-3", *seldom("-1e-3", "1e-4", "1e-6"), "-1e-6"])
 def test_next_to_a_separatrix_it_is_that_of_elliptic_functions(gap):
     text = f"-g1 + {SEPARATRIX * (1 + Fraction(gap))}*(g1^2-g2^2)"
     one, two = (three_terms(text, methods=(method,)) for method in ("elliptic", "integral"))
@@ -195,7 +195,7 @@ def test_one_series_of_time_and_many_pieces_of_it_have_the_same_inverse(A, C, te
             assert max(float(b.rad()) for b in fast) < 2.0**-70
 
 
-@pytest.mark.parametrize("half_width", ["1e-60", "1e-170"])
+@pytest.mark.parametrize("half_width", ["1e-60", *seldom("1e-170")])
 def test_small_oscillations_take_one_time_however_small(half_width):
     rigid_body = body(3, 1)
     text = "(3*g1^2 + g3^2)*((g2 - 1/3)^2 - e^2)"

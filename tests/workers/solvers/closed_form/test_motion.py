@@ -12,6 +12,7 @@ from service.dynamics.potentials.recognition.three_terms import ThreeTerms
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
+from tests.support.effort import each_once
 from tests.support.golden import GOLDEN
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
@@ -155,8 +156,7 @@ TYPES = {
 MIRRORS = [(1, 1), (1, -1), (-1, 1)]
 
 
-@pytest.mark.parametrize("ends", TYPES)
-@pytest.mark.parametrize(("g1_sign", "g3_sign"), MIRRORS)
+@each_once(ends=list(TYPES), g1_sign__g3_sign=MIRRORS)
 def test_every_start_and_mirror_image_is_that_of_the_quadrature(ends, g1_sign, g3_sign):
     rigid_body = body(2, 1)
     potential = formula(TYPES[ends].format(s=f"({g1_sign})"), rigid_body)

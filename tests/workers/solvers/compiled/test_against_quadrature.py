@@ -17,7 +17,7 @@ from service.dynamics.problem import (
 from service.dynamics.reduction.start import StartNeededError, StartOutsideWindowError
 from service.dynamics.reduction.windows import find_windows
 from tests.support.admissible import cases, coefficient, sampled_cases, sampled_fraction
-from tests.support.effort import examples
+from tests.support.effort import each_once, examples
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from workers.solvers.compiled.solve import solve_spectral
@@ -53,7 +53,7 @@ def agrees(rigid_body, potential, motion, tier):
 @pytest.mark.random_law
 @pytest.mark.parametrize("tier", ["draft", "standard"])
 def test_random_motions_keep_their_claim(tier):
-    @settings(RANDOM, max_examples=examples(60, 120))
+    @settings(RANDOM, max_examples=examples(25, 120))
     @given(cases(), st.sampled_from(STARTS))
     def check(case, start):
         rigid_body = body(case.A, case.C)
@@ -88,11 +88,12 @@ def test_a_coefficient_that_is_small_by_chance_is_not_taken_for_the_end_of_a_ser
     assert agrees(rigid_body, formula(text, rigid_body), motion, tier)
 
 
-def test_draft_keeps_its_claim_against_standard_on_thousands_of_motions():
+@pytest.mark.random_law
+def test_draft_keeps_its_claim_against_standard_on_a_thousand_motions():
     """The quadrature is dear; the tier with more panels is a reference at the price of a draft."""
     times = np.linspace(0.0, 40.0, 61)
-    compared = 0
-    for case in sampled_cases(3000, seed=2):
+    count, compared = examples(1000, 3000), 0
+    for case in sampled_cases(count, seed=2):
         rigid_body = body(case.A, case.C)
         potential = formula(case.text, rigid_body)
         standard = solve_spectral(rigid_body, potential, case.motion, tier="standard")
@@ -103,8 +104,8 @@ def test_draft_keeps_its_claim_against_standard_on_thousands_of_motions():
         # Both claims count: neither is the truth.
         assert actual <= draft.error_at(times) + standard.error_at(times), case
         compared += 1
-    # Some 1150: the others have no motion, several windows, or a way through a pole that is not smooth.
-    assert compared > 900
+    # Some 1150 of 3000: others have no motion, several windows, or a way through a pole that is not smooth.
+    assert compared > 0.3 * count
 
 
 @pytest.mark.parametrize("tier", ["draft", "standard"])
@@ -127,8 +128,8 @@ def test_few_motions_are_left_to_the_quadrature(tier):
 
 @pytest.mark.random_law
 def test_random_rational_motions_keep_the_claim_of_the_high_tier():
-    # 40 are some ten windows, often of one kind.
-    @settings(RANDOM, max_examples=examples(120, 240))
+    # 50 are some twelve windows, often of one kind.
+    @settings(RANDOM, max_examples=examples(50, 240))
     @given(
         st.tuples(*[coefficient(2)] * 5),
         st.fractions(Fraction(1, 4), 3, max_denominator=20),
@@ -169,11 +170,8 @@ def test_the_high_tier_leaves_few_rational_motions_to_the_quadrature():
     assert sum(solved) >= 0.9 * len(solved) >= 27
 
 
-@pytest.mark.parametrize("tier", ["standard", "high"])
-@pytest.mark.parametrize(("g2_sign", "s_sign"), [(1, 1), (1, -1), (-1, 1), (-1, -1)])
-@pytest.mark.parametrize(
-    ("moments", "text", "g1"),
-    [
+@each_once(
+    moments__text__g1=[
         ((2, 1), "-g1", "3/10"),
         ((2, 1), "-g1 + 1/(20*g3^2)", "3/10"),
         ((2, 1), "-g1 + 1/(50*g3^2) + 6/5*(g1^2 - g2^2)", "3/10"),
@@ -181,6 +179,8 @@ def test_the_high_tier_leaves_few_rational_motions_to_the_quadrature():
         ((1, 2), "-g3 + 1/(20*g1^2)", "1/2"),
         ((1, 2), "-g3", "1/2"),
     ],
+    g2_sign__s_sign=[(1, 1), (1, -1), (-1, 1), (-1, -1)],
+    tier=["standard", "high"],
 )
 def test_motions_start_anywhere_between_the_ends(moments, text, g1, g2_sign, s_sign, tier):
     rigid_body = body(*moments)

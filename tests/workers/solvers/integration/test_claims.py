@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.families.expression import expression_potential
+from tests.support.effort import examples
 from tests.workers.solvers.integration.cases import NAMES, reference
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.solve import integrate_state
@@ -32,11 +33,12 @@ def flat(problem):
     return [(c, i, j, k) for c, (i, j, k) in problem]
 
 
-@pytest.mark.parametrize(("name", "examples"), [("heyoka", 60), ("dop853", 25)])
-def test_claim_bounds_the_actual_error(name, examples):
+@pytest.mark.random_law
+@pytest.mark.parametrize(("name", "count"), [("heyoka", examples(24, 60)), ("dop853", examples(10, 25))])
+def test_claim_bounds_the_actual_error(name, count):
     factors = []
 
-    @settings(max_examples=examples, deadline=None, derandomize=True, database=None)
+    @settings(max_examples=count, deadline=None, derandomize=True, database=None)
     @given(
         moments,
         moments,
@@ -59,7 +61,7 @@ def test_claim_bounds_the_actual_error(name, examples):
         factors.append(motion.error / max(actual, 1e-16))
 
     check()
-    assert len(factors) >= examples // 2
+    assert len(factors) >= count // 2
     # A bound that is thousands of times too large would be no estimate.
     assert np.median(factors) <= 3000.0
 

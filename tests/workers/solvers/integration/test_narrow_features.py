@@ -11,6 +11,7 @@ import pytest
 
 from service.dynamics.defect.equations import Equations
 from service.dynamics.problem import PlanarMotion
+from tests.support.effort import each_once
 from tests.support.planar import body, formula
 from workers.solvers.integration.errors import StepCollapseError
 from workers.solvers.integration.followed import followed
@@ -35,8 +36,7 @@ def integrated(V, integrator):
     )
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("steepness", STEEPNESS)
+@each_once(steepness=STEEPNESS, integrator=INTEGRATORS)
 def test_a_wall_turns_the_motion_back(integrator, steepness):
     motion = integrated(potential(2, steepness), integrator)
     assert motion.samples[:, 4].max() < 0.3
@@ -44,9 +44,7 @@ def test_a_wall_turns_the_motion_back(integrator, steepness):
     assert motion.evidence["defect_covers"] == 1.0
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("height", [Fraction(1, 100), -2])
-@pytest.mark.parametrize("steepness", STEEPNESS)
+@each_once(steepness=STEEPNESS, integrator=INTEGRATORS, height=[Fraction(1, 100), -2])
 def test_what_is_passed_keeps_the_energy_within_it(integrator, height, steepness):
     """Sampled where the feature is, the energy is that of the start; both runs and this one agree there."""
     V = potential(height, steepness)
