@@ -15,12 +15,14 @@ from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.reading_threads import ReadingThreads
 from service.api.routing import install
+from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.local.restarts import WorkerStanding
 from service.local.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
+from service.storage.examinations.examination_store import ExaminationStore
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
@@ -30,6 +32,7 @@ from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
+from service.verdicts.memory import KeptExaminations
 
 logger = logging.getLogger(__name__)
 
@@ -66,6 +69,7 @@ def create_app(
             retention = Retention(database, older_than_seconds=settings.samples_days * DAY_SECONDS)
         ring = KeyRing(keys)
         presence = ServicePresence(database, host=settings.host_name)
+        examinations = ExaminationStore(database)
         verdicts = VerdictQueue(children, settings, children=VERDICT_WORKERS)
         app.state.resources = Resources(
             settings=settings,
@@ -75,6 +79,7 @@ def create_app(
             sweeps=SweepStore(database, dispatcher),
             sandbox=children,
             verdicts=verdicts,
+            examiner=Examiner(verdicts, KeptExaminations(examinations), examinations),
             reading=ReadingThreads(),
             doorbell=bell,
             metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker),

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 from flint import arb, ctx
 
@@ -93,24 +92,58 @@ def find_windows(
     EqualMomentsError, NuNeedsDoubleMomentError
         The curve does not exist.
     """
-    # Neither the window that is chosen nor the start has a say in it.
-    curve = replace(motion, window=None, start=None)
-    if not isinstance(potential, FormulaPotential):
-        return _all_windows(body, potential, curve, precision)
-    found = _known_windows(body, potential, curve, precision)
+    key = _key(body, potential, motion, precision)
+    found = _KNOWN.get(key)
+    if found is None:
+        try:
+            found = _all_windows(body, potential, motion, precision)
+        except DynamicsError as refusal:
+            found = refusal
+        _remember(key, found)
     if isinstance(found, DynamicsError):
         raise found.with_traceback(None)
     return found
 
 
-@lru_cache(maxsize=KEPT)
-def _known_windows(
-    body: RigidBody, potential: FormulaPotential, motion: PlanarMotion, precision: int
-) -> tuple[Window, ...] | DynamicsError:
-    try:
-        return _all_windows(body, potential, motion, precision)
-    except DynamicsError as refusal:
-        return refusal
+def remember_windows(
+    body: RigidBody, potential: Potential, motion: PlanarMotion, windows: tuple[Window, ...]
+) -> None:
+    """Let :func:`find_windows` answer with windows that it found before, in another process.
+
+    They hold for the precision at which windows are found first.
+    """
+    _remember(_key(body, potential, motion, PRECISION), windows)
+
+
+class _TheSame:
+    """A potential that is equal to no other object: those without a formula are not compared."""
+
+    def __init__(self, potential: Potential) -> None:
+        self._potential = potential
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _TheSame) and other._potential is self._potential
+
+    def __hash__(self) -> int:
+        return id(self._potential)
+
+
+_Key = tuple[RigidBody, Potential | _TheSame, PlanarMotion, int]
+_KNOWN: dict[_Key, tuple[Window, ...] | DynamicsError] = {}
+"""The last KEPT answers, the oldest first."""
+
+
+def _key(body: RigidBody, potential: Potential, motion: PlanarMotion, precision: int) -> _Key:
+    compared = potential if isinstance(potential, FormulaPotential) else _TheSame(potential)
+    # Neither the window that is chosen nor the start has a say in it.
+    return body, compared, replace(motion, window=None, start=None), precision
+
+
+def _remember(key: _Key, found: tuple[Window, ...] | DynamicsError) -> None:
+    _KNOWN[key] = found
+    while len(_KNOWN) > KEPT:
+        # Another thread may have taken the oldest one away.
+        _KNOWN.pop(next(iter(_KNOWN), key), None)
 
 
 def _all_windows(

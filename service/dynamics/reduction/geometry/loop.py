@@ -178,12 +178,17 @@ def make_loop(body: RigidBody, potential: Potential, motion: PlanarMotion) -> Lo
             f"nu = g3²/g1 is constant only for A = 2C (here A/C = {body.alpha}); give lambda",
             pointer="/motion/nu",
         )
+    unset = arb(0)
+    return loop_at(body, potential, motion, unset, unset).refined()
+
+
+def loop_at(body: RigidBody, potential: Potential, motion: PlanarMotion, Z: arb, G: arb) -> Loop:
+    """Return the loop of ``motion``, which exists, with values of Z and G that are known already."""
     mirrored = body.A < body.C
     A, C = (body.C, body.A) if mirrored else (body.A, body.C)
-    unset = arb(0)
     factor = C / ((A - C) * A)
     sign = motion.g3_sign if mirrored else motion.sign_of_g1
-    return Loop(potential, A, C, mirrored, sign, factor, motion.lambda_squared, unset, unset).refined()
+    return Loop(potential, A, C, mirrored, sign, factor, motion.lambda_squared, Z, G)
 
 
 def start_g3_sign(loop: Loop, motion: PlanarMotion) -> int:
