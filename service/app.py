@@ -64,12 +64,12 @@ def create_app(
         children = sandbox or verdict_sandbox(settings)
         statistics = Statistics(database, seen_seconds=SILENT_LEASES * settings.lease_seconds)
         keys = KeyStore(database)
-        retention = None
-        if settings.samples_days is not None:
-            retention = Retention(database, older_than_seconds=settings.samples_days * DAY_SECONDS)
+        days = settings.samples_days
+        retention = Retention(database, older_than_seconds=None if days is None else days * DAY_SECONDS)
         ring = KeyRing(keys)
         presence = ServicePresence(database, host=settings.host_name)
         examinations = ExaminationStore(database)
+        kept = KeptExaminations(examinations)
         verdicts = VerdictQueue(children, settings, children=VERDICT_WORKERS)
         app.state.resources = Resources(
             settings=settings,
@@ -79,10 +79,10 @@ def create_app(
             sweeps=SweepStore(database, dispatcher),
             sandbox=children,
             verdicts=verdicts,
-            examiner=Examiner(verdicts, KeptExaminations(examinations), examinations),
+            examiner=Examiner(verdicts, kept, examinations),
             reading=ReadingThreads(),
             doorbell=bell,
-            metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker),
+            metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker, kept=kept),
             keys=ring,
             limits=LimitGuard(settings, keys),
             presence=presence,
@@ -97,8 +97,7 @@ def create_app(
             yield
         finally:
             presence.close()
-            if retention is not None:
-                retention.close()
+            retention.close()
             await to_thread.run_sync(verdicts.close, limiter=CapacityLimiter(1))
             if sandbox is None:
                 children.close()

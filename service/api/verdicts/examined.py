@@ -53,9 +53,10 @@ class Examiner:
         If all are refused, what was found is stored here, since there is no job to store it with.
         """
         keys = {key for problem in problems for key in (problem.keys.verdict, problem.keys.windows)}
-        kept = self._kept.in_memory(list(keys))
-        if len(kept) < len(keys):
-            kept |= await run_in_threadpool(self._kept.get, sorted(keys - kept.keys()))
+        if len(self._kept.in_memory(list(keys))) == len(keys):
+            kept = self._kept.get(list(keys))
+        else:
+            kept = await run_in_threadpool(self._kept.get, list(keys))
         reply = json.loads(
             await self._verdicts.ask(examine_problems, _text(problems, kept), claimant, crashes=crashes)
         )

@@ -2,12 +2,14 @@
 
 import logging
 from concurrent.futures import ThreadPoolExecutor
+from random import Random
 
 import pytest
 from sqlalchemy import func, select, update
 
 from service.storage.examinations import kept_rows
 from service.storage.examinations.examination_store import ExaminationStore
+from service.storage.inspection.blob_inspection import check_blobs, repair_examinations
 from service.storage.tables.examinations import ExaminationRow
 from service.verdicts.entries import Entry
 
@@ -123,3 +125,20 @@ def test_what_another_version_found_is_trimmed(kept, database, monkeypatch):
     assert kept.trim() == 2
     with database.read() as session:
         assert session.scalar(select(func.count()).select_from(ExaminationRow)) == 1
+
+
+def test_the_inspection_finds_what_is_damaged_and_deletes_it_alone(kept, database):
+    kept.add(entries(120))
+    keys = [entry.key for entry in entries(70)]
+    with database.write() as session:
+        session.execute(update(ExaminationRow).where(ExaminationRow.key.in_(keys)).values(content=b"{}"))
+
+    def finding():
+        found = check_blobs(database, sample=None, random=Random(1))
+        return next(each for each in found if each.code == "examinations")
+
+    assert (finding().broken, finding().is_clean) == (70, True)
+    assert repair_examinations(database).mended == 70
+    assert finding().broken == 0
+    assert repair_examinations(database) is None
+    assert keys_in(database) == {entry.key for entry in entries(50, first=70)}
