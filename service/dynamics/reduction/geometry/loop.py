@@ -86,6 +86,8 @@ class Loop:
     G: arb
     balls: dict[int, tuple[arb, arb]] = field(default_factory=dict, init=False, compare=False, repr=False)
     """alpha and the factor as balls, cached by precision, since every point needs them."""
+    smooth: dict[int, bool] = field(default_factory=dict, init=False, compare=False, repr=False)
+    """Whether V is smooth at the poles, cached by precision."""
 
     @property
     def alpha(self) -> Fraction:
@@ -100,7 +102,11 @@ class Loop:
         """
         if self.alpha.denominator != 1 or self.alpha.numerator % 2:
             return False
-        return all(_has_bounded_curvature(self.potential, pole) for pole in (1, -1))
+        smooth = self.smooth.get(ctx.prec)
+        if smooth is None:
+            smooth = all(_has_bounded_curvature(self.potential, pole) for pole in (1, -1))
+            self.smooth[ctx.prec] = smooth
+        return smooth
 
     def refined(self) -> "Loop":
         """Return the loop with Z and G recomputed at the current precision."""
