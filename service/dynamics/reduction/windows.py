@@ -12,9 +12,9 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc, ArcEnd
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.root_finding.radicand import HalfLoop
-from service.dynamics.reduction.root_finding.zeros import PoleKind, Region, ZeroKind
+from service.dynamics.reduction.root_finding.zeros import PoleKind, Region, Zero, ZeroKind
 from service.dynamics.reduction.separatrices import resolved
-from service.dynamics.reduction.sides import has_one_limit
+from service.dynamics.reduction.sides import has_one_limit, is_even
 from service.dynamics.reduction.structure import proved_half
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows_of_arcs import windows_of
@@ -195,7 +195,7 @@ def _arcs(loop: Loop, g3_sign: int, scan: Callable[[Loop, int], HalfLoop]) -> li
     first_open = half.signs[0] > 0 and half.first_pole == "passable"
     last_open = half.signs[-1] > 0 and half.last_pole == "passable"
     signs = list(half.signs)
-    other = scan(loop, -g3_sign) if first_open or last_open else None
+    other = _mirror_half(loop, half, g3_sign, scan) if first_open or last_open else None
     if other is not None:
         poles: tuple[Region, Region] = ("north", "south") if g3_sign > 0 else ("south", "north")
         first_open = first_open and other.last_pole == "passable" and has_one_limit(loop, poles[0])
@@ -224,6 +224,14 @@ def _arcs(loop: Loop, g3_sign: int, scan: Callable[[Loop, int], HalfLoop]) -> li
         if at.end in ("double", "flat") and left < 0 and right < 0
     ]
     return sorted(arcs + isolated, key=lambda arc: float(arc.lower))
+
+
+def _mirror_half(loop: Loop, half: HalfLoop, g3_sign: int, scan: Callable[[Loop, int], HalfLoop]) -> HalfLoop:
+    """Return the other half of the loop: the mirror image, to the last bit, if the formula is even there."""
+    if half.slow or not is_even(loop):
+        return scan(loop, -g3_sign)
+    zeros = tuple(Zero(-zero.v, zero.kind) for zero in reversed(half.zeros))
+    return HalfLoop(zeros, half.signs[::-1], half.last_pole, half.first_pole)
 
 
 def _beyond(other: HalfLoop, pole: arb, *, before: bool) -> _Break:
