@@ -15,7 +15,7 @@ from service.api.keys.limits import check_problem_samples
 from service.api.middleware.error_handlers import refusal_of
 from service.api.replies.errors import ApiError
 from service.api.verdicts.children import verdict_in
-from service.api.verdicts.examined import Found, ToExamine
+from service.api.verdicts.examined import ExaminedProblem, ToExamine
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import AccuracyTable
 from service.dynamics.errors import DynamicsError
@@ -201,7 +201,9 @@ def settle(
     return Accepted(document, problem_digest(checked.canonical), checked.problem)
 
 
-def _judged(problem: Checked, found: Found | None, table: AccuracyTable | None) -> JudgedDocument | ApiError:
+def _judged(
+    problem: Checked, found: ExaminedProblem | None, table: AccuracyTable | None
+) -> JudgedDocument | ApiError:
     if found is None:
         return JudgedDocument(problem, None, table)
     try:
@@ -212,10 +214,10 @@ def _judged(problem: Checked, found: Found | None, table: AccuracyTable | None) 
 
 async def _examine(
     inside: Resources, problems: Mapping[int, ToExamine], claimant: Claimant
-) -> dict[int, Found | ApiError]:
+) -> dict[int, ExaminedProblem | ApiError]:
     """Examine problems by queued calls; one call takes problems with the same potential."""
     deadline = time.monotonic() + LIST_VERDICTS * inside.settings.verdict_seconds
-    found: dict[int, Found | ApiError] = {}
+    found: dict[int, ExaminedProblem | ApiError] = {}
     for index, problem in problems.items():
         known = inside.examiner.known(problem)
         if known is not None:

@@ -46,11 +46,6 @@ def examination_version() -> str:
     return "/".join(map(str, parts))
 
 
-def verdict_key(canonical: Mapping[str, object]) -> str:
-    """Return the key of the verdict on a canonical document with ``body`` and ``potential``."""
-    return _key("verdict", *_setting(canonical))
-
-
 def keys_of(canonical: Mapping[str, object]) -> ExaminationKeys:
     """Return the keys of a canonical problem with a planar motion."""
     setting, motion = _setting(canonical), canonical["motion"]

@@ -22,10 +22,11 @@ from service.dynamics.reduction.windows import (
     PRECISION,
     NoMotionError,
     choose_window,
+    find_windows,
 )
 from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
-from service.dynamics.verdict.verdict import Verdict
+from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.problem import Question, read_problem, read_question
 from service.verdicts.documents import (
     NAMELESS,
@@ -54,13 +55,7 @@ def examine_question(document_json: str) -> str:
 
     A whole problem gets the error of :func:`examine_problem`, as a job would.
     """
-    answer = judge_question(json.loads(document_json), Kept({}), (None, None))
-    return json.dumps(answer, allow_nan=False)
-
-
-def judge_question(document: object, kept: Kept, keys: Keys) -> Answer:
-    """Answer as :func:`examine_question`, with what is ``kept`` under the keys of verdict and windows."""
-    return answer_or_refusal(document, lambda document: _judge_question(document, kept, keys))
+    return json.dumps(answer_or_refusal(json.loads(document_json), _judge_question), allow_nan=False)
 
 
 def examine_problem(document_json: str, *, explains: bool = True) -> str:
@@ -121,11 +116,11 @@ def answer_ping() -> str:
     return "alive"
 
 
-def _judge_question(document: object, kept: Kept, keys: Keys) -> Answer:
+def _judge_question(document: object) -> Answer:
     question = read_question(document)
     if question.problem is not None and isinstance(question.motion, StateMotion):
         return {"verdict": None}
-    verdict = kept.verdict(keys[0], question.body, question.potential)
+    verdict = decide(question.body, question.potential, verdict_deadline())
     answer = verdict_document(question.body, verdict, question.potential)
     accepts = question.problem is not None and question.problem.problem.accept == "undecided"
     refusal = None if question.problem is None else refusal_of_verdict(verdict, answer, accepts)
@@ -137,7 +132,7 @@ def _judge_question(document: object, kept: Kept, keys: Keys) -> Answer:
         return {"verdict": {**answer, "nearest": nearest}}
     if isinstance(question.motion, PlanarMotion):
         with ctx.workprec(PRECISION):
-            found = kept.windows(keys[1], question.body, question.potential, question.motion)
+            found = find_windows(question.body, question.potential, question.motion)
             existence = None
             if not found:
                 existence = Searches(1).document(question.body, question.potential, question.motion)

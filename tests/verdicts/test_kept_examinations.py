@@ -13,7 +13,7 @@ from service.dynamics.reduction.windows import find_windows, remember_windows
 from service.dynamics.verdict.verdict import NumericEvidence, Verdict, decide
 from service.schemas.problem.problem import check_problem, read_question
 from service.verdicts import kept
-from service.verdicts.entries import keys_of, verdict_key
+from service.verdicts.entries import keys_of
 from service.verdicts.exact_balls import NotExactError, read_ball, write_ball
 from service.verdicts.kept_verdicts import read_verdict, write_verdict
 from service.verdicts.kept_windows import read_windows, write_windows
@@ -232,11 +232,6 @@ def test_a_formula_that_names_B_depends_on_it():
     one, other = (keys(body={"A": 2, "B": B, "C": 1}, potential=potential) for B in (1, "3/2"))
     assert one.verdict != other.verdict
     assert one.windows != other.windows
-
-
-def test_the_key_of_a_verdict_needs_no_motion():
-    canonical = check_problem(document()).canonical
-    assert verdict_key({name: canonical[name] for name in ("body", "potential")}) == keys().verdict
 
 
 def undecided_verdict(*given):

@@ -26,7 +26,7 @@ class ToExamine:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class ExaminedProblem:
     """The answer to one problem."""
 
     answer: Answer
@@ -40,14 +40,14 @@ class Examiner:
     def __init__(self, verdicts: VerdictQueue, kept: KeptExaminations, store: ExaminationStore) -> None:
         self._verdicts, self._kept, self._store = verdicts, kept, store
 
-    def known(self, problem: ToExamine) -> Found | None:
+    def known(self, problem: ToExamine) -> ExaminedProblem | None:
         """Return the answer to a problem that this process has examined before."""
         content = self._kept.in_memory([problem.keys.answer]).get(problem.keys.answer)
-        return None if content is None else Found(json.loads(content), self._entries(problem))
+        return None if content is None else ExaminedProblem(json.loads(content), self._entries(problem))
 
     async def examine(
         self, problems: Sequence[ToExamine], claimant: Claimant, *, crashes: int = 1
-    ) -> list[Found]:
+    ) -> list[ExaminedProblem]:
         """Return the answers of one child to some problems; raises what :meth:`VerdictQueue.ask` raises.
 
         If all are refused, what was found is stored here, since there is no job to store it with.
@@ -71,7 +71,7 @@ class Examiner:
         if entries and all("error" in answer for answer in answers):
             await run_in_threadpool(self._store.add, entries)
         return [
-            Found(answer, () if "error" in answer else self._entries(problem))
+            ExaminedProblem(answer, () if "error" in answer else self._entries(problem))
             for problem, answer in zip(problems, answers, strict=True)
         ]
 
