@@ -15,12 +15,14 @@ from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.reading_threads import ReadingThreads
 from service.api.routing import install
+from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.local.restarts import WorkerStanding
 from service.local.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
+from service.storage.examinations.examination_store import ExaminationStore
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
@@ -30,6 +32,7 @@ from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
+from service.verdicts.memory import KeptExaminations
 
 logger = logging.getLogger(__name__)
 
@@ -61,11 +64,12 @@ def create_app(
         children = sandbox or verdict_sandbox(settings)
         statistics = Statistics(database, seen_seconds=SILENT_LEASES * settings.lease_seconds)
         keys = KeyStore(database)
-        retention = None
-        if settings.samples_days is not None:
-            retention = Retention(database, older_than_seconds=settings.samples_days * DAY_SECONDS)
+        days = settings.samples_days
+        retention = Retention(database, older_than_seconds=None if days is None else days * DAY_SECONDS)
         ring = KeyRing(keys)
         presence = ServicePresence(database, host=settings.host_name)
+        examinations = ExaminationStore(database)
+        kept = KeptExaminations(examinations)
         verdicts = VerdictQueue(children, settings, children=VERDICT_WORKERS)
         app.state.resources = Resources(
             settings=settings,
@@ -75,9 +79,10 @@ def create_app(
             sweeps=SweepStore(database, dispatcher),
             sandbox=children,
             verdicts=verdicts,
+            examiner=Examiner(verdicts, kept, examinations),
             reading=ReadingThreads(),
             doorbell=bell,
-            metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker),
+            metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker, kept=kept),
             keys=ring,
             limits=LimitGuard(settings, keys),
             presence=presence,
@@ -92,8 +97,7 @@ def create_app(
             yield
         finally:
             presence.close()
-            if retention is not None:
-                retention.close()
+            retention.close()
             await to_thread.run_sync(verdicts.close, limiter=CapacityLimiter(1))
             if sandbox is None:
                 children.close()

@@ -12,6 +12,7 @@ from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.reading_threads import ReadingThreads
+from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.jobs.store import JobStore
 from service.local.restarts import WorkerStanding
@@ -35,6 +36,7 @@ class Resources:
     sweeps: SweepStore
     sandbox: Sandbox
     verdicts: VerdictQueue
+    examiner: Examiner
     reading: ReadingThreads
     doorbell: Doorbell
     metrics: Metrics

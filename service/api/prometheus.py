@@ -23,6 +23,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from service.jobs.states import AttemptOutcome, JobKind
 from service.local.restarts import WorkerStanding
 from service.storage.upkeep.statistics import BOUNDS, LIVE, Durations, Figures, Statistics
+from service.verdicts.memory import KeptExaminations
 
 logger = logging.getLogger(__name__)
 
@@ -40,6 +41,7 @@ class Metrics:
         *,
         version: str,
         local_worker: Callable[[], WorkerStanding] | None = None,
+        kept: KeptExaminations | None = None,
     ) -> None:
         self._registry = CollectorRegistry()
         self._requests = Histogram(
@@ -53,6 +55,8 @@ class Metrics:
         self._registry.register(self._database)
         if local_worker is not None:
             self._registry.register(WorkerCollector(local_worker))
+        if kept is not None:
+            self._registry.register(KeptCollector(kept))
         ProcessCollector(registry=self._registry)
 
     def observe(self, method: str, route: str, status: int, seconds: float) -> None:
@@ -80,6 +84,21 @@ class WorkerCollector(Collector):
         )
         says = "Time until it is started again after an early death; 0 while it runs."
         yield GaugeMetricFamily("polhode_local_worker_pause_seconds", says, now.seconds_to_start or 0.0)
+
+
+class KeptCollector(Collector):
+    """Collects how often verdicts and windows were kept already."""
+
+    def __init__(self, kept: KeptExaminations) -> None:
+        self._kept = kept
+
+    def collect(self) -> Iterator[Metric]:
+        """Yield the counter."""
+        says = "Verdicts and windows that were asked for: kept already, or not."
+        looked_up = CounterMetricFamily("polhode_examinations", says, labels=["outcome"])
+        for outcome, count in zip(("kept", "missing"), self._kept.counts, strict=True):
+            looked_up.add_metric([outcome], count)
+        yield looked_up
 
 
 class _DatabaseCollector(Collector):

@@ -5,7 +5,7 @@ import json
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from http import HTTPStatus
 
 from starlette.concurrency import run_in_threadpool
@@ -14,7 +14,8 @@ from service.api.dependencies import Resources
 from service.api.keys.limits import check_problem_samples
 from service.api.middleware.error_handlers import refusal_of
 from service.api.replies.errors import ApiError
-from service.api.verdicts.children import examine, verdict_in
+from service.api.verdicts.children import verdict_in
+from service.api.verdicts.examined import ExaminedProblem, ToExamine
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import AccuracyTable
 from service.dynamics.errors import DynamicsError
@@ -26,7 +27,7 @@ from service.schemas.problem.problem import CheckedProblem, check_problem, probl
 from service.schemas.reading.faults import Fault, InvalidProblemError, first_of
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
-from service.verdicts.examination import examine_problem, examine_problems
+from service.verdicts.entries import Entry, keys_of
 
 MOST_PROBLEMS = 1000
 """Problems in one request, whose body has a size limit too."""
@@ -51,13 +52,8 @@ class Checked:
 
     checked: CheckedProblem
     document: _Document
-    text: str
-    """The document as JSON."""
-
-    @property
-    def needs_verdict(self) -> bool:
-        """False for a motion from any state."""
-        return needs_verdict(self.checked)
+    to_examine: ToExamine | None
+    """None for a motion from any state, which needs no verdict."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +63,10 @@ class Accepted:
     document: _Document
     digest: str
     problem: Problem
+    windows: str | None = None
+    """Key of the windows of its curve."""
+    entries: tuple[Entry, ...] = ()
+    """What its examination found, to be stored with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +76,13 @@ class JudgedDocument:
     problem: Checked
     verdict: _Verdict
     table: AccuracyTable | None
+    entries: tuple[Entry, ...] = ()
 
     def accepted(self) -> Accepted:
         """Return the problem as it is queued: a budget is turned into a tier."""
-        window = window_of(self.verdict)
-        return settle(self.problem.document, self.problem.checked, window, self.table)
+        window, asked = window_of(self.verdict), self.problem.to_examine
+        settled = settle(self.problem.document, self.problem.checked, window, self.table)
+        return replace(settled, windows=None if asked is None else asked.keys.windows, entries=self.entries)
 
     def accepted_or_refusal(self) -> Accepted | ApiError:
         """Return the same, or the refusal if no tier is expected to keep its budget."""
@@ -100,7 +102,10 @@ def check(document: object, settings: Settings) -> Checked:
     checked = check_problem(document)
     check_problem_samples(checked.problem, settings)
     assert isinstance(document, dict)
-    return Checked(checked, document, json.dumps(document))
+    to_examine = None
+    if needs_verdict(checked):
+        to_examine = ToExamine(json.dumps(document), keys_of(checked.canonical))
+    return Checked(checked, document, to_examine)
 
 
 def check_each(documents: Sequence[object], settings: Settings) -> list[Checked | ApiError]:
@@ -132,11 +137,13 @@ def check_each(documents: Sequence[object], settings: Settings) -> list[Checked 
 async def accept(inside: Resources, problem: Checked, holder: ApiKey | None) -> JudgedDocument:
     """Examine one problem. Raises its refusal."""
     table = await run_in_threadpool(_reserve, inside, holder, [problem])
-    verdict = None
-    if problem.needs_verdict:
+    if problem.to_examine is None:
+        return JudgedDocument(problem, None, table)
+    found = inside.examiner.known(problem.to_examine)
+    if found is None:
         claimant = Claimant(None if holder is None else holder.id)
-        verdict = await examine(inside.verdicts, examine_problem, problem.text, claimant)
-    return JudgedDocument(problem, verdict, table)
+        (found,) = await inside.examiner.examine([problem.to_examine], claimant)
+    return JudgedDocument(problem, verdict_in(found.answer), table, found.entries)
 
 
 async def accept_many(
@@ -154,16 +161,18 @@ async def accept_many(
     if given:
         table = await run_in_threadpool(_reserve, inside, holder, list(given.values()))
     claimant = Claimant(None if holder is None else holder.id, is_list=True)
-    verdicts = await _examine(inside, {k: each for k, each in given.items() if each.needs_verdict}, claimant)
+    examined = await _examine(
+        inside, {k: each.to_examine for k, each in given.items() if each.to_examine is not None}, claimant
+    )
     answers: list[JudgedDocument | ApiError] = []
     for index, problem in enumerate(problems):
-        verdict = verdicts.get(index)
+        found = examined.get(index)
         if isinstance(problem, ApiError):
             answers.append(problem)
-        elif isinstance(verdict, ApiError):
-            answers.append(verdict)
+        elif isinstance(found, ApiError):
+            answers.append(found)
         else:
-            answers.append(JudgedDocument(problem, verdict, table))
+            answers.append(_judged(problem, found, table))
     if all(isinstance(answer, ApiError) and answer.status == _BUSY for answer in answers):
         assert isinstance(answers[0], ApiError)
         raise answers[0]
@@ -192,48 +201,61 @@ def settle(
     return Accepted(document, problem_digest(checked.canonical), checked.problem)
 
 
+def _judged(
+    problem: Checked, found: ExaminedProblem | None, table: AccuracyTable | None
+) -> JudgedDocument | ApiError:
+    if found is None:
+        return JudgedDocument(problem, None, table)
+    try:
+        return JudgedDocument(problem, verdict_in(found.answer), table, found.entries)
+    except ApiError as refusal:
+        return refusal
+
+
 async def _examine(
-    inside: Resources, problems: Mapping[int, Checked], claimant: Claimant
-) -> dict[int, _Verdict | ApiError]:
+    inside: Resources, problems: Mapping[int, ToExamine], claimant: Claimant
+) -> dict[int, ExaminedProblem | ApiError]:
     """Examine problems by queued calls; one call takes problems with the same potential."""
     deadline = time.monotonic() + LIST_VERDICTS * inside.settings.verdict_seconds
-    verdicts: dict[int, _Verdict | ApiError] = {}
-    waiting = deque(await run_in_threadpool(_batches, problems))
+    found: dict[int, ExaminedProblem | ApiError] = {}
+    for index, problem in problems.items():
+        known = inside.examiner.known(problem)
+        if known is not None:
+            found[index] = known
+    waiting = deque(_batches({k: each for k, each in problems.items() if k not in found}))
 
     async def examine_some() -> None:
         while waiting:
             batch = waiting.popleft()
             if time.monotonic() > deadline:
-                verdicts.update(dict.fromkeys(batch, refusal_of(SandboxTimeoutError())))
+                found.update(dict.fromkeys(batch, refusal_of(SandboxTimeoutError())))
                 continue
-            text = f"[{', '.join(problems[index].text for index in batch)}]"
             alone = len(batch) == 1
             try:
-                answers = json.loads(
-                    await inside.verdicts.ask(examine_problems, text, claimant, crashes=1 if alone else 0)
+                answers = await inside.examiner.examine(
+                    [problems[index] for index in batch], claimant, crashes=1 if alone else 0
                 )
             except ApiError as busy:
-                verdicts.update(dict.fromkeys(batch, busy))
+                found.update(dict.fromkeys(batch, busy))
             except _LIMITS as fault:
                 if alone:
-                    verdicts[batch[0]] = refusal_of(fault)
+                    found[batch[0]] = refusal_of(fault)
                 else:
                     # One of them caused it and must not fail the others.
                     waiting.extend([index] for index in batch)
             else:
-                verdicts.update(zip(batch, map(_verdict_or_refusal, answers), strict=True))
+                found.update(zip(batch, answers, strict=True))
 
     async with asyncio.TaskGroup() as group:
         for _ in range(min(_AT_WORK, len(waiting))):
             group.create_task(examine_some())
-    return verdicts
+    return found
 
 
-def _batches(problems: Mapping[int, Checked]) -> list[list[int]]:
+def _batches(problems: Mapping[int, ToExamine]) -> list[list[int]]:
     settings: dict[str, list[int]] = {}
     for index, problem in problems.items():
-        document = problem.document
-        settings.setdefault(json.dumps([document["body"], document["potential"]]), []).append(index)
+        settings.setdefault(problem.keys.verdict, []).append(index)
     # Problems with different potentials share calls too, since each call has a fixed cost.
     alone = [indices[0] for indices in settings.values() if len(indices) == 1]
     several = [indices for indices in settings.values() if len(indices) > 1]
@@ -242,10 +264,3 @@ def _batches(problems: Mapping[int, Checked]) -> list[list[int]]:
         for indices in [*several, alone]
         for start in range(0, len(indices), _TOGETHER)
     ]
-
-
-def _verdict_or_refusal(answer: Mapping[str, object]) -> _Verdict | ApiError:
-    try:
-        return verdict_in(answer)
-    except ApiError as refusal:
-        return refusal

@@ -66,10 +66,14 @@ def prune(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="only report what would be deleted")] = False,
     database_url: DatabaseUrl = None,
 ) -> None:
-    """Delete old samples, which are recomputed on request; the service may keep running."""
+    """Delete old samples and surplus examinations, which are recomputed on request.
+
+    The service may keep running.
+    """
     from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
 
     from service.storage.database.database import Database  # noqa: PLC0415
+    from service.storage.examinations.examination_store import ExaminationStore  # noqa: PLC0415
     from service.storage.upkeep.retention import DAY_SECONDS, prune_samples  # noqa: PLC0415
 
     settings = settings_of(database_url=database_url)
@@ -82,9 +86,11 @@ def prune(
     database = Database(settings.database_url)
     try:
         pruned = prune_samples(database, older_than_seconds=seconds, dry_run=dry_run)
+        trimmed = ExaminationStore(database).trim(dry_run=dry_run)
     except SQLAlchemyError as fault:
         fail(f"not finished: {getattr(fault, 'orig', None) or fault}", REFUSED)
     finally:
         database.close()
     done = "would be deleted" if dry_run else "deleted"
-    say(f"samples of {pruned.solutions} solutions, {pruned.data_bytes / 1e6:.1f} MB, {done}")
+    samples = f"samples of {pruned.solutions} solutions, {pruned.data_bytes / 1e6:.1f} MB"
+    say(f"{samples}, and {trimmed} kept examinations {done}")

@@ -56,6 +56,8 @@ class Claim:
     """For a chunk: the document of its sweep."""
     sweep_id: str | None = None
     lane: Lane = Lane.SINGLE
+    windows: str = ""
+    """The windows of its curve, as its examination found them; empty where they are not kept."""
 
     @property
     def payload(self) -> Mapping[str, object]:

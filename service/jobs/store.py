@@ -12,18 +12,27 @@ from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome
 from service.jobs.states import JobState
+from service.verdicts.entries import Entry
 
 
 class JobStore(Protocol):
     """Jobs and their results. Instants and leases are by the database's clock."""
 
     def submit(
-        self, problem: Mapping[str, object], digest: str, *, priority: int = 0, key_id: str | None = None
+        self,
+        problem: Mapping[str, object],
+        digest: str,
+        *,
+        priority: int = 0,
+        key_id: str | None = None,
+        examination: str | None = None,
+        found: Sequence[Entry] = (),
     ) -> Job:
         """Store a job for a canonical problem document, on the account of a key.
 
         If a solution of the same digest is stored, the job has succeeded already,
-        with that solution and ``reused``.
+        with that solution and ``reused``. ``examination`` is the key of the windows of
+        its curve; ``found`` is what its examination found, and is kept.
         """
         ...
 
@@ -34,10 +43,12 @@ class JobStore(Protocol):
         priority: int = 0,
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
+        examinations: Sequence[str | None] = (),
+        found: Sequence[Entry] = (),
     ) -> tuple[Job, ...]:
         """Do the same for several problems with their digests: all of them are stored, or none.
 
-        They wait in ``lane``.
+        They wait in ``lane``. ``examinations`` has a key, or None, for each of them, or is empty.
         """
         ...
 

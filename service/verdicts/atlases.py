@@ -12,7 +12,7 @@ from service.dynamics.atlas.changes import Change
 from service.dynamics.verdict.verdict import decide
 from service.schemas.atlas.reading import AtlasQuestion, read_atlas
 from service.verdicts.documents import Document, verdict_document
-from service.verdicts.examination import verdict_deadline
+from service.verdicts.kept import verdict_deadline
 from service.verdicts.refusals import answer_or_refusal, refusal_of_verdict
 from service.verdicts.searches import deadline
 

@@ -6,8 +6,9 @@ limits.
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any  # what was read from JSON
 
 from flint import ctx
 
@@ -39,13 +40,12 @@ from service.verdicts.documents import (
     verdict_document,
     window_document,
 )
+from service.verdicts.kept import Kept, Keys, verdict_deadline
 from service.verdicts.refusals import answer_or_refusal, refusal_of_verdict
-from service.verdicts.searches import Searches, deadline, refusal_without_motion
+from service.verdicts.searches import Searches, refusal_without_motion
 
 Answer = Document
 
-VERDICT_PROCESSOR_SECONDS, VERDICT_SECONDS = 4.0, 7.0
-"""After either limit an open verdict stays undecided; what follows it takes time too."""
 MOST_SEARCHES = 4
 """Searches for λ with motions in one list of problems; each takes some tenths of a second."""
 
@@ -55,7 +55,7 @@ def examine_question(document_json: str) -> str:
 
     A whole problem gets the error of :func:`examine_problem`, as a job would.
     """
-    return _answer(document_json, _judge_question)
+    return json.dumps(answer_or_refusal(json.loads(document_json), _judge_question), allow_nan=False)
 
 
 def examine_problem(document_json: str, *, explains: bool = True) -> str:
@@ -84,31 +84,36 @@ def examine_document(document: object, *, explains: bool = True) -> Examined:
     def judge(document: object) -> Answer:
         nonlocal problem
         problem = read_problem(document)
-        return _judge_problem(document, problem, {}, searches)
+        return _judge_problem(problem, Kept({}), (None, None), searches)
 
     answer = answer_or_refusal(document, judge)
     return Examined(answer, problem)
 
 
-def examine_problems(documents_json: str) -> str:
-    """Answer for each problem of a list as :func:`examine_problem`; equal potentials are judged once."""
-    verdicts: dict[str, Verdict] = {}
-    searches = Searches(MOST_SEARCHES)
+def examine_problems(text: str) -> str:
+    """Examine each problem of a list as :func:`examine_problem`; use what is kept, and return what is found.
 
-    def judge(document: object) -> Answer:
-        return _judge_problem(document, read_problem(document), verdicts, searches)
+    ``text`` is ``{"problems": [{"document", "verdict", "windows"}, …], "kept": {key: content}}``; in each
+    problem are the keys of its verdict and of the windows of its curve, null where it has none. The answer
+    is ``{"answers": […], "found": {key: content}}``.
+    """
+    asked = json.loads(text)
+    kept, searches = Kept(asked["kept"]), Searches(MOST_SEARCHES)
 
-    answers = [answer_or_refusal(document, judge) for document in json.loads(documents_json)]
-    return json.dumps(answers, allow_nan=False)
+    def judge(asked_problem: Mapping[str, Any]) -> Answer:
+        keys = asked_problem["verdict"], asked_problem["windows"]
+        return answer_or_refusal(
+            asked_problem["document"],
+            lambda document: _judge_problem(read_problem(document), kept, keys, searches),
+        )
+
+    answers = [judge(problem) for problem in asked["problems"]]
+    return json.dumps({"answers": answers, "found": kept.found}, allow_nan=False)
 
 
 def answer_ping() -> str:
     """Answer that the child is alive."""
     return "alive"
-
-
-def _answer(document_json: str, judge: Callable[[object], Answer]) -> str:
-    return json.dumps(answer_or_refusal(json.loads(document_json), judge), allow_nan=False)
 
 
 def _judge_question(document: object) -> Answer:
@@ -179,31 +184,18 @@ def _require_asked(question: Question, motion: PlanarMotion, windows: tuple[Wind
     return window
 
 
-def verdict_deadline() -> Callable[[], bool]:
-    """Return when an open verdict is to stay undecided."""
-    return deadline(VERDICT_PROCESSOR_SECONDS, VERDICT_SECONDS)
-
-
-def _judge_problem(
-    document: object,
-    problem: Problem,
-    known: dict[str, Verdict],
-    searches: Searches,
-) -> Answer:
-    """Judge a problem; ``known`` remembers the verdicts on potentials."""
+def _judge_problem(problem: Problem, kept: Kept, keys: Keys, searches: Searches) -> Answer:
+    """Judge a problem, with what is ``kept`` under the keys of its verdict and of its windows."""
     if isinstance(problem.motion, StateMotion):
         return {"verdict": None}
-    assert isinstance(document, dict)
-    setting = json.dumps([document["body"], document["potential"]])
-    if setting not in known:
-        known[setting] = decide(problem.body, problem.potential, verdict_deadline())
-    verdict = known[setting]
+    of_verdict, of_windows = keys
+    verdict = kept.verdict(of_verdict, problem.body, problem.potential)
     answer = verdict_document(problem.body, verdict, problem.potential)
     refusal = refusal_of_verdict(verdict, answer, problem.accept == "undecided")
     if refusal is not None:
         return refusal
     with ctx.workprec(PRECISION):
-        windows = find_windows(problem.body, problem.potential, problem.motion)
+        windows = kept.windows(of_windows, problem.body, problem.potential, problem.motion)
         try:
             window = _require_motion(problem, problem.motion, windows)
         except NoMotionError as error:

@@ -70,12 +70,15 @@ def test_a_database_that_cannot_be_had_is_a_reason(polhode, tmp_path, solved, co
 
 def test_pruning_says_what_it_does(polhode, solved, monkeypatch):
     assert polhode("prune", "--samples-older-than", "1m") == (
-        0, "samples of 0 solutions, 0.0 MB, deleted",
+        0, "samples of 0 solutions, 0.0 MB, and 0 kept examinations deleted",
     )  # fmt: skip
     monkeypatch.setenv("POLHODE_SAMPLES_DAYS", "0.00000001")  # a millisecond
-    assert polhode("prune", "--dry-run") == (0, "samples of 1 solutions, 1.5 MB, would be deleted")
-    assert polhode("prune") == (0, "samples of 1 solutions, 1.5 MB, deleted")
-    assert polhode("prune") == (0, "samples of 0 solutions, 0.0 MB, deleted")
+    assert polhode("prune", "--dry-run") == (
+        0,
+        "samples of 1 solutions, 1.5 MB, and 0 kept examinations would be deleted",
+    )
+    assert polhode("prune") == (0, "samples of 1 solutions, 1.5 MB, and 0 kept examinations deleted")
+    assert polhode("prune") == (0, "samples of 0 solutions, 0.0 MB, and 0 kept examinations deleted")
 
 
 @pytest.mark.parametrize("arguments", [[], ["--samples-older-than", "soon"], ["--samples-older-than", "-1d"]])

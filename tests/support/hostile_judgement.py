@@ -15,6 +15,7 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import Motion
 from service.schemas.problem.problem import read_problem
 from service.verdicts.examination import examine_problems, examine_question
+from tests.support.examinations import examination_of
 from tests.support.hostile_documents import Document, draw
 from tests.support.hostile_motions import BITS, TrueMotion, TrueWindow, motion_of, setting_of
 from tests.support.hostile_reference import UnknownError
@@ -203,7 +204,8 @@ def _asked(motion: Facts, way: str) -> Document:
 def _examined(motion_json: str) -> list[Facts]:
     """Return what the service says of a motion asked in each of WAYS, as of a list of problems."""
     motion = json.loads(motion_json)
-    reports: list[Facts] = json.loads(examine_problems(json.dumps([_asked(motion, way) for way in WAYS])))
+    asked = examination_of([_asked(motion, way) for way in WAYS])
+    reports: list[Facts] = json.loads(examine_problems(json.dumps(asked)))["answers"]
     return reports
 
 

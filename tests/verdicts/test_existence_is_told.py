@@ -9,6 +9,7 @@ from service.schemas.replies.verdict import ExistenceOut
 from service.schemas.replies.verdict_text import Answer, describe_verdict
 from service.verdicts import examination
 from service.verdicts import searches as searching
+from tests.support.examinations import examination_of
 from workers.computation.compute import solve_checked, solve_document
 from workers.sweeping.chunk import compute_chunk
 
@@ -143,14 +144,18 @@ def test_sweeps_do_not_search(searches):
     assert searches == []
 
 
+def examined(problems):
+    return json.loads(examination.examine_problems(json.dumps(examination_of(problems))))["answers"]
+
+
 def test_a_list_searches_once_for_problems_that_differ_in_lambda_and_not_for_too_many(searches):
     alike = [problem(f"1/{n}", potential=expression("g1")) for n in range(1, 5)]
-    answers = json.loads(examination.examine_problems(json.dumps(alike)))
+    answers = examined(alike)
     assert len(searches) == 1
     assert all("there is none for any lambda" in answer["error"]["detail"] for answer in answers)
     searches.clear()
     unlike = [problem(potential=expression(f"{n}*g1")) for n in range(1, 8)]
-    answers = json.loads(examination.examine_problems(json.dumps(unlike)))
+    answers = examined(unlike)
     assert len(searches) == examination.MOST_SEARCHES
     assert ["existence" in answer["error"] for answer in answers] == [True] * 4 + [False] * 3
     assert all(answer["error"]["code"] == "no_motion" for answer in answers)

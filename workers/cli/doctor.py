@@ -11,7 +11,7 @@ from service.escaping import one_line
 from service.sandbox import Sandbox
 from service.settings import Settings, read_settings
 from service.storage.database.database import Database
-from service.storage.inspection.blob_inspection import check_blobs
+from service.storage.inspection.blob_inspection import check_blobs, repair_examinations
 from service.storage.inspection.inspect import Finding, check_schema, inspect, repair
 from service.terminal import answer, say
 from workers.computation.reproduction import Repetition, Sameness, repeat_solutions
@@ -58,10 +58,17 @@ def _examine(
 ) -> Report:
     if not (schema := check_schema(database)).is_clean:
         return Report([schema], [], [])
-    mended = list(repair(database)) if fix else []
+    mended = list(_mend(database)) if fix else []
     findings = list(inspect(database))
     findings += check_blobs(database, sample=None if every else PACKETS, random=random)
     return Report(findings, mended, _repeat(database, settings, sample, random))
+
+
+def _mend(database: Database) -> Iterator[Finding]:
+    yield from repair(database)
+    damaged = repair_examinations(database)
+    if damaged is not None:
+        yield damaged
 
 
 def _repeat(database: Database, settings: Settings, count: int, random: Random) -> list[Repetition]:

@@ -13,7 +13,8 @@ from service.dynamics.bounds import is_within
 from service.dynamics.equations.orientation import orientation_columns
 from service.dynamics.errors import BudgetTooSmallError, DynamicsError
 from service.dynamics.motion import COLUMNS, CrossCheck, Motion
-from service.dynamics.problem import Problem
+from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.reduction.windows import remember_windows
 from service.dynamics.solution.dense_output import DenseOutput
 from service.jobs.outcome import Refused, Solved, SolveOutcome
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
@@ -21,6 +22,7 @@ from service.schemas.problem.problem import place_sent, read_problem
 from service.storage.codecs.arrays import encode_arrays, encode_dense
 from service.storage.solutions.accuracy_store import shipped_table
 from service.verdicts.examination import Examined, examine_document
+from service.verdicts.kept_windows import read_windows
 from workers.computation.certification import beside_enclosures, certified_samples, with_tolerance_kept
 from workers.computation.compiled_code import keep_compiled_code
 from workers.computation.outputs import find_out
@@ -32,8 +34,10 @@ from workers.solvers.planar.choose import choose_enclosures, find_motion
 FloatArray = NDArray[np.float64]
 
 
-def solve_document(document_json: str) -> SolveOutcome:
+def solve_document(document_json: str, windows_json: str = "") -> SolveOutcome:
     """Solve the problem in ``document_json``; what cannot be solved is told in the outcome, not raised.
+
+    ``windows_json`` has the windows of its curve, if they were kept: they are not found again.
 
     Raises
     ------
@@ -46,6 +50,9 @@ def solve_document(document_json: str) -> SolveOutcome:
         problem = read_problem(document)
     except DynamicsError as fault:
         return _refused(document, fault)
+    if windows_json and isinstance(problem.motion, PlanarMotion):
+        windows = read_windows(windows_json, problem.body, problem.potential, problem.motion)
+        remember_windows(problem.body, problem.potential, problem.motion, windows)
     return _solve_read(document, problem, began)
 
 

@@ -1,6 +1,7 @@
 """Writes the solution document that a client reads, without ids and arrays."""
 
 from dataclasses import asdict
+from functools import cache
 from importlib.metadata import version
 
 import numpy as np
@@ -18,6 +19,9 @@ from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability
 
 Document = dict[str, object]
+
+_version_of = cache(version)
+"""Reading the metadata of a package takes longer than many a motion."""
 
 
 def summarise(
@@ -61,7 +65,7 @@ def _cross_check(check: CrossCheck) -> Document:
 def provenance() -> Document:
     """Return what computes here. What is equal in all of it gives equal problems the same bits."""
     return {
-        "version": version("polhode"),
+        "version": _version_of("polhode"),
         "numerics": NUMERICS,
         "processor": processor(),
         "libraries": libraries(),

@@ -23,8 +23,11 @@ from service.storage.database.availability import is_away
 
 logger = logging.getLogger(__name__)
 
-Computation = Callable[[str], Outcome]
-"""A module-level function from :attr:`Claim.payload`, as JSON text, to the outcome of the job."""
+Computation = Callable[..., Outcome]
+"""A module-level function from :attr:`Claim.payload`, as JSON text, to the outcome of the job.
+
+If the windows of its curve are kept, their text comes second.
+"""
 Computations = Mapping[JobKind, Computation]
 
 START_SECONDS = 20.0
@@ -185,9 +188,10 @@ class Runner:
         self._runs.clear()
 
     def _start(self, claim: Claim, *, was_owed: bool) -> None:
-        document, compute = json.dumps(claim.payload), self._computations[claim.kind]
+        compute = self._computations[claim.kind]
+        given = [json.dumps(claim.payload), *([claim.windows] if claim.windows else ())]
         fields = {**_fields(claim), "worker": self._name}
-        future = self._sandbox.submit(call_about, fields, compute, document, seconds=self._limits.job_seconds)
+        future = self._sandbox.submit(call_about, fields, compute, *given, seconds=self._limits.job_seconds)
         now = time.monotonic()
         self._runs[claim.job_id] = _Run(
             claim, was_owed, future, self._next_heartbeat(), now, now + START_SECONDS

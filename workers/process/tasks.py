@@ -13,11 +13,11 @@ PRELOAD = ("workers.computation.compute", "workers.sweeping.chunk")
 """Modules for the fork server: what the functions here import when they are called."""
 
 
-def solve_problem(document_json: str) -> SolveOutcome:
+def solve_problem(document_json: str, windows_json: str = "") -> SolveOutcome:
     """Call :func:`workers.computation.compute.solve_document`."""
     from workers.computation.compute import solve_document  # noqa: PLC0415
 
-    return solve_document(document_json)
+    return solve_document(document_json, windows_json)
 
 
 def solve_chunk(document_json: str) -> ChunkOutcome:

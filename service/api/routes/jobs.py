@@ -136,7 +136,14 @@ async def _submit_one(
 
 def _queue(examined: JudgedDocument, inside: Resources, holder: ApiKey | None, priority: int) -> Job:
     problem, key_id = examined.accepted(), None if holder is None else holder.id
-    job = inside.jobs.submit(problem.document, problem.digest, priority=priority, key_id=key_id)
+    job = inside.jobs.submit(
+        problem.document,
+        problem.digest,
+        priority=priority,
+        key_id=key_id,
+        examination=problem.windows,
+        found=problem.entries,
+    )
     if not job.is_finished:
         inside.doorbell.ring()
     return job
@@ -188,6 +195,8 @@ def _queue_list(
             key_id=None if holder is None else holder.id,
             # A list of one problem waits in the lane of single problems.
             lane=Lane.SINGLE if len(accepted) == 1 else Lane.LIST,
+            examinations=[problem.windows for problem in accepted],
+            found=[entry for problem in accepted for entry in problem.entries],
         )
     )
     inside.doorbell.ring()

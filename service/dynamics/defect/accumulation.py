@@ -9,13 +9,13 @@ holds on the whole of every settled stretch.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.stretches import Stretches, cut, intervals_for
+from service.dynamics.defect.stretches import Cutter, Stretches, intervals_for
 from service.dynamics.solution.dense_output import DenseOutput, chebyshev_coefficients, chebyshev_points
 
 FloatArray = NDArray[np.float64]
@@ -70,27 +70,55 @@ class Accumulated:
         return float(spans[self.is_settled].sum()) / whole if whole != 0.0 else 1.0
 
 
-def blocks_of(
-    dense: DenseOutput, evaluate: Evaluate, bound: Bound | None, goal: float
-) -> Iterator[StretchBatch]:
-    """Cut the pieces of ``dense``, some at a time; without a ``bound`` they stay whole and without one."""
-    lengths = np.diff(dense.breaks)
-    whole = float(lengths.sum())
-    for first in range(0, len(lengths), _BLOCK):
+class Blocks:
+    """The pieces of ``dense``, some at a time; without a ``bound`` they stay whole and without one."""
+
+    def __init__(self, dense: DenseOutput, evaluate: Evaluate, bound: Bound | None) -> None:
+        self._dense, self._evaluate, self._bound = dense, evaluate, bound
+        self._lengths = np.diff(dense.breaks)
+        self._cutters: dict[int, Cutter] = {}
+        self._found: dict[int, tuple[Stretches, StretchBatch]] = {}
+
+    def cut(self, goal: float) -> Iterator[StretchBatch]:
+        """Yield the stretches for a goal; those cut as for the goal before are not evaluated anew."""
+        whole = float(self._lengths.sum())
+        for first in range(0, len(self._lengths), _BLOCK):
+            found = self._stretches(first, goal, whole)
+            known = self._found.get(first)
+            if known is None or not _are_equal(known[0], found):
+                known = self._found[first] = found, self._batch(first, found)
+            # Bounds are finite only where the goal is met.
+            stretches = replace(known[1].stretches, tail=found.tail)
+            yield replace(known[1], stretches=stretches)
+
+    def _stretches(self, first: int, goal: float, whole: float) -> Stretches:
         part = slice(first, first + _BLOCK)
-        coefficients, spans = dense.coefficients[part], lengths[part]
-        if bound is None:
+        spans = self._lengths[part]
+        if self._bound is None:
             count = len(spans)
             none = np.full((count, 6), np.nan)
-            found = Stretches(np.arange(count), np.zeros(count), np.ones(count), none)
-        else:
-            found = cut(coefficients, spans, bound, goal * float(spans.sum()) / whole)
-        states = _states(coefficients, found)
-        halves = 0.5 * spans[found.piece] * found.half
-        rates, integrals = evaluate(states.reshape(-1, 6))
+            return Stretches(np.arange(count), np.zeros(count), np.ones(count), none)
+        if first not in self._cutters:
+            self._cutters[first] = Cutter(self._dense.coefficients[part], spans, self._bound)
+        return self._cutters[first].cut(goal * float(spans.sum()) / whole)
+
+    def _batch(self, first: int, found: Stretches) -> StretchBatch:
+        part = slice(first, first + _BLOCK)
+        states = _states(self._dense.coefficients[part], found)
+        halves = 0.5 * self._lengths[part][found.piece] * found.half
+        rates, integrals = self._evaluate(states.reshape(-1, 6))
         moved = Stretches(found.piece + first, found.middle, found.half, found.tail)
         shape = states.shape[:2]
-        yield StretchBatch(moved, halves, states, rates.reshape(*shape, 6), integrals.reshape(*shape, 3))
+        return StretchBatch(moved, halves, states, rates.reshape(*shape, 6), integrals.reshape(*shape, 3))
+
+
+def _are_equal(one: Stretches, other: Stretches) -> bool:
+    """Tell whether pieces are cut at the same places, whatever the bounds."""
+    return (
+        np.array_equal(one.piece, other.piece)
+        and np.array_equal(one.middle, other.middle)
+        and np.array_equal(one.half, other.half)
+    )
 
 
 @np.errstate(all="ignore")

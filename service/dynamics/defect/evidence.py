@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within, largest
-from service.dynamics.defect.accumulation import StretchBatch, accumulate, blocks_of
+from service.dynamics.defect.accumulation import Blocks, StretchBatch, accumulate
 from service.dynamics.defect.equations import Equations
 from service.dynamics.defect.unresolved import hides_something
 from service.dynamics.motion import Estimate
@@ -81,9 +81,10 @@ def hold_against_equations(
     has_formula = equations.tape is not None
     goal = max(GOAL * claim, FINEST * float(np.abs(dense.coefficients).max(initial=1.0)))
     bound = equations.bound if has_formula else None
+    pieces = Blocks(dense, equations.at, bound)
     for wanted in (max(goal, COARSE), goal):
         # What was not resolved shows at once, where bounds to the last digit would be dear.
-        blocks = list(blocks_of(dense, equations.at, bound, wanted))
+        blocks = list(pieces.cut(wanted))
         found = accumulate(dense, blocks, has_bounds=has_formula)
         defect = float(found.sizes.max())
         if found.truncation <= goal or defect - found.truncation > FAR * claim + COARSE:

@@ -87,9 +87,8 @@ def intervals_for(degree: int) -> int:
     return max(INTERVALS, degree + 8)
 
 
-@np.errstate(all="ignore")
-def cut(coefficients: FloatArray, lengths: FloatArray, bound: Bound, goal: float) -> Stretches:
-    """Cut pieces until the integral of what interpolation leaves out is below ``goal`` in all.
+class Cutter:
+    """Cuts the same pieces for one goal or for several: what does not depend on the goal is found once.
 
     Parameters
     ----------
@@ -97,34 +96,54 @@ def cut(coefficients: FloatArray, lengths: FloatArray, bound: Bound, goal: float
         Of the pieces, shape (pieces, degree + 1, 6).
     lengths
         Their lengths in time, shape (pieces,).
-    goal
-        Shared out by length. What cannot be settled stays without a bound.
     """
-    factor = 4.0 * RHO ** -intervals_for(coefficients.shape[1] - 1) / (RHO - 1.0)
-    allowed = goal / float(lengths.sum())
-    geometry = _Geometry(coefficients)
-    count = len(lengths)
-    waiting = _Places(np.arange(count), np.zeros(count), np.ones(count))
-    # The parts of few pieces cost next to nothing beside these.
-    ahead = np.zeros((0, 6))
-    done: list[Stretches] = []
-    for generation in range(GENERATIONS + 1):
-        if generation == 0 and count <= FEW:
-            bounds = factor * bound(*geometry.discs(waiting.and_parts())).T
-            tail, ahead = bounds[:count], bounds[count:]
-        elif len(ahead):
-            tail, ahead = ahead, ahead[:0]
-        else:
-            tail = factor * bound(*geometry.discs(waiting)).T
-        is_done = np.asarray((tail <= allowed).all(axis=1))
-        is_last = generation == GENERATIONS or np.count_nonzero(~is_done) > MAX_WAITING + count
-        kept = np.ones_like(is_done) if is_last else is_done
-        tail[~is_done] = np.nan
-        done.append(Stretches(waiting.piece[kept], waiting.middle[kept], waiting.half[kept], tail[kept]))
-        if kept.all():
-            break
-        waiting, ahead = waiting.only(~kept).parts(), ahead[(~kept).repeat(PARTS)] if len(ahead) else ahead
-    return _in_order(done)
+
+    def __init__(self, coefficients: FloatArray, lengths: FloatArray, bound: Bound) -> None:
+        self._lengths, self._bound = lengths, bound
+        self._factor = 4.0 * RHO ** -intervals_for(coefficients.shape[1] - 1) / (RHO - 1.0)
+        self._geometry = _Geometry(coefficients)
+        self._first: FloatArray | None = None
+
+    @np.errstate(all="ignore")
+    def cut(self, goal: float) -> Stretches:
+        """Cut the pieces until the integral of what interpolation leaves out is below ``goal`` in all.
+
+        The goal is shared out by length. What cannot be settled stays without a bound.
+        """
+        allowed = goal / float(self._lengths.sum())
+        count = len(self._lengths)
+        waiting = _Places(np.arange(count), np.zeros(count), np.ones(count))
+        # The parts of few pieces cost next to nothing beside these.
+        ahead = np.zeros((0, 6))
+        done: list[Stretches] = []
+        for generation in range(GENERATIONS + 1):
+            if generation == 0:
+                bounds = self._first_tails(waiting)
+                tail, ahead = bounds[:count].copy(), bounds[count:].copy()
+            elif len(ahead):
+                tail, ahead = ahead, ahead[:0]
+            else:
+                tail = self._tails(waiting)
+            is_done = np.asarray((tail <= allowed).all(axis=1))
+            is_last = generation == GENERATIONS or np.count_nonzero(~is_done) > MAX_WAITING + count
+            kept = np.ones_like(is_done) if is_last else is_done
+            tail[~is_done] = np.nan
+            done.append(Stretches(waiting.piece[kept], waiting.middle[kept], waiting.half[kept], tail[kept]))
+            if kept.all():
+                break
+            waiting = waiting.only(~kept).parts()
+            ahead = ahead[(~kept).repeat(PARTS)] if len(ahead) else ahead
+        return _in_order(done)
+
+    def _tails(self, places: _Places) -> FloatArray:
+        tails: FloatArray = self._factor * self._bound(*self._geometry.discs(places)).T
+        return tails
+
+    def _first_tails(self, whole: _Places) -> FloatArray:
+        """Return the tails of the whole pieces, and of few ones those of their parts too."""
+        if self._first is None:
+            self._first = self._tails(whole.and_parts() if len(self._lengths) <= FEW else whole)
+        return self._first
 
 
 class _Geometry:

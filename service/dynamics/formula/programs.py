@@ -8,7 +8,7 @@ Its text is made of numbers of registers and fixed words: nothing that a client 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, Literal  # Any: a function of balls or of complex ones
 
 from flint import acb, ctx, fmpq
@@ -25,6 +25,8 @@ OFTEN = 24
 """Evaluations of one kind after which a program pays for its making."""
 LONGEST = 4000
 """Steps of a program: making longer ones takes longer than is sure to be saved."""
+FORMULAS = 64
+"""Whose programs are kept for the next problem."""
 PRECISIONS = 16
 """For which the constants of a program are kept."""
 
@@ -49,16 +51,20 @@ class Way:
     kind: Kind
     trace: "Callable[[Tape, Tracer], tuple[Sequence[Traced], Sequence[Traced]]]"
     """From a tape to the inputs and the results, as values of the tracer."""
+    is_shared: bool = False
+    """What is traced depends on the tape alone: equal tapes of later problems have the same program."""
+    often: int = OFTEN
 
 
 class Programs:
-    """The programs of one tape, by the way it is asked; made when it has been asked OFTEN."""
+    """The programs of one tape, by the way it is asked; made when it has been asked often."""
 
-    __slots__ = ("_asked", "_made")
+    __slots__ = ("_asked", "_made", "_of_equal_tapes")
 
     def __init__(self) -> None:
         self._asked: dict[object, int] = {}
         self._made: dict[object, _Program | None] = {}
+        self._of_equal_tapes: Programs | None = None
 
     def __reduce__(self) -> tuple[type["Programs"], tuple[()]]:
         """Leave the programs behind: they are made again where they are asked for."""
@@ -69,6 +75,14 @@ class Programs:
 
         ``name`` is the way's, and tells it from other ways to ask this tape.
         """
+        if way.is_shared:
+            if self._of_equal_tapes is None:
+                # Hashing a tape takes longer than using a program.
+                self._of_equal_tapes = _of_equal_tapes(tape)
+            return self._of_equal_tapes._own(tape, name, way)
+        return self._own(tape, name, way)
+
+    def _own(self, tape: "Tape", name: object, way: Way) -> Run | None:
         made = self._made.get(name)
         if made is not None:
             return made.at(ctx.prec)
@@ -76,9 +90,14 @@ class Programs:
             return None
         asked = self._asked.get(name, 0) + 1
         self._asked[name] = asked
-        if asked > OFTEN:
+        if asked > way.often:
             self._made[name] = _made(tape, way)
         return None
+
+
+@lru_cache(maxsize=FORMULAS)
+def _of_equal_tapes(_: "Tape") -> Programs:
+    return Programs()
 
 
 @dataclass(slots=True)

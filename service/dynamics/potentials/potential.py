@@ -18,7 +18,7 @@ from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import Tree
 from service.dynamics.potentials.warning import Notice
-from service.dynamics.potentials.ways import TURN, VALUE, VALUE_AND_TURN
+from service.dynamics.potentials.ways import SECOND_ORDER, TURN, VALUE, VALUE_AND_TURN
 
 FloatArray = NDArray[np.float64]
 BallRow = tuple[arb, arb, arb]
@@ -239,11 +239,15 @@ class FormulaPotential(Potential):
 
     def jet_ball(self, g1: arb, g2: arb, g3: arb) -> BallJet:
         """See Potential.jet_ball."""
-        jets = _ball_second_jets()
-        jet = self.tape.evaluate(jets, jets.variables((g1, g2, g3)))
-        V_1, V_2, V_3 = jets.gradient(jet)
-        (V_11, V_12, V_13), (_, V_22, V_23), (_, _, V_33) = jets.hessian(jet)
-        return jet.value, (V_1, V_2, V_3), ((V_11, V_12, V_13), (V_12, V_22, V_23), (V_13, V_23, V_33))
+        run = self.tape.program("V, gradient, hessian", SECOND_ORDER)
+        if run is None:
+            jets = _ball_second_jets()
+            jet = self.tape.evaluate(jets, jets.variables((g1, g2, g3)))
+            V, (V_1, V_2, V_3) = jet.value, jets.gradient(jet)
+            (V_11, V_12, V_13), (_, V_22, V_23), (_, _, V_33) = jets.hessian(jet)
+        else:
+            V, V_1, V_2, V_3, V_11, V_12, V_13, V_22, V_23, V_33 = run(g1, g2, g3)
+        return V, (V_1, V_2, V_3), ((V_11, V_12, V_13), (V_12, V_22, V_23), (V_13, V_23, V_33))
 
 
 def _parts(gamma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -37,7 +37,7 @@ def has_one_limit(loop: Loop, side: Region) -> bool:
     PassageUndecidedError
         They differ by less than BITS can resolve, and are not proved equal.
     """
-    if _is_even(loop) or _is_analytic(loop):
+    if is_even(loop) or _is_analytic(loop):
         return True
     if not loop.potential.has_formula:
         # Nothing is proved of an integral, and many of its digits cost too much.
@@ -65,7 +65,7 @@ def _difference(values: list[arb]) -> arb:
     return abs(here - there) / abs(here)
 
 
-def _is_even(loop: Loop) -> bool:
+def is_even(loop: Loop) -> bool:
     """Tell whether the formula is even in the axis that changes its sign at a pole."""
     return loop.potential.has_formula and is_written_even(loop.potential.tape, 0 if loop.mirrored else 2)
 

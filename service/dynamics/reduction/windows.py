@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 from flint import arb, ctx
 
@@ -13,9 +12,9 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc, ArcEnd
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.root_finding.radicand import HalfLoop
-from service.dynamics.reduction.root_finding.zeros import PoleKind, Region, ZeroKind
+from service.dynamics.reduction.root_finding.zeros import PoleKind, Region, Zero, ZeroKind
 from service.dynamics.reduction.separatrices import resolved
-from service.dynamics.reduction.sides import has_one_limit
+from service.dynamics.reduction.sides import has_one_limit, is_even
 from service.dynamics.reduction.structure import proved_half
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows_of_arcs import windows_of
@@ -93,24 +92,58 @@ def find_windows(
     EqualMomentsError, NuNeedsDoubleMomentError
         The curve does not exist.
     """
-    # Neither the window that is chosen nor the start has a say in it.
-    curve = replace(motion, window=None, start=None)
-    if not isinstance(potential, FormulaPotential):
-        return _all_windows(body, potential, curve, precision)
-    found = _known_windows(body, potential, curve, precision)
+    key = _key(body, potential, motion, precision)
+    found = _KNOWN.get(key)
+    if found is None:
+        try:
+            found = _all_windows(body, potential, motion, precision)
+        except DynamicsError as refusal:
+            found = refusal
+        _remember(key, found)
     if isinstance(found, DynamicsError):
         raise found.with_traceback(None)
     return found
 
 
-@lru_cache(maxsize=KEPT)
-def _known_windows(
-    body: RigidBody, potential: FormulaPotential, motion: PlanarMotion, precision: int
-) -> tuple[Window, ...] | DynamicsError:
-    try:
-        return _all_windows(body, potential, motion, precision)
-    except DynamicsError as refusal:
-        return refusal
+def remember_windows(
+    body: RigidBody, potential: Potential, motion: PlanarMotion, windows: tuple[Window, ...]
+) -> None:
+    """Let :func:`find_windows` answer with windows that it found before, in another process.
+
+    They hold for the precision at which windows are found first.
+    """
+    _remember(_key(body, potential, motion, PRECISION), windows)
+
+
+class _TheSame:
+    """A potential that is equal to no other object: those without a formula are not compared."""
+
+    def __init__(self, potential: Potential) -> None:
+        self._potential = potential
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _TheSame) and other._potential is self._potential
+
+    def __hash__(self) -> int:
+        return id(self._potential)
+
+
+_Key = tuple[RigidBody, Potential | _TheSame, PlanarMotion, int]
+_KNOWN: dict[_Key, tuple[Window, ...] | DynamicsError] = {}
+"""The last KEPT answers, the oldest first."""
+
+
+def _key(body: RigidBody, potential: Potential, motion: PlanarMotion, precision: int) -> _Key:
+    compared = potential if isinstance(potential, FormulaPotential) else _TheSame(potential)
+    # Neither the window that is chosen nor the start has a say in it.
+    return body, compared, replace(motion, window=None, start=None), precision
+
+
+def _remember(key: _Key, found: tuple[Window, ...] | DynamicsError) -> None:
+    _KNOWN[key] = found
+    while len(_KNOWN) > KEPT:
+        # Another thread may have taken the oldest one away.
+        _KNOWN.pop(next(iter(_KNOWN), key), None)
 
 
 def _all_windows(
@@ -162,7 +195,7 @@ def _arcs(loop: Loop, g3_sign: int, scan: Callable[[Loop, int], HalfLoop]) -> li
     first_open = half.signs[0] > 0 and half.first_pole == "passable"
     last_open = half.signs[-1] > 0 and half.last_pole == "passable"
     signs = list(half.signs)
-    other = scan(loop, -g3_sign) if first_open or last_open else None
+    other = _mirror_half(loop, half, g3_sign, scan) if first_open or last_open else None
     if other is not None:
         poles: tuple[Region, Region] = ("north", "south") if g3_sign > 0 else ("south", "north")
         first_open = first_open and other.last_pole == "passable" and has_one_limit(loop, poles[0])
@@ -191,6 +224,14 @@ def _arcs(loop: Loop, g3_sign: int, scan: Callable[[Loop, int], HalfLoop]) -> li
         if at.end in ("double", "flat") and left < 0 and right < 0
     ]
     return sorted(arcs + isolated, key=lambda arc: float(arc.lower))
+
+
+def _mirror_half(loop: Loop, half: HalfLoop, g3_sign: int, scan: Callable[[Loop, int], HalfLoop]) -> HalfLoop:
+    """Return the other half of the loop: the mirror image, to the last bit, if the formula is even there."""
+    if half.slow or not is_even(loop):
+        return scan(loop, -g3_sign)
+    zeros = tuple(Zero(-zero.v, zero.kind) for zero in reversed(half.zeros))
+    return HalfLoop(zeros, half.signs[::-1], half.last_pole, half.first_pole)
 
 
 def _beyond(other: HalfLoop, pole: arb, *, before: bool) -> _Break:

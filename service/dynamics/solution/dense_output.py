@@ -9,6 +9,7 @@ as an angle may grow by a fixed advance per period, kept in the same way.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -250,10 +251,22 @@ def chebyshev_points(degree: int) -> FloatArray:
 
 def chebyshev_coefficients(values: FloatArray) -> FloatArray:
     """Return the series that takes ``values`` (axis 0) at :func:`chebyshev_points`."""
-    degree = values.shape[0] - 1
+    return np.tensordot(_series_of_values(values.shape[0] - 1), values, axes=(1, 0))
+
+
+def chebyshev_series(values: FloatArray) -> FloatArray:
+    """Return :func:`chebyshev_coefficients` of each ``values[k]``, shape (n, m, c): the same bits."""
+    series: FloatArray = np.matmul(_series_of_values(values.shape[1] - 1), values)
+    return series
+
+
+@cache
+def _series_of_values(degree: int) -> FloatArray:
     j = np.arange(degree + 1)
     # The angle is reduced in integers: cos of a large one would cost two digits.
-    matrix = np.cos(np.pi * (np.outer(j, j) % (2 * degree)) / degree) * (2.0 / degree)
+    matrix: FloatArray = np.cos(np.pi * (np.outer(j, j) % (2 * degree)) / degree) * (2.0 / degree)
     matrix[:, [0, -1]] *= 0.5
     matrix[[0, -1], :] *= 0.5
-    return np.tensordot(matrix, values, axes=(1, 0))
+    # Every caller has the same array.
+    matrix.flags.writeable = False
+    return matrix

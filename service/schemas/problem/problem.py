@@ -2,8 +2,9 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from service.dynamics.body import RigidBody
 from service.dynamics.numerics import NUMERICS
@@ -32,16 +33,21 @@ ACCURACY_POINTER = "/accuracy"
 ACCURACY_FIELDS = ("tolerance", "tier", "budget_seconds")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CheckedProblem:
-    """A problem and its canonical document.
-
-    In the latter numbers are exact, as strings; formulas are printed by our printer; defaults are filled in.
-    Documents that state the same problem have the same form.
-    """
+    """A problem and its canonical document."""
 
     problem: Problem
-    canonical: dict[str, object]
+    write: Callable[[], dict[str, object]]
+    """Makes the canonical document, which takes as long as reading a formula; workers need none."""
+
+    @cached_property
+    def canonical(self) -> dict[str, object]:
+        """The canonical document: documents that state the same problem have the same.
+
+        In it numbers are exact, as strings; formulas are printed by our printer; defaults are filled in.
+        """
+        return self.write()
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,18 +161,22 @@ class _Reading:
                     outputs,
                     accept,
                 )
-                canonical: dict[str, object] = {
-                    "body": body_in.canonical(),
-                    "potential": potential_in.canonical(),
-                    "motion": motion_in.canonical(),
-                    "time": time_in.canonical(),
-                    "accuracy": accuracy_in.canonical(),
-                    "method": method,
-                    "outputs": list(outputs),
-                }
-                # Left out at its default, so that older documents keep their digests.
-                if accept != "proved" and isinstance(motion_in, PlanarMotionIn):
-                    canonical["accept"] = accept
+
+                def canonical() -> dict[str, object]:
+                    document: dict[str, object] = {
+                        "body": body_in.canonical(),
+                        "potential": potential_in.canonical(),
+                        "motion": motion_in.canonical(),
+                        "time": time_in.canonical(),
+                        "accuracy": accuracy_in.canonical(),
+                        "method": method,
+                        "outputs": list(outputs),
+                    }
+                    # Left out at its default, so that older documents keep their digests.
+                    if accept != "proved" and isinstance(motion_in, PlanarMotionIn):
+                        document["accept"] = accept
+                    return document
+
                 return CheckedProblem(problem, canonical)
         return None
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any  # the columns depend on the kind
 
-from sqlalchemy import ColumnElement, Select, and_, func, or_, select
+from sqlalchemy import ColumnElement, Select, and_, delete, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute
 
 from service.storage.codecs.arrays import CodecError, decode_arrays, decode_dense
@@ -13,8 +13,10 @@ from service.storage.codecs.points import SOLVED, bounds_of, decode_points
 from service.storage.database.database import Database
 from service.storage.inspection.inspect import EXAMPLES, Finding
 from service.storage.tables.base import Base
+from service.storage.tables.examinations import ExaminationRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow
 from service.storage.tables.sweeps import SweepChunkRow
+from service.verdicts.sealing import is_sound
 
 Fields = tuple[Any, ...]
 
@@ -34,6 +36,8 @@ class _Kind:
     """Columns to read; the first is the primary key."""
     read: Callable[[Fields], object]
     """Raises CodecError."""
+    is_warning: bool = False
+    remedy: str | None = None
 
 
 def check_blobs(database: Database, *, sample: int | None, random: Random) -> Iterator[Finding]:
@@ -47,7 +51,30 @@ def check_blobs(database: Database, *, sample: int | None, random: Random) -> It
                 broken += 1
                 if len(examples) < EXAMPLES:
                     examples.append(f"{row[0]}: {fault}")
-        yield Finding(kind.code, kind.says, broken, tuple(examples))
+        yield Finding(
+            kind.code, kind.says, broken, tuple(examples), is_warning=kind.is_warning, remedy=kind.remedy
+        )
+
+
+def repair_examinations(database: Database) -> Finding | None:
+    """Delete the kept verdicts and windows that are damaged; None if there are none."""
+    kind = next(kind for kind in _kinds() if kind.table is ExaminationRow)
+    damaged = []
+    for row in _rows(database, kind, None, Random(0)):
+        try:
+            kind.read(row)
+        except CodecError:
+            damaged.append(row[0])
+    if not damaged:
+        return None
+    for start in range(0, len(damaged), _PAGE):
+        with database.write() as session:
+            session.execute(
+                delete(ExaminationRow).where(ExaminationRow.key.in_(damaged[start : start + _PAGE]))
+            )
+    examples = tuple(damaged[:EXAMPLES])
+    count = len(damaged)
+    return Finding(kind.code, kind.says, count, examples, is_warning=True, remedy=kind.remedy, mended=count)
 
 
 def _kinds() -> Iterator[_Kind]:
@@ -68,6 +95,17 @@ def _kinds() -> Iterator[_Kind]:
         (samples.solution_id, samples.data),
         lambda fields: decode_arrays(fields[-1]),
     )
+    kept = ExaminationRow
+    yield _Kind(
+        "examinations",
+        "kept verdicts and windows are as they were when they were found",
+        kept,
+        (kept.key,),
+        (kept.key, kept.seal, kept.content),
+        _read_kept,
+        is_warning=True,
+        remedy="damaged ones are deleted, and found again when they are needed",
+    )
     yield _Kind(
         "chunk_packets",
         "the points of sweeps can be read, and are as many and as large as is said of them",
@@ -76,6 +114,12 @@ def _kinds() -> Iterator[_Kind]:
         (chunk.sweep_id, chunk.first, chunk.count, chunk.refused, chunk.bounds, chunk.data),
         _read_chunk,
     )
+
+
+def _read_kept(fields: Fields) -> None:
+    key, seal, content = fields
+    if not is_sound(key, content, seal):
+        raise CodecError("the checksum is not that of the content")
 
 
 def _read_chunk(fields: Fields) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any  # of a row that the statement describes
 
-from sqlalchemy import Connection, Row, bindparam, insert, select, update
+from sqlalchemy import ColumnElement, Connection, Row, bindparam, insert, select, update
 
 from service.jobs.dispatch import Dispatcher
 from service.jobs.job import Claim, Taken
@@ -11,14 +11,27 @@ from service.jobs.lanes import Lane
 from service.jobs.states import JobKind, JobState
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import is_postgres
+from service.storage.examinations.kept_rows import sound_content
 from service.storage.jobs import chunks
 from service.storage.jobs.finishing import solved, succeed
 from service.storage.jobs.joint_statements import claim_and_begin
 from service.storage.jobs.moves import may_become
 from service.storage.tables.base import table_of
+from service.storage.tables.examinations import ExaminationRow
 from service.storage.tables.jobs import AttemptRow, JobRow
+from service.verdicts.entries import examination_version
 
-_JOBS = table_of(JobRow)
+_JOBS, _EXAMINATIONS = table_of(JobRow), table_of(ExaminationRow)
+
+
+def _kept(name: str) -> ColumnElement[object]:
+    """Return a column of the kept windows that a job names, null if this version has found none."""
+    found = select(_EXAMINATIONS.c[name]).where(
+        _EXAMINATIONS.c.key == _JOBS.c.examination, _EXAMINATIONS.c.version == bindparam("examined_by")
+    )
+    return found.correlate(_JOBS).scalar_subquery().label(name)
+
+
 _CLAIMABLE = (
     select(_JOBS.c.id)
     .where(
@@ -49,6 +62,9 @@ _CLAIM = (
         _JOBS.c.key_id,
         _JOBS.c.sweep_id,
         _JOBS.c.started_at,
+        _kept("content"),
+        _kept("seal"),
+        _JOBS.c.examination,
     )
 )
 _CLAIM_AND_BEGIN = claim_and_begin(_CLAIM)
@@ -88,7 +104,12 @@ def _claim(
 
     Returns also the solutions that equal problems have already, by their digests.
     """
-    given = {"ids": ids, "claimant": worker, "lease_seconds": lease_seconds}
+    given = {
+        "ids": ids,
+        "claimant": worker,
+        "lease_seconds": lease_seconds,
+        "examined_by": examination_version(),
+    }
     if is_postgres(connection):
         rows: Sequence[Row[*tuple[Any, ...]]] = connection.execute(_CLAIM_AND_BEGIN, given).all()
         solutions = {row.digest: row.solved for row in rows if row.solved is not None}
@@ -114,7 +135,14 @@ def _claim(
             sweep=None if row.sweep_id is None else chunks.begin(connection, row.sweep_id),
             sweep_id=row.sweep_id,
             lane=Lane(row.lane),
+            windows=_windows(row),
         )
         for row in sorted(rows, key=lambda row: places[row.id])
     ]
     return claims, solutions
+
+
+def _windows(row: Row[*tuple[Any, ...]]) -> str:
+    if row.content is None:
+        return ""
+    return sound_content(row.examination, row.content, row.seal) or ""

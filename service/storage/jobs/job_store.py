@@ -15,6 +15,7 @@ from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id
 from service.storage.database.paging import rows_of_page
+from service.storage.examinations.kept_rows import keep_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
 from service.storage.jobs.finishing import store_solution
@@ -26,6 +27,7 @@ from service.storage.keys.key_store import charge
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
+from service.verdicts.entries import Entry
 
 _JOBS = table_of(JobRow)
 _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
@@ -42,10 +44,19 @@ class SqlJobStore:
         self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
 
     def submit(
-        self, problem: Mapping[str, object], digest: str, *, priority: int = 0, key_id: str | None = None
+        self,
+        problem: Mapping[str, object],
+        digest: str,
+        *,
+        priority: int = 0,
+        key_id: str | None = None,
+        examination: str | None = None,
+        found: Sequence[Entry] = (),
     ) -> Job:
         """Store a job; it has succeeded already if an equal problem has been solved."""
-        (job,) = self.submit_many([(problem, digest)], priority=priority, key_id=key_id)
+        (job,) = self.submit_many(
+            [(problem, digest)], priority=priority, key_id=key_id, examinations=[examination], found=found
+        )
         return job
 
     def submit_many(
@@ -55,10 +66,15 @@ class SqlJobStore:
         priority: int = 0,
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
+        examinations: Sequence[str | None] = (),
+        found: Sequence[Entry] = (),
     ) -> tuple[Job, ...]:
         """Store a job for each problem and its digest, all of them or none."""
         with self._database.write() as session:
-            rows = insert_jobs(session, problems, lane=lane, priority=priority, key_id=key_id)
+            keep_rows(session.connection(), found)
+            rows = insert_jobs(
+                session, problems, lane=lane, priority=priority, key_id=key_id, examinations=examinations
+            )
             self._deliver(session, [row for row in rows if row.state == JobState.QUEUED.value])
             return tuple(job_of(row) for row in rows)
 

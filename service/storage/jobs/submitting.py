@@ -1,6 +1,7 @@
 """Inserts new jobs, within the caller's transaction."""
 
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 
 from sqlalchemy import insert
 from sqlalchemy.orm import Session
@@ -24,6 +25,7 @@ def insert_jobs(
     lane: Lane,
     priority: int,
     key_id: str | None,
+    examinations: Sequence[str | None] = (),
 ) -> list[JobRow]:
     """Insert a job for each problem and its digest; it has succeeded already if an equal one was solved.
 
@@ -36,7 +38,7 @@ def insert_jobs(
     given = next_turns(connection, lane=lane, priority=priority, key_id=key_id, seconds=[None] * len(waiting))
     turns = iter(given)
     values: list[dict[str, object]] = []
-    for problem, digest in problems:
+    for (problem, digest), examination in zip_longest(problems, examinations):
         solution_id = solutions.get(digest)
         reused = solution_id is not None
         values.append(
@@ -54,6 +56,7 @@ def insert_jobs(
                 "solution_id": solution_id,
                 "key_id": key_id,
                 "problem": problem,
+                "examination": examination,
                 "digest": digest,
                 "created_at": now,
                 "finished_at": now if reused else None,

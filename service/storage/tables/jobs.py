@@ -67,6 +67,8 @@ class JobRow(Base):
     """The API key that submitted it; not a foreign key, so that API keys can be removed."""
     problem: Mapped[Document]
     """Of a chunk: {"first": index, "count": points}."""
+    examination: Mapped[str | None]
+    """Key of the kept windows of its curve; not a foreign key, so that these can be trimmed."""
     digest: Mapped[str]
     owner: Mapped[str | None] = mapped_column(String(128))
     lease_until: Mapped[float | None]

@@ -1,6 +1,7 @@
 """Lists every table, each after the tables that it refers to."""
 
 from service.storage.tables.base import Base
+from service.storage.tables.examinations import ExaminationRow
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.operations import ApiKeyRow, CalibrationRow, WorkerRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
@@ -10,6 +11,7 @@ TABLES: tuple[type[Base], ...] = (
     ApiKeyRow,
     WorkerRow,
     CalibrationRow,
+    ExaminationRow,
     SolutionRow,
     DenseOutputRow,
     SamplesRow,

@@ -1,4 +1,4 @@
-"""Deletes old samples; a later request recomputes them from the dense output.
+"""Deletes old samples, which a later request recomputes from the dense output, and surplus examinations.
 
 Dense outputs, enclosures of the certified tier (their radii cannot be recomputed),
 samples rounded from enclosures (the dense output has fewer digits), chunks of
@@ -19,6 +19,7 @@ from service.storage.codecs.summary import PROVEN_SAMPLES
 from service.storage.database.clock import database_now
 from service.storage.database.database import Database
 from service.storage.database.ids import first_id
+from service.storage.examinations.examination_store import ExaminationStore
 from service.storage.keys.key_store import charge
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.solutions import SamplesRow, SolutionRow
@@ -76,9 +77,12 @@ def prune_samples(
 
 
 class Retention:
-    """A thread that prunes now and then while a service runs."""
+    """A thread that prunes now and then while a service runs.
 
-    def __init__(self, database: Database, *, older_than_seconds: float) -> None:
+    Without ``older_than_seconds`` samples are kept for ever; examinations are trimmed in any case.
+    """
+
+    def __init__(self, database: Database, *, older_than_seconds: float | None) -> None:
         self._database = database
         self._older_than_seconds = older_than_seconds
         self._stopping = threading.Event()
@@ -93,18 +97,23 @@ class Retention:
     def _keep(self) -> None:
         while not self._stopping.is_set():
             try:
-                pruned = prune_samples(
-                    self._database, older_than_seconds=self._older_than_seconds, pause=self._pause
-                )
+                self._prune()
             except _StoppedError:
                 return
             except SQLAlchemyError as fault:
-                logger.warning("old samples could not be deleted: %s", type(fault).__name__)
-            else:
-                if pruned.solutions:
-                    fields = {"solutions": pruned.solutions, "bytes": pruned.data_bytes}
-                    logger.info("old samples deleted", extra={"fields": fields})
+                logger.warning("old data could not be deleted: %s", type(fault).__name__)
             self._stopping.wait(ROUND_SECONDS)
+
+    def _prune(self) -> None:
+        trimmed = ExaminationStore(self._database).trim()
+        if trimmed:
+            logger.info("kept examinations deleted", extra={"fields": {"examinations": trimmed}})
+        if self._older_than_seconds is None:
+            return
+        pruned = prune_samples(self._database, older_than_seconds=self._older_than_seconds, pause=self._pause)
+        if pruned.solutions:
+            fields = {"solutions": pruned.solutions, "bytes": pruned.data_bytes}
+            logger.info("old samples deleted", extra={"fields": fields})
 
     def _pause(self, seconds: float) -> None:
         if self._stopping.wait(seconds):

@@ -9,10 +9,12 @@ import pytest
 
 from service.api import submission
 from service.api.submission import MOST_PROBLEMS
+from service.dynamics.verdict.verdict import decide
 from service.sandbox import Sandbox
 from service.storage.jobs.job_store import SqlJobStore
-from service.verdicts import examination
+from service.verdicts import examination, kept
 from tests.support.api import PLANAR, STATE
+from tests.support.examinations import examination_of
 from tests.support.finishing import finish_success
 
 INADMISSIBLE = {**PLANAR, "potential": {"type": "expression", "expression": "g1*g2"}}
@@ -103,7 +105,7 @@ def test_a_problem_that_kills_its_examination_takes_no_other_with_it(client, mon
     submit = Sandbox.submit
 
     def spy(self, function, text, *, seconds):
-        calls.append(len(json.loads(text)))
+        calls.append(len(json.loads(text)["problems"]))
         return submit(self, examine_or_die, text, seconds=seconds)
 
     monkeypatch.setattr(Sandbox, "submit", spy)
@@ -135,16 +137,23 @@ def die(text):
 
 def examine_or_die(text):
     """Examine problems, and die of one with λ = 13."""
-    if any(problem["motion"]["lambda"] == 13 for problem in json.loads(text)):
+    if any(problem["document"]["motion"]["lambda"] == 13 for problem in json.loads(text)["problems"]):
         os.kill(os.getpid(), signal.SIGKILL)
     return examination.examine_problems(text)
 
 
 def test_equal_potentials_are_judged_once(monkeypatch):
     judged = []
-    decide = examination.decide
-    monkeypatch.setattr(examination, "decide", lambda *given: judged.append(given) or decide(*given))
+    monkeypatch.setattr(kept, "decide", lambda *given: judged.append(given) or decide(*given))
     problems = [with_lambda(value) for value in (1, 2, 3)] + [INADMISSIBLE]
-    answers = json.loads(examination.examine_problems(json.dumps(problems)))
+    asked = examination_of(problems)
+    reply = json.loads(examination.examine_problems(json.dumps(asked)))
     assert len(judged) == 2
-    assert answers == [json.loads(examination.examine_problem(json.dumps(problem))) for problem in problems]
+    alone = [json.loads(examination.examine_problem(json.dumps(problem))) for problem in problems]
+    assert reply["answers"] == alone
+    # Two verdicts, and the windows of three curves.
+    assert len(reply["found"]) == 5
+    judged.clear()
+    again = json.loads(examination.examine_problems(json.dumps({**asked, "kept": reply["found"]})))
+    assert again == {"answers": alone, "found": {}}
+    assert judged == []

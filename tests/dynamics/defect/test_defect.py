@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import quad
 
 from service.dynamics.bounds import is_within
-from service.dynamics.defect.accumulation import accumulate, blocks_of
+from service.dynamics.defect.accumulation import Blocks, accumulate
 from service.dynamics.defect.equations import Equations
 from service.dynamics.defect.evidence import hold_against_equations, hold_samples
-from service.dynamics.defect.stretches import cut
+from service.dynamics.defect.stretches import Cutter
 from service.dynamics.equations.euler_poisson import energy_integral, euler_poisson_rhs
 from service.dynamics.motion import COLUMNS, Estimate
 from service.dynamics.problem import PlanarMotion
@@ -62,7 +62,7 @@ def test_the_bound_holds_between_the_nodes(motion):
     text = "-g1 + (2*g1^2+g3^2)/100*exp(-400*(g2-3/10)^2)"
     equations = Equations.of(BODY, formula(text))
     found = accumulate(
-        motion.dense, list(blocks_of(motion.dense, equations.at, equations.bound, 1e-12)), has_bounds=True
+        motion.dense, list(Blocks(motion.dense, equations.at, equations.bound).cut(1e-12)), has_bounds=True
     )
     assert found.settled_share == 1.0
     rng = np.random.default_rng(5)
@@ -213,7 +213,7 @@ def test_a_pole_on_the_way_is_left_out_and_told():
         COLUMNS, np.array([0.0, 2.0]), chebyshev_coefficients(values).swapaxes(0, 1), None, 1e-9
     )
     equations = Equations.of(BODY, formula("g1*abs(g2)^(1/2)"))
-    stretches = cut(dense.coefficients, np.array([2.0]), equations.bound, 1e-6)
+    stretches = Cutter(dense.coefficients, np.array([2.0]), equations.bound).cut(1e-6)
     lost = stretches.half[~stretches.is_settled]
     assert 0 < len(lost) <= 4
     assert lost.max() <= 2.0**-39
@@ -228,7 +228,7 @@ def test_discs_hold_what_polynomials_take_beside_the_stretch(motion):
         seen.append((centres, radii))
         return np.full_like(centres, inf if len(seen) < 3 else 0.0)
 
-    cut(motion.dense.coefficients[:1], np.ones(1), bound, 1.0)
+    Cutter(motion.dense.coefficients[:1], np.ones(1), bound).cut(1.0)
     centres, radii = (np.concatenate(parts, axis=1) for parts in zip(*seen, strict=True))
     halves = np.concatenate([4.0**-g * np.ones(4**g) for g in range(4)])
     middles = np.concatenate([4.0**-g * np.arange(1 - 4**g, 4**g, 2) for g in range(4)])
@@ -240,3 +240,16 @@ def test_discs_hold_what_polynomials_take_beside_the_stretch(motion):
         assert (np.abs(values - centres[:, [k]]) <= radii[:, [k]]).all()
         # Not much larger than what they hold: a factor 4, and what rounded T_20 are out there.
         assert (radii[:, k] <= 4.0 * np.abs(values - centres[:, [k]]).max(axis=1) + 1e-5).all()
+
+
+def test_pieces_that_were_cut_for_another_goal_are_cut_as_if_it_were_the_first(motion):
+    equations = Equations.of(BODY, formula("-g1"))
+    again = Blocks(motion.dense, equations.at, equations.bound)
+    for goal in (1e-3, 1e-7, 1e-12, 1e-7):
+        (found,), (expected,) = (
+            list(pieces.cut(goal)) for pieces in (again, Blocks(motion.dense, equations.at, equations.bound))
+        )
+        for part in ("piece", "middle", "half", "tail"):
+            np.testing.assert_array_equal(getattr(found.stretches, part), getattr(expected.stretches, part))
+        for part in ("times", "states", "rates", "integrals"):
+            np.testing.assert_array_equal(getattr(found, part), getattr(expected, part))

@@ -9,13 +9,15 @@ from hypothesis import given, settings
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
-from service.dynamics.formula.algebras.jets import FirstOrderJets
+from service.dynamics.formula.algebras.jets import FirstOrderJets, SecondOrderJets
 from service.dynamics.formula.binding import bind
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.programs import OFTEN, Way
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import Tree
+from service.dynamics.potentials.potential import FormulaPotential
+from service.dynamics.potentials.ways import SECOND_ORDER, VALUE
 from tests.support.effort import examples
 from tests.support.formulas import POTENTIALS
 from tests.support.trees import TREES
@@ -121,3 +123,29 @@ def test_a_tape_is_carried_without_its_programs() -> None:
     carried = copy.deepcopy(tape)
     assert carried == tape
     assert carried.program("real", way("real")) is None
+
+
+@pytest.mark.parametrize("text", [*POTENTIALS, "abs(g1 - g3)^3 + g1^g3", "g2^2", "1/3"])
+def test_second_derivatives_of_potentials_are_those_of_the_jets(text):
+    """A potential gives the same balls before its program is made and after."""
+    potential = FormulaPotential.from_tree(bind(parse(text), CONSTANTS), "expression")
+    place = tuple(arb(text, 1e-9) for text in PLACE)
+    jets = SecondOrderJets(BallAlgebra(), 3)
+    for precision in (64, 160):
+        with ctx.workprec(precision):
+            jet = potential.tape.evaluate(jets, jets.variables(place))
+            expected = [jet.value, *jets.gradient(jet), *(x for row in jets.hessian(jet) for x in row)]
+            for _ in range(SECOND_ORDER.often + 2):
+                value, gradient, hessian = potential.jet_ball(*place)
+                found = [value, *gradient, *(entry for row in hessian for entry in row)]
+                assert [exactly(ball) for ball in found] == [exactly(ball) for ball in expected]
+    assert potential.tape.program("V, gradient, hessian", SECOND_ORDER) is not None
+
+
+def test_an_equal_tape_of_another_problem_has_the_programs_too():
+    text = "g1*g2*17/19 + g3"
+    first, second = (compile_tape(parse(text)) for _ in range(2))
+    assert first is not second
+    assert [first.program("V", VALUE) for _ in range(OFTEN + 1)] == [None] * (OFTEN + 1)
+    assert second.program("V", VALUE) is not None
+    assert compile_tape(parse("g1*g2*17/19 - g3")).program("V", VALUE) is None

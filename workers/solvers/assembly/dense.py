@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.bounds import largest
 from service.dynamics.errors import DynamicsError
-from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
+from service.dynamics.solution.dense_output import chebyshev_points, chebyshev_series
 
 FloatArray = NDArray[np.float64]
 
@@ -98,33 +98,37 @@ def resolve_motion(
         More than MAX_PIECES pieces would be needed.
     """
     waiting = _first_pieces(span, passages)
-    nodes = np.concatenate([chebyshev_points(DEGREE), BETWEEN])
     done: list[tuple[float, float, FloatArray]] = []
     departure, evaluations = 0.0, 0
     while waiting:
-        # One generation at a time: the inversion costs the same for one piece as for many.
-        places = [np.concatenate([nodes, _narrow(features, *piece)]) for piece in waiting]
-        times = [
-            0.5 * (left + right) + 0.5 * (right - left) * x
-            for (left, right), x in zip(waiting, places, strict=True)
-        ]
-        values = np.split(sample(np.concatenate(times)), np.cumsum([len(x) for x in places])[:-1])
-        evaluations += sum(len(x) for x in places)
+        # One generation at a time: what is computed costs nearly the same for one piece as for many.
+        narrow = [_narrow(features, *piece) for piece in waiting]
+        states, between, others = _sampled(sample, waiting, narrow)
+        evaluations += len(waiting) * (DEGREE + 1 + len(BETWEEN)) + sum(len(x) for x in narrow)
+        series = chebyshev_series(states)
+        departures = np.abs(_between(series) - between)
+        sizes = np.concatenate([states, between], axis=1)
+        pieces = np.array([scale / (right - left) for left, right in waiting])
+        allowed = _allowed(sizes, pieces[:, None], atol)
+        is_resolved = (np.abs(series[:, -2:]).max(axis=1) <= allowed).all(axis=1)
+        largest_departures = departures.max(axis=(1, 2))
+        for k, x in enumerate(narrow):
+            if not len(x):
+                continue
+            apart = np.abs(np.polynomial.chebyshev.chebval(x, series[k]).T - others[k])
+            looser = _allowed(np.concatenate([sizes[k], others[k]])[None], pieces[k : k + 1, None], atol)[0]
+            is_resolved[k] = (np.abs(series[k, -2:]).max(axis=0) <= looser).all() and (
+                apart <= SEEN * looser
+            ).all()
+            largest_departures[k] = largest((float(largest_departures[k]), float(apart.max())))
         following: list[tuple[float, float]] = []
-        for (left, right), x, states in zip(waiting, places, values, strict=True):
-            series = chebyshev_coefficients(states[: DEGREE + 1])
-            pieces = scale / (right - left)
-            found = np.polynomial.chebyshev.chebval(x[DEGREE + 1 :], series).T
-            departures = np.abs(found - states[DEGREE + 1 :])
-            allowed = _allowed(states, pieces, atol)
-            is_resolved = bool(np.all(np.abs(series[-2:]).max(axis=0) <= allowed))
-            is_seen = bool(np.all(departures[len(BETWEEN) :] <= SEEN * allowed))
-            if (is_resolved and is_seen) or pieces > finest:
-                done.append((left, right, series))
-                departure = largest((departure, float(departures.max())))
+        for k, (left, right) in enumerate(waiting):
+            if is_resolved[k] or pieces[k] > finest:
+                done.append((left, right, series[k]))
+                departure = largest((departure, float(largest_departures[k])))
             else:
-                between = 0.5 * (left + right)
-                following.extend([(left, between), (between, right)])
+                middle = 0.5 * (left + right)
+                following.extend([(left, middle), (middle, right)])
         waiting = following
         if len(done) + len(waiting) > MAX_PIECES:
             raise DenseOutputNotResolvedError(f"more than {MAX_PIECES} pieces would be needed for {atol:.1e}")
@@ -132,6 +136,27 @@ def resolve_motion(
     edges = np.array([span[0], *(right for _, right, _ in done)])
     coefficients = np.stack([series for _, _, series in done])
     return ResolvedMotion(edges, coefficients, departure, evaluations)
+
+
+def _sampled(
+    sample: Sampler, pieces: list[tuple[float, float]], narrow: list[FloatArray]
+) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+    """Return the states of each piece at its nodes, at BETWEEN, and at its ``narrow`` features."""
+    nodes = np.concatenate([chebyshev_points(DEGREE), BETWEEN])
+    places = [np.concatenate([nodes, x]) if len(x) else nodes for x in narrow]
+    times = [
+        0.5 * (left + right) + 0.5 * (right - left) * x
+        for (left, right), x in zip(pieces, places, strict=True)
+    ]
+    values = np.split(sample(np.concatenate(times)), np.cumsum([len(x) for x in places])[:-1])
+    states = np.stack([each[: len(nodes)] for each in values])
+    return states[:, : DEGREE + 1], states[:, DEGREE + 1 :], [each[len(nodes) :] for each in values]
+
+
+def _between(series: FloatArray) -> FloatArray:
+    """Return the values at BETWEEN of series of shape (n, DEGREE + 1, 6), shape (n, len(BETWEEN), 6)."""
+    values = np.polynomial.chebyshev.chebval(np.array(BETWEEN), series.transpose(1, 0, 2))
+    return np.asarray(values.transpose(0, 2, 1))
 
 
 def _narrow(features: Features | None, left: float, right: float) -> FloatArray:
@@ -159,12 +184,13 @@ def _first_pieces(span: tuple[float, float], passages: FloatArray) -> list[tuple
     return list(pairwise(breaks))
 
 
-def _allowed(states: FloatArray, pieces: float, atol: float) -> FloatArray:
-    """Return the largest tail of each column that is resolved: ``atol`` and rounding.
+def _allowed(states: FloatArray, pieces: FloatArray, atol: float) -> FloatArray:
+    """Return the largest tail of each column that is resolved: ``atol`` and rounding; shape (n, 6).
 
     A time is known to a few ulp of its scale, which moves a column by its
     slope, here its range over the piece's share (1/``pieces``) of the scale.
+    ``states`` have the shape (n, places, 6), ``pieces`` that of (n, 1).
     """
-    rounding = 4e-16 * (np.abs(states).max(axis=0) + pieces * np.ptp(states, axis=0))
+    rounding = 4e-16 * (np.abs(states).max(axis=1) + pieces * np.ptp(states, axis=1))
     allowed: FloatArray = atol + rounding
     return allowed

@@ -13,7 +13,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.accumulation import StretchBatch, blocks_of, defect_within
+from service.dynamics.defect.accumulation import Blocks, StretchBatch, defect_within
 from service.dynamics.defect.equations import Equations
 from service.dynamics.defect.unresolved import hides_something
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
@@ -121,7 +121,7 @@ def _first_failure(
     # Next to the singularity it runs into, a run is not asked what is there.
     limit = inf if run.ending is None else (1.0 - BEFORE_THE_END) * abs(run.reached)
     found: _Failure | None = None
-    for block in blocks_of(dense, equations.at, equations.bound, goal):
+    for block in Blocks(dense, equations.at, equations.bound).cut(goal):
         failed = np.flatnonzero(_fails(equations, block, allowed))
         if not len(failed):
             continue

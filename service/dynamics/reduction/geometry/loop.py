@@ -86,6 +86,8 @@ class Loop:
     G: arb
     balls: dict[int, tuple[arb, arb]] = field(default_factory=dict, init=False, compare=False, repr=False)
     """alpha and the factor as balls, cached by precision, since every point needs them."""
+    smooth: dict[int, bool] = field(default_factory=dict, init=False, compare=False, repr=False)
+    """Whether V is smooth at the poles, cached by precision."""
 
     @property
     def alpha(self) -> Fraction:
@@ -100,7 +102,11 @@ class Loop:
         """
         if self.alpha.denominator != 1 or self.alpha.numerator % 2:
             return False
-        return all(_has_bounded_curvature(self.potential, pole) for pole in (1, -1))
+        smooth = self.smooth.get(ctx.prec)
+        if smooth is None:
+            smooth = all(_has_bounded_curvature(self.potential, pole) for pole in (1, -1))
+            self.smooth[ctx.prec] = smooth
+        return smooth
 
     def refined(self) -> "Loop":
         """Return the loop with Z and G recomputed at the current precision."""
@@ -178,12 +184,17 @@ def make_loop(body: RigidBody, potential: Potential, motion: PlanarMotion) -> Lo
             f"nu = g3²/g1 is constant only for A = 2C (here A/C = {body.alpha}); give lambda",
             pointer="/motion/nu",
         )
+    unset = arb(0)
+    return loop_at(body, potential, motion, unset, unset).refined()
+
+
+def loop_at(body: RigidBody, potential: Potential, motion: PlanarMotion, Z: arb, G: arb) -> Loop:
+    """Return the loop of ``motion``, which exists, with values of Z and G that are known already."""
     mirrored = body.A < body.C
     A, C = (body.C, body.A) if mirrored else (body.A, body.C)
-    unset = arb(0)
     factor = C / ((A - C) * A)
     sign = motion.g3_sign if mirrored else motion.sign_of_g1
-    return Loop(potential, A, C, mirrored, sign, factor, motion.lambda_squared, unset, unset).refined()
+    return Loop(potential, A, C, mirrored, sign, factor, motion.lambda_squared, Z, G)
 
 
 def start_g3_sign(loop: Loop, motion: PlanarMotion) -> int:

@@ -1,0 +1,89 @@
+"""Examines problems: by what this process or the store keeps, and by a child for the rest."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any  # a document that was read from JSON
+
+from starlette.concurrency import run_in_threadpool
+
+from service.api.verdicts.verdict_queue import Claimant, VerdictQueue
+from service.storage.examinations.examination_store import ExaminationStore
+from service.verdicts.entries import Entry, ExaminationKeys
+from service.verdicts.examination import examine_problems
+from service.verdicts.memory import KeptExaminations
+
+Answer = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class ToExamine:
+    """A problem with a planar motion, as it is passed to a child."""
+
+    text: str
+    """The document as JSON."""
+    keys: ExaminationKeys
+
+
+@dataclass(frozen=True, slots=True)
+class ExaminedProblem:
+    """The answer to one problem."""
+
+    answer: Answer
+    entries: tuple[Entry, ...] = ()
+    """Its verdict and the windows of its curve: to be stored with its job, unless they are there."""
+
+
+class Examiner:
+    """Examines problems; what equal ones have in common is found once for the whole installation."""
+
+    def __init__(self, verdicts: VerdictQueue, kept: KeptExaminations, store: ExaminationStore) -> None:
+        self._verdicts, self._kept, self._store = verdicts, kept, store
+
+    def known(self, problem: ToExamine) -> ExaminedProblem | None:
+        """Return the answer to a problem that this process has examined before."""
+        content = self._kept.in_memory([problem.keys.answer]).get(problem.keys.answer)
+        return None if content is None else ExaminedProblem(json.loads(content), self._entries(problem))
+
+    async def examine(
+        self, problems: Sequence[ToExamine], claimant: Claimant, *, crashes: int = 1
+    ) -> list[ExaminedProblem]:
+        """Return the answers of one child to some problems; raises what :meth:`VerdictQueue.ask` raises.
+
+        If all are refused, what was found is stored here, since there is no job to store it with.
+        """
+        keys = {key for problem in problems for key in (problem.keys.verdict, problem.keys.windows)}
+        if len(self._kept.in_memory(list(keys))) == len(keys):
+            kept = self._kept.get(list(keys))
+        else:
+            kept = await run_in_threadpool(self._kept.get, list(keys))
+        reply = json.loads(
+            await self._verdicts.ask(examine_problems, _text(problems, kept), claimant, crashes=crashes)
+        )
+        entries = tuple(Entry(key, content) for key, content in reply["found"].items())
+        self._kept.remember(entries)
+        answers: list[Answer] = reply["answers"]
+        self._kept.remember(
+            Entry(problem.keys.answer, json.dumps(answer))
+            for problem, answer in zip(problems, answers, strict=True)
+            if "error" not in answer
+        )
+        if entries and all("error" in answer for answer in answers):
+            await run_in_threadpool(self._store.add, entries)
+        return [
+            ExaminedProblem(answer, () if "error" in answer else self._entries(problem))
+            for problem, answer in zip(problems, answers, strict=True)
+        ]
+
+    def _entries(self, problem: ToExamine) -> tuple[Entry, ...]:
+        kept = self._kept.in_memory([problem.keys.verdict, problem.keys.windows])
+        return tuple(Entry(key, content) for key, content in kept.items())
+
+
+def _text(problems: Sequence[ToExamine], kept: Mapping[str, str]) -> str:
+    """Return the problems with what is kept of them; documents are JSON already."""
+    parts = (
+        f'{{"document":{problem.text},"verdict":"{problem.keys.verdict}","windows":"{problem.keys.windows}"}}'
+        for problem in problems
+    )
+    return f'{{"problems":[{",".join(parts)}],"kept":{json.dumps(kept)}}}'

@@ -1,0 +1,1 @@
+"""Keeps the verdicts and windows that were found."""

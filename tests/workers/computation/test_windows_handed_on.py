@@ -1,0 +1,122 @@
+"""The solver takes the windows that the examination found, and its digits are the same."""
+
+import json
+
+import pytest
+from sqlalchemy import update
+
+from service.dynamics.reduction import windows as found_windows
+from service.jobs.outcome import Solved
+from service.schemas.problem.problem import check_problem
+from service.storage.tables.examinations import ExaminationRow
+from service.verdicts.entries import keys_of
+from service.verdicts.examination import examine_problems
+from tests.support.api import PLANAR
+from tests.support.examinations import examination_of
+from workers.computation.compute import solve_document
+from workers.process.tasks import solve_problem
+
+BASE = {"time": {"times": [0, "1/3", 7]}, "outputs": ["gamma", "omega", "period"]}
+Q = "(A*g1^2+C*g3^2)"
+PROBLEMS = {
+    "rotation": PLANAR | BASE,
+    "libration": PLANAR | BASE | {"potential": {"type": "expression", "expression": "-g1+1/(20*g3^2)"}},
+    "general alpha": BASE
+    | {
+        "body": {"A": "17/10", "B": "13/10", "C": 1},
+        "potential": {"type": "expression", "expression": f"{Q}*(g2^2-1/2)"},
+        "motion": {"type": "planar", "lambda": "6/5"},
+    },
+    "separatrix": PLANAR
+    | BASE
+    | {
+        "potential": {"type": "expression", "expression": "-g1+(1+sqrt(5))/4*(g1^2-g2^2)"},
+        "motion": {"type": "planar", "lambda": 1, "start": {"g1": "1/2"}},
+    },
+    "by an integral": BASE
+    | {
+        "body": {"A": 3, "C": 5},
+        "potential": {"type": "general", "F": "exp(-w)", "G": "3*sin(g2) - C", "reference_angle": "1/2"},
+        "motion": {"type": "planar", "lambda": "9/10"},
+    },
+}
+TIERS = ("draft", "standard", "high")
+CASES = [
+    *((name, tier) for name in ("rotation", "libration") for tier in (*TIERS, "certified")),
+    *((name, tier) for name in ("general alpha", "separatrix") for tier in TIERS),
+    ("by an integral", "draft"),
+]
+
+
+@pytest.fixture
+def forgetful(monkeypatch):
+    """Windows that were found in this process are forgotten."""
+    monkeypatch.setattr(found_windows, "_KNOWN", {})
+    return monkeypatch
+
+
+def windows_of(document):
+    """Return the kept windows of a problem, as its examination finds them."""
+    reply = json.loads(examine_problems(json.dumps(examination_of([document]))))
+    assert "error" not in reply["answers"][0], reply
+    return reply["found"][keys_of(check_problem(document).canonical).windows]
+
+
+def assert_same(one, other):
+    assert isinstance(one, Solved), one
+    assert isinstance(other, Solved), other
+    assert {**one.summary, "cost": None} == {**other.summary, "cost": None}
+    assert (one.dense, one.samples) == (other.dense, other.samples)
+
+
+@pytest.mark.parametrize(("name", "tier"), CASES)
+def test_windows_that_are_handed_on_change_no_bit(forgetful, name, tier):
+    document = PROBLEMS[name] | {"accuracy": {"tier": tier}}
+    alone = solve_document(json.dumps(document))
+    windows = windows_of(document)
+    forgetful.setattr(found_windows, "_KNOWN", {})
+    assert_same(solve_document(json.dumps(document), windows), alone)
+
+
+def test_windows_that_are_handed_on_are_not_found_again(forgetful):
+    document = PROBLEMS["libration"] | {"accuracy": {"tier": "high"}}
+    windows = windows_of(document)
+    forgetful.setattr(found_windows, "_KNOWN", {})
+    forgetful.setattr(found_windows, "_all_windows", None)
+    assert isinstance(solve_document(json.dumps(document), windows), Solved)
+    forgetful.setattr(found_windows, "_KNOWN", {})
+    with pytest.raises(TypeError):
+        solve_document(json.dumps(document))
+
+
+@pytest.fixture
+def submitted(client):
+    """A job that was submitted by HTTP, examined by a child."""
+    response = client.post("/v1/jobs", json=PROBLEMS["libration"])
+    assert response.status_code == 202, response.text
+    return response.json()["id"]
+
+
+def test_a_worker_gets_the_windows_with_the_job(submitted, jobs):
+    claim = jobs.claim("a worker", lease_seconds=60.0)
+    assert claim.job_id == submitted
+    assert claim.windows == windows_of(PROBLEMS["libration"])
+    assert_same(
+        solve_problem(json.dumps(claim.payload), claim.windows), solve_problem(json.dumps(claim.payload))
+    )
+
+
+@pytest.mark.parametrize("change", [{"content": b"{}"}, {"version": "another one"}])
+def test_what_is_damaged_or_from_another_version_is_found_again(submitted, jobs, database, change):
+    with database.write() as session:
+        session.execute(update(ExaminationRow).values(**change))
+    claim = jobs.claim("a worker", lease_seconds=60.0)
+    assert (claim.job_id, claim.windows) == (submitted, "")
+
+
+def test_a_list_is_handed_on_too(client, jobs):
+    documents = [PROBLEMS["libration"] | {"motion": {"type": "planar", "lambda": n}} for n in (1, 2, 3)]
+    assert client.post("/v1/jobs", json=documents).status_code == 202
+    claims = [jobs.claim("a worker", lease_seconds=60.0) for _ in documents]
+    assert len({claim.windows for claim in claims}) == 3
+    assert "" not in {claim.windows for claim in claims}
