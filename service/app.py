@@ -4,7 +4,6 @@ import logging
 import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from importlib.metadata import version
 
 from anyio import CapacityLimiter, to_thread
 from fastapi import FastAPI
@@ -30,6 +29,7 @@ from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
+from service.versions import version_of
 
 logger = logging.getLogger(__name__)
 
@@ -77,7 +77,7 @@ def create_app(
             verdicts=verdicts,
             reading=ReadingThreads(),
             doorbell=bell,
-            metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker),
+            metrics=Metrics(statistics, version=version_of("polhode"), local_worker=local_worker),
             keys=ring,
             limits=LimitGuard(settings, keys),
             presence=presence,

@@ -110,7 +110,7 @@ def test_a_service_that_is_terminated_at_its_start_has_left_nothing_undone(run, 
     assert (ended.returncode, ended.stderr) == (0, TERMINATED)
 
 
-@pytest.mark.parametrize("moment", ["service.cli.serving:announce", "uvicorn.lifespan.on"])
+@pytest.mark.parametrize("moment", ["service.cli.server:announce", "uvicorn.lifespan.on"])
 def test_a_service_that_has_something_to_put_in_order_does_so(run, moment):
     # Before and after the server listens to signals itself.
     ended = run(SERVICE, moment, signal.SIGTERM, "serve", "--port", "0", "--workers", "0")

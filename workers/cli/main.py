@@ -9,14 +9,9 @@ from typing import Annotated
 
 import typer
 
-from service.local.hosts import OtherHostError
 from service.logs import start_logging
 from service.settings import SettingsError, read_settings
-from service.storage.database.migration import MigrationError, migrate_or_explain
-from service.storage.database.revisions import NewerSchemaError
 from service.terminal import FileFaultError, say
-from workers.process.tasks import COMPUTATIONS, PRELOAD
-from workers.process.worker import run_worker
 
 _FAILED, _WRONG_USAGE = 1, 2
 
@@ -25,6 +20,7 @@ app = typer.Typer(
     help="The command line of the workers.",
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
 )
 
 Document = Annotated[Path, typer.Argument(help="a JSON document; - reads stdin", show_default=False)]
@@ -56,6 +52,12 @@ def run(
     wake_fd: Annotated[int | None, typer.Option(help="descriptor of the service's wake-up socket")] = None,
 ) -> None:
     """Compute queued jobs until stopped."""
+    from service.local.hosts import OtherHostError  # noqa: PLC0415
+    from service.storage.database.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
+    from service.storage.database.revisions import NewerSchemaError  # noqa: PLC0415
+    from workers.process.tasks import COMPUTATIONS, PRELOAD  # noqa: PLC0415
+    from workers.process.worker import run_worker  # noqa: PLC0415
+
     settings = read_settings(database_url=database_url)
     start_logging(settings.log_format, settings.log_level or "info")
     slots = slots if slots is not None else max(settings.workers, 1)

@@ -1,7 +1,6 @@
 """Writes the solution document that a client reads, without ids and arrays."""
 
 from dataclasses import asdict
-from importlib.metadata import version
 
 import numpy as np
 from flint import arb
@@ -11,6 +10,7 @@ from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Problem
 from service.dynamics.solution.ball_columns import as_decimals
 from service.storage.codecs.summary import FIRST_PASSAGE, PROVEN_SAMPLES
+from service.versions import version_of
 from workers.computation.outputs import Findings
 from workers.computation.processor import libraries, processor
 from workers.solvers.certified.certify import Certified
@@ -61,7 +61,7 @@ def _cross_check(check: CrossCheck) -> Document:
 def provenance() -> Document:
     """Return what computes here. What is equal in all of it gives equal problems the same bits."""
     return {
-        "version": version("polhode"),
+        "version": version_of("polhode"),
         "numerics": NUMERICS,
         "processor": processor(),
         "libraries": libraries(),

@@ -20,6 +20,13 @@ def solve_problem(document_json: str) -> SolveOutcome:
     return solve_document(document_json)
 
 
+def solve_examined(document_json: str, report_json: str) -> SolveOutcome:
+    """Call :func:`workers.computation.compute.solve_judged`."""
+    from workers.computation.compute import solve_judged  # noqa: PLC0415
+
+    return solve_judged(document_json, report_json)
+
+
 def solve_chunk(document_json: str) -> ChunkOutcome:
     """Call :func:`workers.sweeping.chunk.compute_chunk`."""
     from workers.sweeping.chunk import compute_chunk  # noqa: PLC0415

@@ -3,6 +3,7 @@
 import logging
 import os
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from service.local.hosts import WorkerProcess, new_worker_name, this_host
 from service.local.wakeup import WorkerLine
@@ -17,8 +18,10 @@ from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import WorkerRegistry
 from workers.process.loop import EngineLoop, Waker
 from workers.process.presence import Presence
-from workers.process.procrastinate import Notifications
 from workers.process.runner import Computations, JobLimits, Runner
+
+if TYPE_CHECKING:
+    from workers.process.procrastinate import Notifications
 
 logger = logging.getLogger(__name__)
 
@@ -93,7 +96,7 @@ def _work(
     runner = Runner(
         store, sandbox, computations, name=worker.name, slots=worker.slots, limits=limits, wake=waker
     )
-    notifications = Notifications(database.engine) if settings.engine == "procrastinate" else None
+    notifications = _notifications(database) if settings.engine == "procrastinate" else None
     loop = EngineLoop(
         runner,
         presence,
@@ -113,3 +116,9 @@ def _work(
         sandbox.close()
         if notifications is not None:
             notifications.close()
+
+
+def _notifications(database: Database) -> "Notifications":
+    from workers.process.procrastinate import Notifications  # noqa: PLC0415
+
+    return Notifications(database.engine)
