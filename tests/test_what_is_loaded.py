@@ -101,7 +101,7 @@ def test_the_parent_of_a_child_that_solves_loads_no_solver(tmp_path):
 
 SERVING = """
 import asyncio, sys
-import service.cli.server
+import service.cli.server, service.cli.http_server
 imported = set(sys.modules)  # what follows is of the test: httpx loads rich
 from httpx import ASGITransport, AsyncClient
 from service.app import create_app

@@ -2,65 +2,36 @@
 
 import socket
 
-import typer
-import uvicorn
-
-from service.app import create_app
 from service.cli.common import REFUSED, fail, migrate_database
 from service.cli.keys import require_key
-from service.connections.server import guarded
 from service.local.wakeup import Doorbell
 from service.local.workers import LocalWorkers
-from service.logs import announce, start_logging
+from service.logs import start_logging
 from service.settings import Settings
-from service.stopping import StopAsked
 
 
 def run_service(settings: Settings) -> None:
-    """Serve until SIGTERM or SIGINT."""
+    """Serve until SIGTERM or SIGINT.
+
+    The worker process is started first. While it loads its solvers, this process migrates the database
+    and loads the web framework; the worker uses the database only when it is told that it is ready.
+    """
     start_logging(settings.log_format, settings.log_level or "warning")
     if not settings.is_loopback:
         require_key(settings)
     with _listen(settings.host, settings.port) as listener:
-        migrate_database(settings)
-        _serve(settings, listener)
-
-
-def _serve(settings: Settings, listener: socket.socket) -> None:
-    class _Server(uvicorn.Server):
-        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-            # Uvicorn handles signals by now; this flag holds those that came before.
-            self.should_exit |= stop.is_asked
-            await super().startup(sockets)
-
-        async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-            if workers is not None:
-                workers.expect_end()
-            # Workers finish and stop; clients that wait for a job get its present state.
-            doorbell.close()
-            await super().shutdown(sockets)
-
-    # From here on the end needs a clean-up.
-    with StopAsked() as stop:
-        doorbell = Doorbell()
+        doorbell = Doorbell(is_database_ready=False)
         workers = LocalWorkers(settings, doorbell) if settings.workers else None
         try:
-            standing = None if workers is None else workers.standing
-            app = create_app(settings, doorbell=doorbell, local_worker=standing)
-            config, listener = guarded(app, settings, listener)
-            server = _Server(config)
-            host, port = listener.getsockname()[:2]
-            announce(
-                f"serving http://{f'[{host}]' if ':' in host else host}:{port}, {settings.workers} workers"
-            )
-            # Uvicorn raises the signals it received again at its end: they have been handled already.
-            server.run(sockets=[listener])
-            if not server.started:
-                raise typer.Exit(REFUSED)
-        finally:
+            migrate_database(settings)
+            # Not at the top: it loads the web framework.
+            from service.cli.http_server import serve_http  # noqa: PLC0415
+        except BaseException:
             if workers is not None:
-                workers.stop()
+                workers.kill()
             doorbell.close()
+            raise
+        serve_http(settings, listener, doorbell, workers)
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -56,6 +56,12 @@ class LocalWorkers:
             self._process.kill()
             self._keeper.join()
 
+    def kill(self) -> None:
+        """Kill the process now: for a worker that was not told yet that it may use the database."""
+        self._stopping.set()
+        self._process.kill()
+        self._keeper.join()
+
     def _start(self) -> "subprocess.Popen[bytes]":
         line = self._doorbell.new_line()
         with line:

@@ -55,17 +55,17 @@ def run(
     from service.local.hosts import OtherHostError  # noqa: PLC0415
     from service.storage.database.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
     from service.storage.database.revisions import NewerSchemaError  # noqa: PLC0415
-    from workers.process.tasks import COMPUTATIONS, PRELOAD  # noqa: PLC0415
-    from workers.process.worker import run_worker  # noqa: PLC0415
+    from workers.process.tasks import COMPUTATIONS, PRELOAD, warm_up  # noqa: PLC0415
+    from workers.process.worker import WorkerTasks, run_worker  # noqa: PLC0415
 
     settings = read_settings(database_url=database_url)
     start_logging(settings.log_format, settings.log_level or "info")
     slots = slots if slots is not None else max(settings.workers, 1)
     try:
         if wake_fd is None:
-            # Started alone. A service that starts workers has migrated before.
+            # Started alone. A service that starts workers migrates, and tells them when it has.
             migrate_or_explain(settings.database_url, engine_name=settings.engine)
-        run_worker(COMPUTATIONS, settings, slots=slots, wake_fd=wake_fd, preload=PRELOAD)
+        run_worker(WorkerTasks(COMPUTATIONS, PRELOAD, warm_up), settings, slots=slots, wake_fd=wake_fd)
     except (MigrationError, NewerSchemaError, OtherHostError) as fault:
         say(str(fault))
         raise typer.Exit(_FAILED) from fault
