@@ -4,7 +4,6 @@ import logging
 import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from importlib.metadata import version
 
 from anyio import CapacityLimiter, to_thread
 from fastapi import FastAPI
@@ -33,6 +32,7 @@ from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
 from service.verdicts.memory import KeptExaminations
+from service.versions import version_of
 
 logger = logging.getLogger(__name__)
 
@@ -82,7 +82,7 @@ def create_app(
             examiner=Examiner(verdicts, kept, examinations),
             reading=ReadingThreads(),
             doorbell=bell,
-            metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker, kept=kept),
+            metrics=Metrics(statistics, version=version_of("polhode"), local_worker=local_worker, kept=kept),
             keys=ring,
             limits=LimitGuard(settings, keys),
             presence=presence,

@@ -16,13 +16,10 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from types import MappingProxyType, TracebackType
-from typing import Literal, TypeVar, TypeVarTuple, get_args
+from typing import TypeVar, TypeVarTuple
 
 from service.escaping import one_line
-
-LogFormat = Literal["json", "text"]
-LogLevel = Literal["critical", "error", "warning", "info", "debug"]
-LOG_LEVELS: tuple[LogLevel, ...] = get_args(LogLevel)
+from service.log_levels import LogFormat, LogLevel
 
 OURS = ("service", "workers")
 """Loggers that get the chosen level; libraries log warnings and worse only."""

@@ -75,6 +75,7 @@ class Sandbox:
         os.environ["PYTHONSAFEPATH"] = "1"
         self._memory_mb = memory_mb
         self._lock = threading.Lock()
+        self.is_closed = False
         self._context = multiprocessing.get_context("forkserver")
         # "__main__" makes the fork server import the main module once, instead of every child.
         self._context.set_forkserver_preload(["__main__", *preload])
@@ -83,7 +84,7 @@ class Sandbox:
     def start(self) -> None:
         """Start the children now, so that the first call need not wait for them."""
         with self._lock:
-            for seat in self._seats:
+            for seat in self._seats if not self.is_closed else ():
                 # If the pool cannot start now, the first call makes a new one.
                 with contextlib.suppress(*_BREAKAGES):
                     self._usable_pool(seat)
@@ -97,6 +98,8 @@ class Sandbox:
         time limit starts when a child takes the call.
         """
         with self._lock:
+            if self.is_closed:
+                raise SandboxBrokenError("the children have been stopped for good")
             seat = min(self._seats, key=_Seat.load)
             for _ in range(_RENEWALS):
                 try:
@@ -190,8 +193,9 @@ class Sandbox:
             return not any(seat.load() for seat in self._seats)
 
     def close(self) -> None:
-        """Kill the children."""
+        """Kill the children; no others are started."""
         with self._lock:
+            self.is_closed = True
             for seat in self._seats:
                 _stop(seat.pool)
 

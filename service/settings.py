@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field, ValidationError, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from service.logs import LogFormat, LogLevel
+from service.log_levels import LogFormat, LogLevel
 from service.schemas.reading.numbers import MAX_SAMPLES
 
 

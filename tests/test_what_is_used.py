@@ -17,6 +17,7 @@ CALLED_FROM_OUTSIDE = {
     "service.api.prometheus._DatabaseCollector.describe": "prometheus_client asks it",
     "service.connections.protocol.WatchedProtocol.": "asyncio and uvicorn call the methods of a protocol",
     "service.connections.refusals.malformed": "what the protocol answers when uvicorn asks it to refuse",
+    "service.cli.common.Command.get_short_help_str": "typer lists it in help",
     "workers.cli.sweep._RateColumn.render": "rich draws it",
 }
 """What names do not lead to, or what begins so, and who calls it. All else that only tests refer to belongs

@@ -1,7 +1,6 @@
 """Adds request bodies, roles and refusals to the OpenAPI document, which FastAPI does not see."""
 
 from collections.abc import Mapping
-from importlib.metadata import version
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
@@ -13,6 +12,7 @@ from service.schemas.atlas.reading import AtlasIn
 from service.schemas.problem.sections import ProblemIn, ValidationIn
 from service.schemas.replies.problem_details import ProblemDetailsOut
 from service.schemas.sweep.reading import SweepIn
+from service.versions import version_of
 
 _SCHEME = "key"
 _TEMPLATE = "#/components/schemas/{model}"
@@ -52,7 +52,7 @@ def request_body(model: str, examples: Mapping[str, object], *, several: bool = 
 def describe(app: FastAPI) -> dict[str, object]:
     """Return the OpenAPI document of ``app``, with the models of bodies and refusals."""
     document: dict[str, object] = get_openapi(
-        title="polhode", version=version("polhode"), description=DESCRIPTION, routes=app.routes
+        title="polhode", version=version_of("polhode"), description=DESCRIPTION, routes=app.routes
     )
     _, definitions = models_json_schema(
         [

@@ -1,31 +1,22 @@
-"""``polhode atlas``: all planar motions over a range of λ, without a service."""
+"""Draws an atlas for ``polhode atlas``, in a child process that can be killed."""
 
 import json
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from service.cli.children import examining
-from service.cli.common import REFUSED, WRONG_USAGE, AsJson, Document, fail, settings_of
+from service.cli.common import REFUSED, WRONG_USAGE, fail, settings_of
+from service.schemas.atlas.picture import picture_of
+from service.schemas.atlas.reading import read_atlas
+from service.schemas.atlas.replies import AtlasOut
+from service.schemas.atlas.text import describe_atlas
+from service.schemas.replies.verdict_text import Refusal
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document
+from service.verdicts.atlases import examine_atlas
+from service.verdicts.refusals import refusal_of_reading
 
 
-def atlas(
-    file: Document,
-    as_json: AsJson = False,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="OUT", help="write a picture of it (SVG); - is stdout")
-    ] = None,
-) -> None:
-    """Tell for which λ of a range there are planar motions, of which kind, and where that changes."""
-    from service.schemas.atlas.picture import picture_of  # noqa: PLC0415
-    from service.schemas.atlas.reading import read_atlas  # noqa: PLC0415
-    from service.schemas.atlas.replies import AtlasOut  # noqa: PLC0415
-    from service.schemas.atlas.text import describe_atlas  # noqa: PLC0415
-    from service.schemas.replies.verdict_text import Refusal  # noqa: PLC0415
-    from service.verdicts.refusals import refusal_of_reading  # noqa: PLC0415
-
+def draw_file(file: Path, *, as_json: bool, picture: Path | None) -> None:
+    """Print the atlas that the document of a file asks for, and exit with 1 if it is refused."""
     if picture == STANDARD_STREAM and as_json:
         fail("--json and --picture=- both write to stdout; accepted is one of them", WRONG_USAGE)
     if picture is not None:
@@ -50,8 +41,6 @@ def atlas(
 
 
 def _drawn(document: object) -> str:
-    from service.verdicts.atlases import examine_atlas  # noqa: PLC0415
-
     settings = settings_of()
     with examining(settings, examine_atlas.__module__) as sandbox:
         return sandbox.run(examine_atlas, json.dumps(document), seconds=settings.verdict_seconds)

@@ -1,25 +1,26 @@
 """Registers the commands of ``polhode`` on one command line.
 
 Exit codes: 0 done, 1 refused or failed with the reason on stderr, 2 wrong usage,
-130 interrupted by Ctrl-C. Heavy modules are imported by the commands that need
-them, so that ``polhode worker`` does not load the web framework.
+130 interrupted by Ctrl-C. Commands import what they need when they run: help and a refused
+option are there at once, and ``polhode worker`` does not load the web framework.
 """
 
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
 
-from service.cli import atlases, doctor, documents, keys, serving, storage, sweeps
-from service.cli.common import REFUSED
+from service.cli import doctor, documents, keys, serving, storage, sweeps
+from service.cli.common import REFUSED, Command
 from service.dynamics.numerics import NUMERICS
 from service.terminal import FileFaultError, answer, say
+from service.versions import version_of
 
 app = typer.Typer(
     name="polhode",
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain text: loading rich takes longer than everything else that help needs
 )
 
 for _command in (
@@ -28,7 +29,7 @@ for _command in (
     serving.migrate,
     documents.validate,
     documents.solve,
-    atlases.atlas,
+    documents.atlas,
     sweeps.sweep,
     documents.calibrate,
     doctor.doctor,
@@ -36,14 +37,14 @@ for _command in (
     storage.restore,
     storage.prune,
 ):
-    app.command()(_command)
-app.command(name="compile")(documents.compile_solvers)
+    app.command(cls=Command)(_command)
+app.command(name="compile", cls=Command)(documents.compile_solvers)
 app.add_typer(keys.app, name="keys")
 
 
 def _tell_version(is_asked: bool) -> None:
     if is_asked:
-        answer(f"polhode {version('polhode')}, numerics {NUMERICS}\n")
+        answer(f"polhode {version_of('polhode')}, numerics {NUMERICS}\n")
         raise typer.Exit
 
 

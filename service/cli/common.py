@@ -4,14 +4,17 @@ import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
+from typer.core import TyperCommand
 
-from service.local.workers import worker_command
-from service.settings import Settings, SettingsError, read_settings
+from service.local.worker_command import worker_command
 from service.stopping import hold_signals
 from service.terminal import say
+
+if TYPE_CHECKING:
+    from service.settings import Settings
 
 REFUSED, WRONG_USAGE = 1, 2
 
@@ -22,15 +25,25 @@ Document = Annotated[Path, typer.Argument(help="a JSON document; - reads stdin",
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 
-def settings_of(**given: object) -> Settings:
+class Command(TyperCommand):
+    """A command that help lists with the whole first line of its docstring, wrapped instead of cut."""
+
+    def get_short_help_str(self, limit: int = 45) -> str:
+        """Return that line."""
+        return (self.help or "").partition("\n")[0]
+
+
+def settings_of(**given: object) -> "Settings":
     """Return the settings; options of the command line override the environment."""
+    from service.settings import SettingsError, read_settings  # noqa: PLC0415
+
     try:
         return read_settings(**given)
     except SettingsError as fault:
         fail(str(fault), WRONG_USAGE)
 
 
-def migrate_database(settings: Settings) -> None:
+def migrate_database(settings: "Settings") -> None:
     """Migrate the database to this version, or exit with the reason why not."""
     from service.storage.database.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
 

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from service.cli.common import AsJson, DatabaseUrl, become_worker, settings_of
-from service.local.workers import worker_environment
+from service.local.worker_command import worker_environment
 
 
 def doctor(

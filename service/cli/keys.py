@@ -13,6 +13,7 @@ from service.cli.common import (
     REFUSED,
     WRONG_USAGE,
     AsJson,
+    Command,
     DatabaseUrl,
     fail,
     migrate_database,
@@ -20,10 +21,10 @@ from service.cli.common import (
 )
 from service.escaping import one_line
 from service.jobs.keys import ApiKey, KeyNotFoundError, KeyStanding, Role, key_prefix
-from service.settings import Settings
 from service.terminal import answer, say
 
 if TYPE_CHECKING:
+    from service.settings import Settings
     from service.storage.keys.key_store import KeyStore
 
 MEGABYTE = 10**6
@@ -31,7 +32,7 @@ MEGABYTE = 10**6
 _SPAN = re.compile(r"([1-9][0-9]{0,5})([dhm])", re.ASCII)
 _SECONDS = {"d": 86400, "h": 3600, "m": 60}
 
-app = typer.Typer(help="Create, list and revoke API keys.", no_args_is_help=True)
+app = typer.Typer(help="Create, list and revoke API keys.", no_args_is_help=True, rich_markup_mode=None)
 
 
 def seconds_of(text: str) -> float:
@@ -42,7 +43,7 @@ def seconds_of(text: str) -> float:
     return float(int(match[1]) * _SECONDS[match[2]])
 
 
-@app.command()
+@app.command(cls=Command)
 def create(
     role: Annotated[Role, typer.Option(help="each role includes those before it", show_default=False)],
     name: Annotated[str, typer.Option(help="owner or purpose; up to 128 characters")] = "",
@@ -84,7 +85,7 @@ def create(
     answer(f"{text}\n")
 
 
-@app.command("list")
+@app.command("list", cls=Command)
 def list_keys(as_json: AsJson = False, database_url: DatabaseUrl = None) -> None:
     """List all keys, also expired and revoked ones, oldest first."""
     with _store(settings_of(database_url=database_url)) as store:
@@ -102,7 +103,7 @@ def list_keys(as_json: AsJson = False, database_url: DatabaseUrl = None) -> None
         answer(f"{line.rstrip()}\n")
 
 
-@app.command()
+@app.command(cls=Command)
 def revoke(
     prefix: Annotated[str, typer.Argument(help="as `polhode keys list` shows it", show_default=False)],
     database_url: DatabaseUrl = None,
@@ -116,7 +117,7 @@ def revoke(
     say(f"key {key.prefix} is revoked")
 
 
-def require_key(settings: Settings) -> None:
+def require_key(settings: "Settings") -> None:
     """Exit unless there is a live key: without one the service may answer this machine only."""
     with _store(settings) as store:
         found = store.all()
@@ -130,7 +131,7 @@ def require_key(settings: Settings) -> None:
 
 
 @contextmanager
-def _store(settings: Settings) -> Iterator["KeyStore"]:
+def _store(settings: "Settings") -> Iterator["KeyStore"]:
     from service.storage.database.database import Database  # noqa: PLC0415
     from service.storage.keys.key_store import KeyStore  # noqa: PLC0415
 

@@ -13,19 +13,39 @@ import time
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 
+WARM = "warm"
+"""What a worker sends in place of a job's id when it begins to take jobs."""
 _LOOK_SECONDS = 0.25
 """How often a waiting client's job is looked up without a message: another machine may finish it."""
 
 
 class Doorbell:
-    """The API's side: wakes workers, and waits for their jobs. Thread-safe."""
+    """The API's side: wakes workers, and waits for their jobs. Thread-safe.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    is_database_ready
+        False if the database is still to be migrated. The first message that a worker gets says that
+        it is ready: see :meth:`tell_database_is_ready`.
+    """
+
+    def __init__(self, *, is_database_ready: bool = True) -> None:
         # Reentrant: a signal handler may call close() while its thread holds the lock.
         self._lock = threading.RLock()
         self._lines: list[socket.socket] = []
         self._waiting: dict[str, set[_Waiter]] = {}
         self._closed = False
+        self._is_database_ready = is_database_ready
+        self._tell_warm: Callable[[], None] | None = None
+
+    def when_warm(self, tell: Callable[[], None]) -> None:
+        """Call ``tell``, from another thread, whenever a worker begins to take jobs."""
+        self._tell_warm = tell
+
+    def tell_database_is_ready(self) -> None:
+        """Tell all workers, and each that is started later, that they may use the database."""
+        self._is_database_ready = True
+        self.ring()
 
     def new_line(self) -> socket.socket:
         """Return the worker's end of a new pair of sockets.
@@ -36,6 +56,8 @@ class Doorbell:
         ours, theirs = socket.socketpair()
         with self._lock:
             self._lines.append(ours)
+            if self._is_database_ready:
+                ours.send(b".")
         threading.Thread(target=self._listen, args=(ours,), name="doorbell", daemon=True).start()
         return theirs
 
@@ -101,8 +123,11 @@ class Doorbell:
     def _listen(self, line: socket.socket) -> None:
         with line, line.makefile("r", encoding="ascii") as reader:
             with contextlib.suppress(OSError):
-                for word in reader:
-                    self.announce(word.strip())
+                for word in map(str.strip, reader):
+                    if word != WARM:
+                        self.announce(word)
+                    elif self._tell_warm is not None:
+                        self._tell_warm()
             with self._lock:
                 self._lines.remove(line)
 

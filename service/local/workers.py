@@ -1,14 +1,13 @@
 """Starts, restarts and stops the worker process that a service runs on its own machine."""
 
 import logging
-import os
 import subprocess
-import sys
 import threading
 import time
 
 from service.local.restarts import Restarts, WorkerStanding
 from service.local.wakeup import Doorbell
+from service.local.worker_command import worker_command, worker_environment
 from service.settings import Settings
 
 logger = logging.getLogger(__name__)
@@ -57,6 +56,12 @@ class LocalWorkers:
             self._process.kill()
             self._keeper.join()
 
+    def kill(self) -> None:
+        """Kill the process now: for a worker that was not told yet that it may use the database."""
+        self._stopping.set()
+        self._process.kill()
+        self._keeper.join()
+
     def _start(self) -> "subprocess.Popen[bytes]":
         line = self._doorbell.new_line()
         with line:
@@ -98,15 +103,3 @@ class LocalWorkers:
             else:
                 self._starts_at = None
                 return True
-
-
-def worker_command(*arguments: str) -> list[str]:
-    """Return the command line of a worker. ``-P``: a ``workers.py`` in the working folder is not imported."""
-    return [sys.executable, "-P", "-m", "workers", *arguments]
-
-
-def worker_environment(settings: Settings) -> dict[str, str]:
-    """Return a worker's environment. URLs may hold passwords, and other users see command-line options."""
-    log = {"POLHODE_LOG_FORMAT": settings.log_format, "POLHODE_LOG_LEVEL": settings.log_level}
-    chosen = {name: value for name, value in log.items() if value is not None}
-    return {**os.environ, "POLHODE_DATABASE_URL": settings.database_url, **chosen}

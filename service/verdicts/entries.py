@@ -9,7 +9,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
 
 from service.dynamics.numerics import NUMERICS
 
@@ -42,7 +41,7 @@ class ExaminationKeys:
 @cache
 def examination_version() -> str:
     """Return the versions of all that computes verdicts and windows: entries of another one are not used."""
-    parts = (version("polhode"), NUMERICS, EXAMINATION_CODE, version("python-flint"))
+    parts = (version_of("polhode"), NUMERICS, EXAMINATION_CODE, version_of("python-flint"))
     return "/".join(map(str, parts))
 
 

@@ -110,7 +110,7 @@ def test_a_service_that_is_terminated_at_its_start_has_left_nothing_undone(run, 
     assert (ended.returncode, ended.stderr) == (0, TERMINATED)
 
 
-@pytest.mark.parametrize("moment", ["service.cli.serving:announce", "uvicorn.lifespan.on"])
+@pytest.mark.parametrize("moment", ["service.cli.http_server:announce", "uvicorn.lifespan.on"])
 def test_a_service_that_has_something_to_put_in_order_does_so(run, moment):
     # Before and after the server listens to signals itself.
     ended = run(SERVICE, moment, signal.SIGTERM, "serve", "--port", "0", "--workers", "0")
@@ -120,7 +120,7 @@ def test_a_service_that_has_something_to_put_in_order_does_so(run, moment):
 
 
 def test_a_worker_that_has_entered_the_database_leaves_it(run, tmp_path):
-    ended = run(WORKER, "workers.process.worker:Runner", signal.SIGTERM, "run")
+    ended = run(WORKER, "workers.process.database_work:Runner", signal.SIGTERM, "run")
     assert ended.returncode == 0
     assert "Traceback" not in ended.stderr
     database = Database(f"sqlite:///{tmp_path / 'polhode.db'}")

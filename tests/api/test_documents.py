@@ -105,7 +105,11 @@ def test_every_code_is_documented():
 
 def test_an_app_that_lives_is_ready(client):
     assert client.get("/livez").json() == {"status": "ok", "checks": {}}
-    assert client.get("/readyz").json() == {"status": "ok", "checks": {"database": "ok", "sandbox": "ok"}}
+    assert client.get("/readyz").json() == {
+        "status": "ok",
+        "checks": {"database": "ok", "sandbox": "ok"},
+        "workers": "none",
+    }
 
 
 def test_without_tables_it_lives_and_is_not_ready(tmp_path):

@@ -11,12 +11,12 @@ import argparse
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from math import inf
 from pathlib import Path
 
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
+from service.versions import version_of
 from tests.benchmarks.honesty_counts import MOST, TIERS, Record, Tally, load, measure
 from tests.benchmarks.honesty_page import MEASURED, NOT_COVERED, PROVED, SMOOTH, TITLE
 from tests.benchmarks.hostile_counts import HostileRecord, faults_of, load_hostile, measure_hostile
@@ -32,7 +32,7 @@ def report(record: Record, hostile: HostileRecord) -> str:
     """Return the page."""
     return "\n".join(
         [
-            TITLE.format(version=version("polhode"), numerics=NUMERICS),
+            TITLE.format(version=version_of("polhode"), numerics=NUMERICS),
             PROVED,
             MEASURED,
             NOT_COVERED.format(latest=10**LATEST, rounds=max(ROUNDS)),

@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 
+from service.versions import version_of
 from workers.calibration.measurement import this_machine
 
 PACKAGES = ("polhode", "numpy", "scipy", "numba", "heyoka", "python-flint", "mpmath")
@@ -136,7 +136,7 @@ def circumstances() -> tuple[str, ...]:
     return (
         f"{datetime.now(UTC):%Y-%m-%d}, {machine.model or 'unknown processor'}, {machine.cpus} processors, "
         f"{machine.system}, Python {sys.version.split()[0]}",
-        ", ".join(f"{name} {version(name)}" for name in PACKAGES),
+        ", ".join(f"{name} {version_of(name)}" for name in PACKAGES),
         f"load average at the start {load:.1f}" + (": the machine was busy" if load > LOADED else ""),
     )
 

@@ -1,5 +1,6 @@
 """The bell only saves waiting, and never makes anybody wait for nothing."""
 
+import selectors
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -7,7 +8,7 @@ from contextlib import contextmanager
 import pytest
 
 from service.local import wakeup
-from service.local.wakeup import Doorbell, WorkerLine
+from service.local.wakeup import WARM, Doorbell, WorkerLine
 from tests.support.waiting import wait_for
 
 
@@ -21,6 +22,7 @@ def doorbell():
 @pytest.fixture
 def line(doorbell):
     worker = WorkerLine(doorbell.new_line().detach())
+    assert worker.is_open()  # reads the first message, that the database is ready
     yield worker
     worker.close()
 
@@ -97,3 +99,30 @@ def test_a_closed_bell_makes_nobody_wait(doorbell):
     with waiting(doorbell, "job-1", lambda: False) as answer:
         doorbell.close()
     assert answer.result() is False
+
+
+def test_a_worker_hears_that_the_database_is_ready_and_nothing_before():
+    bell = Doorbell(is_database_ready=False)
+    early = WorkerLine(bell.new_line().detach())
+    assert heard(early) is False
+    bell.tell_database_is_ready()
+    assert heard(early) is True
+    late = WorkerLine(bell.new_line().detach())  # of a worker that is started again
+    assert heard(late) is True
+    for line in (early, late):
+        line.close()
+    bell.close()
+
+
+def test_it_is_told_when_a_worker_is_warm(doorbell, line):
+    told = threading.Event()
+    doorbell.when_warm(told.set)
+    line.tell(WARM)
+    assert told.wait(60.0)
+
+
+def heard(line):
+    """Tell whether a message waits on a line."""
+    with selectors.PollSelector() as selector:
+        selector.register(line, selectors.EVENT_READ)
+        return bool(selector.select(0))

@@ -7,10 +7,13 @@ import sys
 import pytest
 
 from service.app import create_app
+from service.local.hosts import WorkerProcess
 from service.local.restarts import Restarts, WorkerStanding
 from service.local.wakeup import Doorbell
 from service.local.workers import LocalWorkers
 from service.settings import Settings
+from service.storage.database.database import Database
+from service.storage.jobs.worker_registry import WorkerRegistry
 from tests.support.api import TestClient
 from tests.workers.processes import wait_until
 
@@ -106,6 +109,32 @@ def test_readyz_and_metrics_tell_how_the_worker_does(sqlite_url, verdicts, stand
     assert float(lines["polhode_local_worker_up"]) == up
     assert float(lines["polhode_local_worker_pause_seconds"]) == pause
     assert float(lines["polhode_local_worker_deaths_total"]) == standing.restarts.deaths
+
+
+def test_readyz_tells_whether_a_worker_would_take_a_job_now(sqlite_url, verdicts):
+    database = Database(sqlite_url)
+    registry = WorkerRegistry(database, lease_seconds=3600.0)
+    worker = WorkerProcess("w", "here", "local", 1)
+    runs, ended = WorkerStanding(Restarts()), WorkerStanding(Restarts(5, 4), 1, 3.5)
+    standing = [runs]
+    app = create_app(Settings(database_url=sqlite_url), sandbox=verdicts, local_worker=lambda: standing[-1])
+    with TestClient(app) as client:
+        said = []
+
+        def ask():
+            said.append(client.get("/readyz").json()["workers"])
+
+        ask()  # its process runs, and has not entered the database
+        standing.append(ended)
+        ask()
+        registry.enter(worker, alone=True)
+        ask()
+        registry.see(worker, is_warm=True)
+        ask()
+        registry.leave(worker)
+        ask()
+    database.close()
+    assert said == ["starting", "none", "starting", "warm", "none"]
 
 
 def test_without_a_worker_of_its_own_a_service_tells_nothing_of_one(sqlite_url, verdicts):

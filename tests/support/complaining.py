@@ -6,7 +6,7 @@ from service.jobs.outcome import SolveOutcome
 from service.jobs.states import JobKind
 from service.logs import start_logging
 from service.settings import Settings
-from workers.process.worker import run_worker
+from workers.process.worker import WorkerTasks, run_worker
 
 
 def complain(document: str) -> SolveOutcome:
@@ -18,4 +18,4 @@ def complain(document: str) -> SolveOutcome:
 def run() -> None:
     """Work until stopped."""
     start_logging("json", "info")
-    run_worker({JobKind.SOLVE: complain}, Settings(), slots=1, wake_fd=None)
+    run_worker(WorkerTasks({JobKind.SOLVE: complain}), Settings(), slots=1, wake_fd=None)

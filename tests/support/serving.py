@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,9 @@ class Service:
 
 
 @contextmanager
-def serving(folder: Path, *, workers: int = 1, **environment: str) -> Iterator[Service]:
+def serving(
+    folder: Path, *, workers: int = 1, stderr: IO[bytes] | None = None, **environment: str
+) -> Iterator[Service]:
     """Run ``polhode serve`` on a fresh database in ``folder``; stop it with SIGTERM."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -63,7 +66,9 @@ def serving(folder: Path, *, workers: int = 1, **environment: str) -> Iterator[S
         str(workers),
     ]
     began = time.monotonic()
-    process = subprocess.Popen(command, cwd=folder, env={**os.environ, **environment}, start_new_session=True)
+    process = subprocess.Popen(
+        command, cwd=folder, env={**os.environ, **environment}, stderr=stderr, start_new_session=True
+    )
     address = f"http://127.0.0.1:{port}"
     try:
         _wait_until_ready(address, process)

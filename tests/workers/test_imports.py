@@ -28,12 +28,11 @@ def test_a_worker_and_a_command_are_there_before_the_solvers_are_loaded():
 
 CALLING = """
 import contextlib, importlib, sys
-from workers.computation import in_child
 from workers.process import tasks
-for name in (*tasks.PRELOAD, *in_child.PRELOAD):
+for name in tasks.PRELOAD:
     importlib.import_module(name)
 before = set(sys.modules)
-for computation in (*tasks.COMPUTATIONS.values(), lambda document: in_child.solve_judged(document, "{}")):
+for computation in (*tasks.COMPUTATIONS.values(), lambda document: tasks.solve_examined(document, "{}")):
     with contextlib.suppress(Exception):
         computation("{}")
 print(*(set(sys.modules) - before))

@@ -25,12 +25,12 @@ def work(arguments: Sequence[str]) -> None:
     import logging  # noqa: PLC0415
 
     from service.settings import Settings  # noqa: PLC0415
-    from workers.process.worker import run_worker  # noqa: PLC0415
+    from workers.process.worker import WorkerTasks, run_worker  # noqa: PLC0415
 
     shift_clock(float(os.environ["CLOCK_SHIFT"]))
     logging.basicConfig(level=logging.INFO)
     slots, *wake_fd = map(int, arguments)
-    run_worker(CHORES, Settings(), slots=slots, wake_fd=wake_fd[0] if wake_fd else None)
+    run_worker(WorkerTasks(CHORES), Settings(), slots=slots, wake_fd=wake_fd[0] if wake_fd else None)
 
 
 def main() -> None:

@@ -5,7 +5,6 @@ import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from statistics import median
 
@@ -16,6 +15,7 @@ from service.dynamics.solution.ball_columns import RADIUS
 from service.jobs.outcome import Refused, Solved
 from service.schemas.reading.faults import InvalidProblemError
 from service.storage.codecs.arrays import decode_arrays
+from service.versions import version_of
 from workers.calibration.problems import CASES, SAMPLES, Case
 from workers.calibration.reference import ReferenceStates, reference_states, samples_of
 from workers.calibration.whole_jobs import SecondsOf
@@ -78,7 +78,7 @@ def calibrate(
     return AccuracyTable(
         source=source,
         date=datetime.now(UTC).isoformat(timespec="seconds"),
-        version=version("polhode"),
+        version=version_of("polhode"),
         numerics=NUMERICS,
         machine=this_machine(),
         repetitions=effort.repetitions,

@@ -9,14 +9,9 @@ from typing import Annotated
 
 import typer
 
-from service.local.hosts import OtherHostError
 from service.logs import start_logging
 from service.settings import SettingsError, read_settings
-from service.storage.database.migration import MigrationError, migrate_or_explain
-from service.storage.database.revisions import NewerSchemaError
 from service.terminal import FileFaultError, say
-from workers.process.tasks import COMPUTATIONS, PRELOAD
-from workers.process.worker import run_worker
 
 _FAILED, _WRONG_USAGE = 1, 2
 
@@ -25,6 +20,7 @@ app = typer.Typer(
     help="The command line of the workers.",
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
 )
 
 Document = Annotated[Path, typer.Argument(help="a JSON document; - reads stdin", show_default=False)]
@@ -56,14 +52,20 @@ def run(
     wake_fd: Annotated[int | None, typer.Option(help="descriptor of the service's wake-up socket")] = None,
 ) -> None:
     """Compute queued jobs until stopped."""
+    from service.local.hosts import OtherHostError  # noqa: PLC0415
+    from service.storage.database.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
+    from service.storage.database.revisions import NewerSchemaError  # noqa: PLC0415
+    from workers.process.tasks import COMPUTATIONS, PRELOAD, warm_up  # noqa: PLC0415
+    from workers.process.worker import WorkerTasks, run_worker  # noqa: PLC0415
+
     settings = read_settings(database_url=database_url)
     start_logging(settings.log_format, settings.log_level or "info")
     slots = slots if slots is not None else max(settings.workers, 1)
     try:
         if wake_fd is None:
-            # Started alone. A service that starts workers has migrated before.
+            # Started alone. A service that starts workers migrates, and tells them when it has.
             migrate_or_explain(settings.database_url, engine_name=settings.engine)
-        run_worker(COMPUTATIONS, settings, slots=slots, wake_fd=wake_fd, preload=PRELOAD)
+        run_worker(WorkerTasks(COMPUTATIONS, PRELOAD, warm_up), settings, slots=slots, wake_fd=wake_fd)
     except (MigrationError, NewerSchemaError, OtherHostError) as fault:
         say(str(fault))
         raise typer.Exit(_FAILED) from fault

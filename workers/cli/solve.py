@@ -13,8 +13,8 @@ from service.storage.codecs.arrays import decode_arrays
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
 from service.verdicts.examination import examine_problem
 from service.verdicts.refusals import refusal_of_reading
-from workers.computation.in_child import PRELOAD, solve_judged
 from workers.computation.text import describe, to_csv
+from workers.process.tasks import solve_examined
 
 
 def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
@@ -51,7 +51,7 @@ def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
 def _compute(document: str, settings: Settings) -> SolveOutcome:
     """Compute in a child with the limits of a verdict and of a job, and show a progress sign."""
     console = Console(stderr=True)
-    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=PRELOAD)
+    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=["workers.computation.compute"])
     try:
         with console.status("solving …"):  # shows nothing where stderr is not a terminal
             try:
@@ -59,7 +59,7 @@ def _compute(document: str, settings: Settings) -> SolveOutcome:
             except SandboxTimeoutError:
                 detail = f"no verdict within POLHODE_VERDICT_SECONDS = {settings.verdict_seconds:g}"
                 return _failed("verdict_time_limit", detail)
-            return sandbox.run(solve_judged, document, report, seconds=settings.job_seconds)
+            return sandbox.run(solve_examined, document, report, seconds=settings.job_seconds)
     except SandboxTimeoutError:
         detail = f"not solved within POLHODE_JOB_SECONDS = {settings.job_seconds:g}"
         return _failed("time_limit", detail)

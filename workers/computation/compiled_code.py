@@ -7,9 +7,9 @@ also solved without one: by commands, calibrations and tests.
 import hashlib
 import os
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
+from service.versions import version_of
 from workers.solvers import compiled
 from workers.solvers.compiled import code_folder
 
@@ -57,7 +57,7 @@ def digest(package: Path) -> str:
 
     A kernel contains the kernels it calls: compiled code is good for one state of all of them.
     """
-    total = hashlib.sha256(version("numba").encode())
+    total = hashlib.sha256(version_of("numba").encode())
     for source in sorted(package.rglob("*.py")):
         total.update(source.relative_to(package).as_posix().encode() + b"\0")
         total.update(source.read_bytes())

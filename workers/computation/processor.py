@@ -9,10 +9,11 @@ import ctypes
 import os
 import platform
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+
+from service.versions import version_of
 
 LIBRARIES = ("numpy", "scipy", "numba", "heyoka", "python-flint")
 HIDING = ("NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "GLIBC_TUNABLES")
@@ -37,13 +38,16 @@ def processor() -> str:
 def libraries() -> str:
     """Return the versions of what computes with doubles, Python and the platform's own library among it."""
     libc = " ".join(platform.libc_ver()) if platform.system() == "Linux" else platform.platform()
-    named = [f"Python {platform.python_version()}", *(f"{name} {_version(name)}" for name in LIBRARIES)]
+    named = [
+        f"Python {platform.python_version()}",
+        *(f"{name} {_version_or_none(name)}" for name in LIBRARIES),
+    ]
     return ", ".join([*named, libc])
 
 
-def _version(name: str) -> str:
+def _version_or_none(name: str) -> str:
     try:
-        return version(name)
+        return version_of(name)
     except ImportError:  # heyoka is for Linux only
         return "none"
 

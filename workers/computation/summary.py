@@ -1,8 +1,6 @@
 """Writes the solution document that a client reads, without ids and arrays."""
 
 from dataclasses import asdict
-from functools import cache
-from importlib.metadata import version
 
 import numpy as np
 from flint import arb
@@ -12,6 +10,7 @@ from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Problem
 from service.dynamics.solution.ball_columns import as_decimals
 from service.storage.codecs.summary import FIRST_PASSAGE, PROVEN_SAMPLES
+from service.versions import version_of
 from workers.computation.outputs import Findings
 from workers.computation.processor import libraries, processor
 from workers.solvers.certified.certify import Certified
@@ -19,9 +18,6 @@ from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability
 
 Document = dict[str, object]
-
-_version_of = cache(version)
-"""Reading the metadata of a package takes longer than many a motion."""
 
 
 def summarise(
@@ -65,7 +61,7 @@ def _cross_check(check: CrossCheck) -> Document:
 def provenance() -> Document:
     """Return what computes here. What is equal in all of it gives equal problems the same bits."""
     return {
-        "version": _version_of("polhode"),
+        "version": version_of("polhode"),
         "numerics": NUMERICS,
         "processor": processor(),
         "libraries": libraries(),

@@ -1,49 +1,21 @@
 """The main loop of a worker: runs jobs when woken, and polls at intervals."""
 
-import contextlib
 import logging
 import selectors
-import socket
 import time
+from collections.abc import Callable
 from typing import Protocol
 
-from service.local.wakeup import WorkerLine
+from service.local.wakeup import WARM, WorkerLine
 from service.storage.database.availability import is_away
 from workers.process.presence import Presence
 from workers.process.runner import WATCH_SECONDS, Runner
+from workers.process.waker import Waker
 
 logger = logging.getLogger(__name__)
 
 _AWAY_SECONDS = 0.5
 """Seconds between attempts while the database is unreachable."""
-
-
-class Waker:
-    """Wakes the worker loop, from other threads and from signal handlers."""
-
-    def __init__(self) -> None:
-        self._hear, self._ring = socket.socketpair()
-        self._hear.setblocking(False)
-        self._ring.setblocking(False)
-
-    def __call__(self) -> None:
-        """Wake the loop. If the buffer is full, it has been woken already; if it is closed, it has ended."""
-        with contextlib.suppress(OSError):
-            self._ring.send(b".")
-
-    def fileno(self) -> int:
-        """Return the descriptor to select on."""
-        return self._hear.fileno()
-
-    def clear(self) -> None:
-        """Discard pending wake-ups."""
-        with contextlib.suppress(BlockingIOError):
-            self._hear.recv(4096)
-
-    def close(self) -> None:
-        """Close both ends."""
-        self._hear.close()
-        self._ring.close()
 
 
 class Announcements(Protocol):
@@ -75,6 +47,8 @@ class EngineLoop:
         The wake-up socket of the service that started this worker, if any. When it closes, the loop stops.
     announcements
         Notifications of delivered jobs, if the engine has them.
+    is_warm
+        Whether jobs may be taken: the children have loaded what they need. Once true it stays true.
     poll_seconds
         How often to poll for jobs that were not announced.
     grace_seconds
@@ -89,6 +63,7 @@ class EngineLoop:
         *,
         line: WorkerLine | None,
         announcements: Announcements | None,
+        is_warm: Callable[[], bool],
         poll_seconds: float,
         grace_seconds: float,
     ) -> None:
@@ -97,10 +72,12 @@ class EngineLoop:
         self._waker = waker
         self._line = line
         self._announcements = announcements
+        self._is_warm = is_warm
         self._poll_seconds = poll_seconds
         self._grace_seconds = grace_seconds
         self._stop_by: float | None = None
         self._is_away = False
+        self._has_told = False
 
     def stop(self) -> None:
         """Claim nothing more; safe from any thread or signal handler, also repeatedly."""
@@ -139,13 +116,18 @@ class EngineLoop:
         """Do all pending work, finished jobs first, since clients may wait for them."""
         self._tell(self._runner.collect(refill=self._stop_by is None))
         self._runner.keep_leases()
-        self._presence.keep()
+        takes_jobs = self._is_warm()
+        self._presence.keep(is_warm=takes_jobs)
+        if takes_jobs and not self._has_told and self._line is not None:
+            self._line.tell(WARM)
+        self._has_told = takes_jobs
         if self._stop_by is None:
-            if self._announcements is not None:
+            if takes_jobs and self._announcements is not None:
                 # Listen before looking, so that no later delivery is missed.
                 self._announcements.listen()
             self._runner.reconcile()
-            self._tell(self._runner.fill())
+            if takes_jobs:
+                self._tell(self._runner.fill())
 
     def _tell(self, finished: list[str]) -> None:
         if self._line is not None:

@@ -22,6 +22,7 @@ class Presence:
         self._registry = registry
         self._worker = worker
         self._seconds = seconds
+        self._is_warm = False
         self._due_at = 0.0
 
     def begin(self, *, alone: bool) -> None:
@@ -29,10 +30,11 @@ class Presence:
         self._registry.enter(self._worker, alone=alone)
         self._due_at = time.monotonic() + self._seconds
 
-    def keep(self) -> None:
-        """Renew the row if it is time."""
-        if self.seconds_left() == 0.0:
-            self._registry.see(self._worker)
+    def keep(self, *, is_warm: bool) -> None:
+        """Renew the row if it is time, or if it is news that this worker takes jobs."""
+        if self.seconds_left() == 0.0 or is_warm is not self._is_warm:
+            self._registry.see(self._worker, is_warm=is_warm)
+            self._is_warm = is_warm
             self._due_at = time.monotonic() + self._seconds
 
     def seconds_left(self) -> float:

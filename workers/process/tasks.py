@@ -9,8 +9,8 @@ from service.jobs.outcome import ChunkOutcome, SolveOutcome
 from service.jobs.states import JobKind
 from workers.process.runner import Computations
 
-PRELOAD = ("workers.computation.compute", "workers.sweeping.chunk")
-"""Modules for the fork server: what the functions here import when they are called."""
+PRELOAD = ("workers.computation.compute", "workers.sweeping.warming", "workers.process.preloaded")
+"""Modules for the fork server: what the functions here import, and at last one that loads compiled code."""
 
 
 def solve_problem(document_json: str, windows_json: str = "") -> SolveOutcome:
@@ -20,11 +20,25 @@ def solve_problem(document_json: str, windows_json: str = "") -> SolveOutcome:
     return solve_document(document_json, windows_json)
 
 
+def solve_examined(document_json: str, report_json: str) -> SolveOutcome:
+    """Call :func:`workers.computation.compute.solve_judged`."""
+    from workers.computation.compute import solve_judged  # noqa: PLC0415
+
+    return solve_judged(document_json, report_json)
+
+
 def solve_chunk(document_json: str) -> ChunkOutcome:
     """Call :func:`workers.sweeping.chunk.compute_chunk`."""
     from workers.sweeping.chunk import compute_chunk  # noqa: PLC0415
 
     return compute_chunk(document_json)
+
+
+def warm_up() -> None:
+    """Call :func:`workers.sweeping.warming.warm_up`."""
+    from workers.sweeping.warming import warm_up as solve_problems  # noqa: PLC0415
+
+    solve_problems()
 
 
 COMPUTATIONS: Computations = {JobKind.SOLVE: solve_problem, JobKind.CHUNK: solve_chunk}

@@ -12,9 +12,10 @@ from service.api.queries.queries import without_query
 from service.api.replies.errors import ApiError
 from service.api.replies.responses import json_response, refusals
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.replies.solution import HealthOut
+from service.schemas.replies.solution import HealthOut, ReadinessOut
 from service.storage.database.revisions import fault_of, stored_revision
 from service.storage.database.sqlite_file import DatabaseFileError
+from service.storage.jobs.worker_registry import WorkerRegistry, WorkersState
 from service.verdicts.examination import answer_ping
 
 router = APIRouter(tags=["health"])
@@ -29,23 +30,36 @@ async def get_liveness() -> Response:
     return json_response(HealthOut(status="ok", checks={}))
 
 
-@router.get("/readyz", response_model=HealthOut, responses=refusals(503), dependencies=[without_query])
+@router.get("/readyz", response_model=ReadinessOut, responses=refusals(503), dependencies=[without_query])
 async def get_readiness(inside: Inside) -> Response:
     """Tell whether the database can be read and written and has this version's schema, and verdicts work.
 
     A worker process that dies repeatedly is reported but does not count as unready: jobs are still accepted.
+    So are workers that still start: `workers` says whether a job would be computed now.
     """
-    checks = await to_thread.run_sync(_checks, inside, limiter=inside.checking)
+    checks, workers = await to_thread.run_sync(_checks, inside, limiter=inside.checking)
     bad = [f"{name}: {said}" for name, said in checks.items() if said != OK]
     if bad:
         raise ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "not_ready", "; ".join(bad), extras={"checks": checks})
     if inside.local_worker is not None:
         checks["worker"] = str(inside.local_worker())
-    return json_response(HealthOut(status="ok", checks=checks))
+    return json_response(ReadinessOut(status="ok", checks=checks, workers=workers))
 
 
-def _checks(inside: Resources) -> dict[str, str]:
-    return {"database": _database(inside), "sandbox": _sandbox(inside)}
+def _checks(inside: Resources) -> tuple[dict[str, str], WorkersState]:
+    checks = {"database": _database(inside), "sandbox": _sandbox(inside)}
+    return checks, _workers(inside) if checks["database"] == OK else "none"
+
+
+def _workers(inside: Resources) -> WorkersState:
+    registry = WorkerRegistry(inside.database, lease_seconds=inside.settings.lease_seconds)
+    try:
+        state = registry.state()
+    except SQLAlchemyError:  # the next request says so
+        return "none"
+    if state == "none" and inside.local_worker is not None and inside.local_worker().is_running:
+        return "starting"  # it has not entered the database yet
+    return state
 
 
 def _database(inside: Resources) -> str:

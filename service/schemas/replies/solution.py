@@ -209,3 +209,12 @@ class HealthOut(ResponseModel):
 
     status: Literal["ok"] = Field(description="Always `ok`; a process that is not says so with 503.")
     checks: dict[str, str] = Field(description="The checks, each `ok`; empty for /livez.")
+
+
+class ReadinessOut(HealthOut):
+    """The service accepts jobs."""
+
+    workers: Literal["warm", "starting", "none"] = Field(
+        description="`warm`: some worker takes jobs at once, with its code loaded. `starting`: the workers "
+        "that are there take jobs in a moment. `none`: jobs wait until a worker is started."
+    )

@@ -7,7 +7,6 @@ comment on its table of jobs records it.
 from pathlib import Path
 
 import psycopg
-from procrastinate.schema import SchemaManager
 from sqlalchemy import Engine
 
 _LOCK = 0x706F6C68
@@ -33,6 +32,9 @@ def install(engine: Engine) -> None:
     UnknownSchemaError
         Another program has made tables of the same names.
     """
+    # Here and not at the top: every command that migrates loads this module, few need Procrastinate.
+    from procrastinate.schema import SchemaManager  # noqa: PLC0415
+
     with engine.begin() as ours:
         connection = ours.connection.driver_connection
         assert isinstance(connection, psycopg.Connection)

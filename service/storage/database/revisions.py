@@ -1,11 +1,12 @@
 """Finds which schema a database has, and whether this version can use or upgrade it."""
 
 import functools
-from importlib.metadata import version
 from pathlib import Path
 
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, inspect, text
+
+from service.versions import version_of
 
 
 class NewerSchemaError(Exception):
@@ -14,7 +15,7 @@ class NewerSchemaError(Exception):
     def __init__(self, stored: str) -> None:
         super().__init__(
             f"the database has the schema {stored}, made by a later version; this is version "
-            f"{version('polhode')} with the schema {newest_revision()}. Use the later version, or "
+            f"{version_of('polhode')} with the schema {newest_revision()}. Use the later version, or "
             "restore a backup from before the upgrade"
         )
         self.stored = stored

@@ -1,5 +1,7 @@
 """Keeps a row for each live worker, refreshed by its heartbeat."""
 
+from typing import Literal
+
 from sqlalchemy import delete, select
 
 from service.local.hosts import OtherHostError, WorkerProcess
@@ -11,6 +13,9 @@ SILENT_LEASES = 3
 """A worker that was silent for so many lease times counts as gone."""
 FORGOTTEN_SECONDS = 86_400.0
 """The row of a killed worker is removed after this silence."""
+
+WorkersState = Literal["warm", "starting", "none"]
+"""Some worker takes jobs; there are only workers that do not yet; there is no worker."""
 
 
 class WorkerRegistry:
@@ -28,7 +33,7 @@ class WorkerRegistry:
         OtherHostError
             A worker of another machine is registered and alive.
         """
-        self.see(worker)
+        self.see(worker, is_warm=False)
         if not alone:
             return
         # Insert first, then look: of two that start at once, at least one sees the other.
@@ -46,7 +51,7 @@ class WorkerRegistry:
             self.leave(worker)
             raise OtherHostError(worker.host, other.host, now - other.seen_at)
 
-    def see(self, worker: WorkerProcess) -> None:
+    def see(self, worker: WorkerProcess, *, is_warm: bool) -> None:
         """Refresh the row of a worker, or insert it again; remove rows of workers that died long ago."""
         with self._database.write() as session:
             now = database_now(session)
@@ -60,8 +65,17 @@ class WorkerRegistry:
                     started_at=now,
                 )
                 session.add(row)
-            row.seen_at = now
+            row.seen_at, row.is_warm = now, is_warm
             session.execute(delete(WorkerRow).where(WorkerRow.seen_at < DatabaseNow() - FORGOTTEN_SECONDS))
+
+    def state(self) -> WorkersState:
+        """Return whether some worker that is alive takes jobs."""
+        with self._database.read() as session:
+            alive = WorkerRow.seen_at >= database_now(session) - self._silent_seconds
+            found = session.scalars(
+                select(WorkerRow.is_warm).where(alive, WorkerRow.slots > 0).distinct()
+            ).all()
+        return "warm" if any(found) else "starting" if found else "none"
 
     def leave(self, worker: WorkerProcess) -> None:
         """Remove the row of a worker that shuts down."""

@@ -1,6 +1,6 @@
 """The tables of the installation: API keys, live workers and services, calibrations."""
 
-from sqlalchemy import BigInteger, CheckConstraint, String, Uuid
+from sqlalchemy import BigInteger, CheckConstraint, String, Uuid, true
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.keys import Role
@@ -43,6 +43,8 @@ class WorkerRow(Base):
     slots: Mapped[int]
     started_at: Mapped[float]
     seen_at: Mapped[float]
+    is_warm: Mapped[bool] = mapped_column(default=True, server_default=true())
+    """It takes jobs: it has loaded its compiled code, or has told in its log why it could not."""
 
 
 class CalibrationRow(Base):

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from service.app import create_app
 from service.cli.commands import app
+from service.local.wakeup import Doorbell
 from service.settings import Settings
 from service.storage.database.database import make_engine
 from service.storage.database.migration import migrate
@@ -58,10 +59,13 @@ def test_commands_refuse_it_in_one_line(newer_url, arguments):
     assert_said(result.stderr)
 
 
-@pytest.mark.parametrize("wake_fd", [[], ["--wake-fd", "9999"]], ids=["alone", "by a service"])
-def test_a_worker_refuses_it_in_one_line(newer_url, wake_fd, capsys, monkeypatch):
+@pytest.mark.parametrize("is_alone", [True, False], ids=["alone", "by a service"])
+def test_a_worker_refuses_it_in_one_line(newer_url, is_alone, capsys, monkeypatch):
     monkeypatch.setattr("workers.cli.main.start_logging", lambda *_: None)
-    assert run_workers(["run", *wake_fd]) == 1
+    bell = Doorbell()
+    line = [] if is_alone else ["--wake-fd", str(bell.new_line().detach())]
+    assert run_workers(["run", *line]) == 1
+    bell.close()
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert_said(said)

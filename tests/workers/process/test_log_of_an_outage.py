@@ -6,7 +6,8 @@ import sqlite3
 from sqlalchemy import exc
 
 from service.storage.database.sqlite_file import DatabaseFileError
-from workers.process.loop import EngineLoop, Waker
+from workers.process.loop import EngineLoop
+from workers.process.waker import Waker
 
 
 class Nobody:
@@ -28,10 +29,13 @@ class Nobody:
         self.loop.stop()
         return []
 
-    def keep(self):
+    def keep(self, *, is_warm):
         pass
 
-    keep_leases = reconcile = give_back = keep
+    def keep_leases(self):
+        pass
+
+    reconcile = give_back = keep_leases
 
     def seconds_left(self):
         return 0.0
@@ -41,7 +45,14 @@ def test_it_is_told_once_and_once_that_it_is_over(monkeypatch, caplog):
     monkeypatch.setattr("workers.process.loop._AWAY_SECONDS", 0.0)
     nobody, waker = Nobody(turns_away=1000), Waker()
     nobody.loop = EngineLoop(
-        nobody, nobody, waker, line=None, announcements=None, poll_seconds=0.0, grace_seconds=0.0
+        nobody,
+        nobody,
+        waker,
+        line=None,
+        announcements=None,
+        is_warm=lambda: True,
+        poll_seconds=0.0,
+        grace_seconds=0.0,
     )
     with caplog.at_level(logging.INFO, logger="workers"):
         nobody.loop.run()

@@ -1,0 +1,57 @@
+"""Serves the API over HTTP on an open socket, until a signal."""
+
+import socket
+
+import typer
+import uvicorn
+
+from service.app import create_app
+from service.cli.common import REFUSED
+from service.connections.server import guarded
+from service.local.wakeup import Doorbell
+from service.local.workers import LocalWorkers
+from service.logs import announce
+from service.settings import Settings
+from service.stopping import StopAsked
+
+
+def serve_http(
+    settings: Settings, listener: socket.socket, doorbell: Doorbell, workers: LocalWorkers | None
+) -> None:
+    """Serve on a migrated database; at the end stop the workers, which no second signal interrupts."""
+
+    class _Server(uvicorn.Server):
+        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+            # Uvicorn handles signals by now; this flag holds those that came before.
+            self.should_exit |= stop.is_asked
+            await super().startup(sockets)
+
+        async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+            if workers is not None:
+                workers.expect_end()
+            # Workers finish and stop; clients that wait for a job get its present state.
+            doorbell.close()
+            await super().shutdown(sockets)
+
+    # From here on the end needs a clean-up.
+    with StopAsked() as stop:
+        doorbell.when_warm(lambda: announce("the workers are warm: they take jobs"))
+        try:
+            standing = None if workers is None else workers.standing
+            app = create_app(settings, doorbell=doorbell, local_worker=standing)
+            config, listener = guarded(app, settings, listener)
+            server = _Server(config)
+            host, port = listener.getsockname()[:2]
+            announce(
+                f"serving http://{f'[{host}]' if ':' in host else host}:{port}, {settings.workers} workers"
+            )
+            # Not earlier: what workers say comes after that line.
+            doorbell.tell_database_is_ready()
+            # Uvicorn raises the signals it received again at its end: they have been handled already.
+            server.run(sockets=[listener])
+            if not server.started:
+                raise typer.Exit(REFUSED)
+        finally:
+            if workers is not None:
+                workers.stop()
+            doorbell.close()

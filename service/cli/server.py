@@ -1,0 +1,42 @@
+"""Runs the service for ``polhode serve``: the database, the API and the worker process beside it."""
+
+import socket
+
+from service.cli.common import REFUSED, fail, migrate_database
+from service.cli.keys import require_key
+from service.local.wakeup import Doorbell
+from service.local.workers import LocalWorkers
+from service.logs import start_logging
+from service.settings import Settings
+
+
+def run_service(settings: Settings) -> None:
+    """Serve until SIGTERM or SIGINT.
+
+    The worker process is started first. While it loads its solvers, this process migrates the database
+    and loads the web framework; the worker uses the database only when it is told that it is ready.
+    """
+    start_logging(settings.log_format, settings.log_level or "warning")
+    if not settings.is_loopback:
+        require_key(settings)
+    with _listen(settings.host, settings.port) as listener:
+        doorbell = Doorbell(is_database_ready=False)
+        workers = LocalWorkers(settings, doorbell) if settings.workers else None
+        try:
+            migrate_database(settings)
+            # Not at the top: it loads the web framework.
+            from service.cli.http_server import serve_http  # noqa: PLC0415
+        except BaseException:
+            if workers is not None:
+                workers.kill()
+            doorbell.close()
+            raise
+        serve_http(settings, listener, doorbell, workers)
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except OSError as fault:
+        fail(f"cannot listen on {host} port {port}: {fault.strerror or fault}", REFUSED)

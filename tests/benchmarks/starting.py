@@ -1,0 +1,128 @@
+"""Times how long ``polhode`` takes to start, for several installations side by side.
+
+``python -m tests.benchmarks.starting POLHODE ... [--rounds N]`` runs each command in turn, so that whatever
+else the machine does hits all of them alike, and prints the medians and their ratios to the first.
+"""
+
+import argparse
+import json
+import os
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+
+PATIENCE = 300.0
+PROBLEM = {
+    "body": {"A": 2, "C": 1},
+    "potential": {
+        "type": "expression",
+        "expression": "a*g1 + b/g3^2",
+        "parameters": {"a": -1, "b": "1/20"},
+    },
+    "motion": {"type": "planar", "lambda": 1},
+    "time": {"stop": 10, "samples": 101},
+    "accuracy": {"tier": "draft"},
+}
+ROWS = (
+    "polhode --help",
+    "serve: until /readyz answers 200",
+    "serve: until the first solution, draft",
+    "first job of tier high after that",
+    "second job of tier high",
+)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("commands", nargs="+", type=Path, metavar="POLHODE")
+    parser.add_argument("--rounds", type=int, default=5)
+    asked = parser.parse_args()
+    measured = [measure(command) for _ in range(asked.rounds) for command in asked.commands]
+    count = len(asked.commands)
+    for row, name in enumerate(ROWS):
+        medians = [median(each[row] for each in measured[k::count]) for k in range(count)]
+        ratios = " ".join(f"{value / medians[0]:.2f}x" for value in medians[1:])
+        print(f"{name:<40}", *(f"{value:8.3f} s" for value in medians), ratios)  # noqa: T201
+
+
+def measure(command: Path) -> list[float]:
+    """Return the seconds of each row, once."""
+    with tempfile.TemporaryDirectory() as folder:
+        helped = seconds_of(
+            lambda: subprocess.run([command, "--help"], check=True, stdout=subprocess.DEVNULL)
+        )
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        address = f"http://127.0.0.1:{port}"
+        began = time.monotonic()
+        service = subprocess.Popen(
+            [command, "serve", "--port", str(port)],
+            cwd=folder,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        try:
+            wait_until_ready(address)
+            ready = time.monotonic() - began
+            solve(address, "draft", 1)
+            solved = time.monotonic() - began
+            high = [seconds_of(lambda k=k: solve(address, "high", k)) for k in (2, 3)]
+        finally:
+            service.send_signal(signal.SIGTERM)
+            try:
+                service.wait(60.0)
+            finally:
+                if service.poll() is None:
+                    os.killpg(service.pid, signal.SIGKILL)
+    return [helped, ready, solved, *high]
+
+
+def seconds_of(call: Callable[[], object]) -> float:
+    began = time.monotonic()
+    call()
+    return time.monotonic() - began
+
+
+def wait_until_ready(address: str) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        try:
+            with urllib.request.urlopen(f"{address}/readyz", timeout=PATIENCE):
+                return
+        except OSError:
+            time.sleep(0.02)
+    raise TimeoutError(address)
+
+
+def solve(address: str, tier: str, number: int) -> None:
+    """Submit a problem that was not solved before, and wait for its solution."""
+    problem = {
+        **PROBLEM,
+        "accuracy": {"tier": tier},
+        "motion": {"type": "planar", "lambda": 1 + number / 100},
+    }
+    request = urllib.request.Request(
+        f"{address}/v1/jobs",
+        data=json.dumps(problem).encode(),
+        headers={"Content-Type": "application/json", "Prefer": "wait=60"},
+    )
+    with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
+        job = json.load(answer)
+    while job["state"] in ("queued", "running"):  # only on a busy machine
+        time.sleep(0.02)
+        with urllib.request.urlopen(f"{address}/v1/jobs/{job['id']}", timeout=PATIENCE) as answer:
+            job = json.load(answer)
+    if job["state"] != "succeeded":
+        raise RuntimeError(job["state"])
+
+
+if __name__ == "__main__":
+    main()

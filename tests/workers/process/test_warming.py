@@ -1,0 +1,182 @@
+"""A worker takes no job before its children are warm; what cannot be warmed is told, and stops no job."""
+
+import logging
+import os
+import signal
+import threading
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from service.local.hosts import WorkerProcess
+from service.local.wakeup import WARM
+from service.sandbox import Sandbox, SandboxBrokenError
+from service.storage.database.database import Database
+from service.storage.jobs.worker_registry import WorkerRegistry
+from tests.support.databases import copy_of
+from workers.process.loop import EngineLoop
+from workers.process.presence import Presence
+from workers.process.waker import Waker
+from workers.process.warming import Warming
+
+
+def sign(folder):
+    """Write down which child was warmed, once for each call; called in a child."""
+    with Path(folder, "calls").open("a") as file:
+        file.write(f"{os.getpid()}\n")
+
+
+def die_once(folder):
+    """Die as if killed from outside; the next child lives."""
+    mark = Path(folder, "dead")
+    if not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    sign(folder)
+
+
+def die(folder):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def refuse(folder):
+    raise ValueError("no solver works here")
+
+
+@pytest.fixture
+def warm(tmp_path, caplog):
+    """Warm the children of a sandbox; return which were, and the log."""
+    sandboxes = []
+
+    def warmed(function, slots):
+        sandboxes.append(Sandbox(slots, preload=[__name__]))
+        over = threading.Event()
+        warming = Warming(sandboxes[-1], partial(function, str(tmp_path)), slots=slots, wake=over.set)
+        with caplog.at_level(logging.INFO, logger="workers"):
+            warming.start()
+            assert over.wait(120.0)
+        assert warming.is_over()
+        calls = tmp_path / "calls"
+        return (
+            calls.read_text().split() if calls.exists() else [],
+            [(record.levelname, record.getMessage()) for record in caplog.records],
+        )
+
+    yield warmed
+    for sandbox in sandboxes:
+        sandbox.close()
+
+
+def test_every_child_is_warmed_once(warm):
+    calls, [(level, said)] = warm(sign, 2)
+    assert len(calls) == len(set(calls)) == 2
+    assert level == "INFO"
+    assert said.startswith("warm after")
+
+
+def test_a_child_that_was_killed_is_replaced_and_warmed(warm):
+    calls, [(level, _)] = warm(die_once, 1)
+    assert (len(calls), level) == (1, "INFO")
+
+
+@pytest.mark.parametrize(
+    ("function", "reason"), [(refuse, "ValueError: no solver works here"), (die, "died of SIGKILL")]
+)
+def test_what_cannot_be_warmed_says_why_and_is_over_all_the_same(warm, function, reason):
+    _, [(level, said)] = warm(function, 1)
+    assert level == "WARNING"
+    assert "taking jobs all the same" in said
+    assert reason in said
+
+
+def test_a_closed_sandbox_starts_no_child_again():
+    sandbox = Sandbox(1)
+    sandbox.close()
+    sandbox.start()
+    with pytest.raises(SandboxBrokenError):
+        sandbox.submit(os.getpid, seconds=None)
+
+
+class Recorder:
+    """A runner, a presence and a line that note what the loop asks of them."""
+
+    is_busy = False
+
+    def __init__(self, turns_cold):
+        self.turns_cold = turns_cold
+        self.asked = []
+        self.loop = None
+
+    def is_warm(self):
+        self.turns_cold -= 1
+        return self.turns_cold < 0
+
+    def collect(self, *, refill):
+        return []
+
+    def keep(self, *, is_warm):
+        self.asked.append(("keep", is_warm))
+
+    def fill(self):
+        self.asked.append("fill")
+        if self.asked.count("fill") == 2:
+            self.loop.stop()
+        return []
+
+    def reconcile(self):
+        self.asked.append("reconcile")
+
+    def keep_leases(self):
+        pass
+
+    give_back = close = keep_leases
+
+    def seconds_left(self):
+        return 0.0
+
+    def fileno(self):
+        return -1
+
+    def tell(self, word):
+        self.asked.append(word)
+
+
+def test_no_job_is_taken_before_it_is_warm_and_the_row_is_kept_meanwhile():
+    recorder, waker = Recorder(turns_cold=2), Waker()
+    recorder.loop = EngineLoop(
+        recorder,
+        recorder,
+        waker,
+        line=recorder,
+        announcements=None,
+        is_warm=recorder.is_warm,
+        poll_seconds=0.0,
+        grace_seconds=0.0,
+    )
+    recorder.loop.run()
+    waker.close()
+    cold = [("keep", False), "reconcile"]
+    assert recorder.asked == [
+        *cold,
+        *cold,
+        *[("keep", True), WARM, "reconcile", "fill"],
+        *[("keep", True), "reconcile", "fill"],
+    ]
+
+
+def test_the_row_says_at_once_that_jobs_are_taken(tmp_path, sqlite_template):
+    database = Database(copy_of(sqlite_template, tmp_path))
+    registry = WorkerRegistry(database, lease_seconds=3600.0)
+    assert registry.state() == "none"
+    rows = [Presence(registry, WorkerProcess(name, "here", "local", 1), seconds=3600.0) for name in "ab"]
+    for row in rows:
+        row.begin(alone=True)
+    assert registry.state() == "starting"
+    rows[0].keep(is_warm=False)
+    assert registry.state() == "starting"
+    rows[0].keep(is_warm=True)  # long before the row is to be renewed
+    assert registry.state() == "warm"
+    rows[0].end()
+    assert registry.state() == "starting"
+    database.close()
