@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from service.dynamics.numerics import NUMERICS
+from service.versions import version_of
 
 EXAMINATION_CODE = 1
 """Grows whenever a problem may get another verdict, proof, counterexample or window, in any form."""
