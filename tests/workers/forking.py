@@ -1,5 +1,6 @@
 """Makes workers by forking: what a worker needs is loaded once, not in each of some hundred."""
 
+import contextlib
 import ctypes
 import json
 import os
@@ -44,25 +45,29 @@ def fork_whenever_asked(line: int, work: Callable[[Sequence[str]], None]) -> Non
             if pid == 0:
                 selector.close()
                 control.close()
-                told.close()
-                _run(json.loads(content), bell, work)
+                _run(json.loads(content), told, bell, work)
             for descriptor in bell:
                 os.close(descriptor)
-            told.send(f"{pid}\n".encode())
             selector.register(os.pidfd_open(pid), selectors.EVENT_READ, (pid, told))
 
 
 def _tell_end(pid: int, told: socket.socket) -> None:
     _, status, usage = os.wait4(pid, 0)
-    with told:
+    # Whoever asked may not want to know any more.
+    with told, contextlib.suppress(OSError):
         told.send(f"{os.waitstatus_to_exitcode(status)} {usage.ru_utime + usage.ru_stime}\n".encode())
 
 
-def _run(request: dict, bell: Sequence[int], work: Callable[[Sequence[str]], None]) -> None:
+def _run(
+    request: dict, told: socket.socket, bell: Sequence[int], work: Callable[[Sequence[str]], None]
+) -> None:
     """Be a worker; never return."""
     code = 1
     try:
         os.setsid()
+        # Not earlier: who has the id looks for the processes of its session.
+        with told:
+            told.send(f"{os.getpid()}\n".encode())
         if request["has_own_network"] and ctypes.CDLL(None).unshare(CLONE_NEWNET) != 0:
             raise PermissionError("no network of its own is allowed")
         os.chdir(request["folder"])
