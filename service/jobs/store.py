@@ -11,7 +11,7 @@ from typing import Protocol
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome
-from service.jobs.states import JobState
+from service.schemas.query.list_query import ListQuery
 
 
 class JobStore(Protocol):
@@ -45,8 +45,8 @@ class JobStore(Protocol):
         """Return a job, or raise :class:`~service.jobs.errors.JobNotFoundError`."""
         ...
 
-    def list_jobs(self, *, state: JobState | None = None, limit: int = 50, offset: int = 0) -> JobPage:
-        """Return jobs, newest first."""
+    def find(self, query: ListQuery) -> JobPage:
+        """Return one page of the jobs that match; only the wanted columns of them, if there are any."""
         ...
 
     def attempts(self, job_id: str) -> tuple[Attempt, ...]:
