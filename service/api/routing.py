@@ -10,6 +10,7 @@ from service.api.middleware.observing import Observation
 from service.api.middleware.security import Guard
 from service.api.routes import (
     accuracy,
+    analysis,
     docs_page,
     enclosures,
     families,
@@ -30,6 +31,7 @@ def install(app: FastAPI) -> None:
         resource.router
         for resource in (
             validations,
+            analysis,  # before those of single jobs and solutions, whose paths match its own
             jobs,
             solutions,
             trajectory,

@@ -12,9 +12,13 @@ OPERATIONS = {
     "/v1/accuracy": {"GET": "get_accuracy"},
     "/v1/families": {"GET": "list_families"},
     "/v1/jobs": {"GET": "list_jobs", "POST": "submit_job"},
+    "/v1/jobs/facets": {"GET": "get_job_facets"},
+    "/v1/jobs/statistics": {"GET": "get_job_statistics"},
     "/v1/jobs/{job_id}": {"GET": "get_job"},
     "/v1/jobs/{job_id}/cancel": {"POST": "cancel_job"},
     "/v1/solutions": {"GET": "list_solutions"},
+    "/v1/solutions/facets": {"GET": "get_solution_facets"},
+    "/v1/solutions/statistics": {"GET": "get_solution_statistics"},
     "/v1/solutions/{solution_id}": {"GET": "get_solution"},
     "/v1/solutions/{solution_id}/enclosures": {"GET": "get_enclosures"},
     "/v1/solutions/{solution_id}/trajectory": {"GET": "get_trajectory"},
@@ -22,6 +26,8 @@ OPERATIONS = {
     "/v1/sweeps/{sweep_id}": {"GET": "get_sweep"},
     "/v1/sweeps/{sweep_id}/cancel": {"POST": "cancel_sweep"},
     "/v1/sweeps/{sweep_id}/points": {"GET": "get_points"},
+    "/v1/sweeps/{sweep_id}/points/facets": {"GET": "get_point_facets"},
+    "/v1/sweeps/{sweep_id}/points/statistics": {"GET": "get_point_statistics"},
     "/v1/validations": {"POST": "validate"},
 }
 """Clients are generated with these names: a new one is added, none is changed."""
