@@ -17,6 +17,7 @@ from service.api.routes import (
     health,
     jobs,
     metrics,
+    overview,
     points,
     solutions,
     sweeps,
@@ -38,6 +39,7 @@ def install(app: FastAPI) -> None:
             enclosures,
             sweeps,
             points,
+            overview,
             families,
             accuracy,
             health,
@@ -45,6 +47,7 @@ def install(app: FastAPI) -> None:
             docs_page,
         )
     ]
+    routers.append(solutions.by_problem)
     check_roles(routers)
     for router in routers:
         app.include_router(router)

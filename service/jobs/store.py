@@ -49,6 +49,10 @@ class JobStore(Protocol):
         """Return one page of the jobs that match; only the wanted columns of them, if there are any."""
         ...
 
+    def find_of_sweep(self, sweep_id: str, query: ListQuery) -> JobPage:
+        """Do the same for the jobs that compute the points of a sweep."""
+        ...
+
     def attempts(self, job_id: str) -> tuple[Attempt, ...]:
         """Return the history of a job, oldest first."""
         ...

@@ -156,7 +156,7 @@ def is_something(response) -> bool:
 
 @pytest.mark.parametrize(
     ("name", "least"),
-    [("README.md", 6), ("docs/sweeps.md", 6), ("docs/formulas.md", 1), ("docs/queries.md", 6)],
+    [("README.md", 6), ("docs/sweeps.md", 6), ("docs/formulas.md", 1), ("docs/queries.md", 7)],
 )
 def test_each_command_gives_something(client, sqlite_url, name, least):
     database = Database(sqlite_url)

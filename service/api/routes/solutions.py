@@ -1,13 +1,14 @@
 """/v1/solutions: search, list and show solutions, without arrays."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import Field
 
-from service.api.dependencies import Inside
+from service.api.dependencies import Inside, Resources
 from service.api.queries.lists import AskingQuery, link_to, read_listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
 from service.api.replies.places import SolutionId
@@ -26,6 +27,9 @@ from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.solutions.solution_store import Solution
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
+by_problem = APIRouter(prefix="/v1/problems", tags=["solutions"])
+
+_DIGEST = re.compile(r"[0-9a-f]{64}\Z")
 
 Sort = Literal[
     "created_at", "A", "C", "period", "energy", "error",
@@ -62,12 +66,36 @@ def list_solutions(
     inside: Inside,
 ) -> Response:
     """Find solutions by their numbers; those without the number they are sorted by come last."""
+    return _listed(request, asked, inside, ())
+
+
+@by_problem.get(
+    "/{digest}/solutions",
+    response_model=SolutionPageOut,
+    responses=refusals(),
+    openapi_extra=query_parameters(SolutionsQuery),
+)
+def list_problem_solutions(
+    digest: Annotated[str, Path(description="Of the problem, the fact `digest` of its jobs and solutions.")],
+    request: Request,
+    asked: Annotated[Asked[SolutionsQuery], Depends(asked_of(SolutionsQuery))],
+    inside: Inside,
+) -> Response:
+    """Find the solutions of one problem, as in the list of all; a digest that nobody has, has none."""
+    problem = Subject("fact", "digest", Kind.TEXT)
+    values = (digest,) if _DIGEST.match(digest) else ()
+    return _listed(request, asked, inside, (Condition(problem, "in", values),))
+
+
+def _listed(
+    request: Request, asked: Asked[SolutionsQuery], inside: Resources, conditions: tuple[Condition, ...]
+) -> Response:
     given = asked.parameters
     if {"sort", "order"} <= asked.sent:
         both = Fault("?sort", "conflicting_parameters", "sort and order; one of the two is accepted")
         asked = replace(asked, faults=(*asked.faults, both))
     listing = read_listing(
-        asked, OF_SOLUTION_ROWS, conditions=tuple(_filters(given)), order=(_order(given.sort),)
+        asked, OF_SOLUTION_ROWS, conditions=(*conditions, *_filters(given)), order=(_order(given.sort),)
     )
     page, query = inside.solutions.find(listing.query), listing.query
     items = listing.rows(page.values) if query.columns else [_out(solution) for solution in page.solutions]

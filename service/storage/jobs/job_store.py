@@ -25,7 +25,7 @@ from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.key_store import charge
 from service.storage.searching.pages import find
-from service.storage.searching.sources import OF_JOB_ROWS
+from service.storage.searching.sources import OF_JOB_ROWS, Source, chunks_of
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
@@ -72,8 +72,15 @@ class SqlJobStore:
 
     def find(self, query: ListQuery) -> JobPage:
         """Return one page of the jobs that match; only the wanted columns of them, if there are any."""
+        return self._find(OF_JOB_ROWS, query)
+
+    def find_of_sweep(self, sweep_id: str, query: ListQuery) -> JobPage:
+        """Do the same for the jobs that compute the points of a sweep."""
+        return self._find(chunks_of(sweep_id), query)
+
+    def _find(self, source: Source, query: ListQuery) -> JobPage:
         with self._database.read() as session:
-            found = find(session, OF_JOB_ROWS, query)
+            found = find(session, source, query)
             rows = [] if query.columns else rows_of_page(session, JobRow, found.ids)
             return JobPage(tuple(map(job_of, rows)), found.total, found.values, found.next)
 

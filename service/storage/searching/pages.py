@@ -22,6 +22,7 @@ from service.schemas.query.kinds import Kind
 from service.schemas.query.list_query import ListQuery
 from service.storage.database.database import is_postgres
 from service.storage.searching.conditions import bound, conditions_of
+from service.storage.searching.narrowing import narrowed
 from service.storage.searching.sources import Expression, Source
 
 
@@ -76,7 +77,7 @@ class _Key:
 
 def find(session: Session, source: Source, query: ListQuery) -> FoundPage:
     """Return one page."""
-    conditions = conditions_of(source, query.conditions)
+    conditions = [*conditions_of(source, query.conditions), *narrowed(session, source, query)]
     total = count(session, source, query.conditions) if query.is_counted else None
     keys = _keys(session, source, query)
     columns = [source.expression(subject) for subject in query.columns]

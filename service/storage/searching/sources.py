@@ -5,7 +5,7 @@ their code points, and what a row does not have is NULL.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any  # SQL expressions of some type
 
 from sqlalchemy import ColumnElement, select
@@ -40,6 +40,8 @@ class Source:
     """Numbers of the problem that have a column, by JSON pointer."""
     never_null: frozenset[str]
     """Facts that every row has."""
+    indexed: frozenset[str]
+    """Facts and pointers that have an index of their own, and may be met by few rows."""
     always: tuple[ColumnElement[bool], ...] = ()
     """What every listed row meets."""
 
@@ -97,6 +99,10 @@ OF_SOLUTION_ROWS = Source(
         "/motion/lambda": SolutionRow.lambda_.expression,
     },
     frozenset({"id", "job", "digest", "created_at"}),
+    frozenset(
+        {"id", "job", "digest", "created_at", "A", "B", "C", "period", "energy", "error", "drift", "trace"}
+        | {"seconds", "/body/A", "/body/B", "/body/C", "/motion/lambda"}
+    ),
 )
 OF_JOB_ROWS = Source(
     "jobs",
@@ -119,8 +125,20 @@ OF_JOB_ROWS = Source(
     },
     {},
     frozenset({"id", "digest", "state", "created_at", "attempt", "priority", "reused"}),
+    frozenset({"id", "solution"}),
     (JobRow.kind == JobKind.SOLVE.value,),
 )
+
+
+def chunks_of(sweep_id: str) -> Source:
+    """Return the jobs that compute the points of a sweep."""
+    return replace(
+        OF_JOB_ROWS,
+        name=f"chunks of {sweep_id}",
+        always=(JobRow.kind == JobKind.CHUNK.value, JobRow.sweep_id == sweep_id),
+    )
+
+
 OF_SWEEP_ROWS = Source(
     "sweeps",
     SweepRow,
@@ -139,4 +157,5 @@ OF_SWEEP_ROWS = Source(
     },
     {},
     frozenset({"id", "state", "created_at", "points", "done", "refused", "priority"}),
+    frozenset({"id"}),
 )

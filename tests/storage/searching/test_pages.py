@@ -2,14 +2,20 @@
 
 from dataclasses import replace
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from service.schemas.query.conditions import OrderKey
 from service.schemas.query.list_query import ListQuery
+from service.schemas.query.where import read_where
+from service.storage.searching import narrowing
 from service.storage.searching.pages import find
-from service.storage.searching.sources import OF_SOLUTION_ROWS
+from service.storage.searching.sources import OF_SOLUTION_ROWS, SOLUTIONS
 from tests.storage.searching.rows import add, expected, queries, rows, store, subject_of, value_of
 from tests.support.effort import examples
+
+EMPTY = {"invariants": {}}
 
 on_a_database = settings(
     max_examples=examples(20, 300), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -80,3 +86,21 @@ def test_columns_are_the_values_that_conditions_compare(database, found):
     assert {row[0] for row in page.values} == set(made)
     for row in page.values:
         assert list(row) == [value_of(made[row[0]], column) for column in columns]
+
+
+@pytest.mark.parametrize("few", [0, 2, 1000])
+def test_a_page_does_not_depend_on_how_its_rows_are_found(database, monkeypatch, few):
+    """Few rows that meet a condition are found by their ids, many in the order of the page."""
+    monkeypatch.setattr(narrowing, "FEW", few)
+    problem = {"motion": {"lambda": 1}}
+    found = [
+        ({**problem, "body": {"A": n % 3}}, {"period": {"value": float(n)}, "energy": {"value": n % 4 * 1.0}})
+        for n in range(12)
+    ]
+    made = store(database, [(each, {**EMPTY, **summary}) for each, summary in found])
+    for where in ("period>=9", "A=1,period<8", "/motion/lambda=1,energy=3", "A in (0,2),/motion/lambda>1"):
+        conditions, faults = read_where([where], SOLUTIONS)
+        assert faults == []
+        for keys in ((OrderKey(subject_of("energy"), True),), (OrderKey(subject_of("period")),)):
+            query = ListQuery(conditions, keys)
+            assert list(ask(database, query).ids) == expected(made, query)

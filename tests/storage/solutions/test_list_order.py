@@ -105,8 +105,10 @@ def test_filters_are_counted_without_reading_the_rows(database):
     for query in queries:
         with plans(database) as found:
             SolutionStore(database).find(query)
-        (plan,) = [plan for statement, plan in found if statement.startswith("SELECT count")]
-        assert only_an_index(database) in plan, plan
+        plans_of_counts = [plan for statement, plan in found if statement.startswith("SELECT count")]
+        assert plans_of_counts
+        for plan in plans_of_counts:
+            assert only_an_index(database) in plan, plan
 
 
 @pytest.mark.parametrize("state", [None, *JobState])
