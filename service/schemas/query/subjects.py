@@ -1,7 +1,7 @@
 """Reads the names that queries hold: facts, JSON pointers and labels."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from service.schemas.query.conditions import Subject
@@ -24,9 +24,9 @@ class Vocabulary:
     """Any JSON pointer into the problem, beside the facts."""
     has_labels: bool = False
 
-    def accepted(self, *, only: Iterable[str] | None = None) -> str:
+    def accepted(self) -> str:
         """Return the phrase that names what is accepted."""
-        names = list(self.facts if only is None else only)
+        names = list(self.facts)
         if self.has_pointers:
             names.append("pointers to numbers of the problem such as /motion/lambda")
         if self.has_labels:
