@@ -10,6 +10,7 @@ from service.api.middleware.observing import Observation
 from service.api.middleware.security import Guard
 from service.api.routes import (
     accuracy,
+    analysis,
     atlases,
     docs_page,
     enclosures,
@@ -17,6 +18,7 @@ from service.api.routes import (
     health,
     jobs,
     metrics,
+    overview,
     points,
     solutions,
     sweeps,
@@ -32,12 +34,14 @@ def install(app: FastAPI) -> None:
         for resource in (
             validations,
             atlases,
+            analysis,  # before those of single jobs and solutions, whose paths match its own
             jobs,
             solutions,
             trajectory,
             enclosures,
             sweeps,
             points,
+            overview,
             families,
             accuracy,
             health,
@@ -45,6 +49,7 @@ def install(app: FastAPI) -> None:
             docs_page,
         )
     ]
+    routers.append(solutions.by_problem)
     check_roles(routers)
     for router in routers:
         app.include_router(router)

@@ -6,6 +6,7 @@ from datetime import datetime
 
 from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.schemas.query.conditions import Value
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +91,12 @@ class Attempt:
 
 @dataclass(frozen=True, slots=True)
 class JobPage:
-    """Some jobs, newest first, and how many there are in all."""
+    """Some jobs, in the order that was asked for."""
 
     jobs: tuple[Job, ...]
-    total: int
+    total: int | None
+    """How many there are in all, if that was wanted."""
+    values: tuple[tuple[Value | None, ...], ...] = ()
+    """The wanted columns of each, in place of the jobs."""
+    next: tuple[Value | None, ...] | None = None
+    """Where the following page begins; None if there is none."""

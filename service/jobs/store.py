@@ -11,7 +11,7 @@ from typing import Protocol
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome
-from service.jobs.states import JobState
+from service.schemas.query.list_query import ListQuery
 from service.verdicts.entries import Entry
 
 
@@ -56,8 +56,12 @@ class JobStore(Protocol):
         """Return a job, or raise :class:`~service.jobs.errors.JobNotFoundError`."""
         ...
 
-    def list_jobs(self, *, state: JobState | None = None, limit: int = 50, offset: int = 0) -> JobPage:
-        """Return jobs, newest first."""
+    def find(self, query: ListQuery) -> JobPage:
+        """Return one page of the jobs that match; only the wanted columns of them, if there are any."""
+        ...
+
+    def find_of_sweep(self, sweep_id: str, query: ListQuery) -> JobPage:
+        """Do the same for the jobs that compute the points of a sweep."""
         ...
 
     def attempts(self, job_id: str) -> tuple[Attempt, ...]:

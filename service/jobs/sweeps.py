@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from service.jobs.states import JobState
+from service.schemas.query.conditions import Value
 
 POINTS_PER_JOB = 100
 """So many unfinished points of a sweep count as one queued job, since they take about as long."""
@@ -48,10 +49,15 @@ class SweepRecord(SweepProgress):
 
 @dataclass(frozen=True, slots=True)
 class SweepPage:
-    """Some sweeps without their documents, newest first, and how many there are in all."""
+    """Some sweeps without their documents, in the order that was asked for."""
 
     sweeps: tuple[SweepProgress, ...]
-    total: int
+    total: int | None
+    """How many there are in all, if that was wanted."""
+    values: tuple[tuple[Value | None, ...], ...] = ()
+    """The wanted columns of each, in place of the sweeps."""
+    next: tuple[Value | None, ...] | None = None
+    """Where the following page begins; None if there is none."""
 
 
 class SweepNotFoundError(LookupError):

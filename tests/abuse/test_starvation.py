@@ -8,6 +8,7 @@ from service.jobs.sweeps import POINTS_PER_JOB
 from service.settings import Settings
 from tests.support.api import PLANAR, STATE, TestClient, create_app
 from tests.support.keys import make
+from tests.support.lists import list_jobs
 
 AXIS = {"pointer": "/motion/lambda", "linspace": [1, 2, 1000]}
 SWEEP = {"base": PLANAR, "axes": [AXIS], "keep": ["period"]}
@@ -55,7 +56,7 @@ def test_only_operators_step_before_all_others(client, database, jobs, place):
         assert send(client, priority, submitter).status_code == 202
     for operator in operators:
         assert send(client, 100, operator).status_code == 202
-    assert {job.priority for job in jobs.list_jobs().jobs if job.key_id == key.id} <= {0, -1, -100}
+    assert {job.priority for job in list_jobs(jobs).jobs if job.key_id == key.id} <= {0, -1, -100}
 
 
 def test_without_keys_whoever_is_on_this_machine_chooses(client):

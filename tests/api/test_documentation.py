@@ -156,7 +156,13 @@ def is_something(response) -> bool:
 
 @pytest.mark.parametrize(
     ("name", "least"),
-    [("README.md", 6), ("docs/sweeps.md", 6), ("docs/formulas.md", 1), ("docs/atlas.md", 1)],
+    [
+        ("README.md", 6),
+        ("docs/sweeps.md", 6),
+        ("docs/formulas.md", 1),
+        ("docs/atlas.md", 1),
+        ("docs/queries.md", 7),
+    ],
 )
 def test_each_command_gives_something(client, sqlite_url, name, least):
     database = Database(sqlite_url)
@@ -192,4 +198,4 @@ def test_the_key_in_the_documentation_is_sent_as_keys_are(client, sqlite_url):
 
 def test_no_other_page_has_commands_that_nobody_runs():
     pages = [path for path in (TOP / "docs").rglob("*.md") if any(commands(path.read_text(encoding="utf-8")))]
-    assert {path.name for path in pages} == {"atlas.md", "formulas.md", "keys.md", "sweeps.md"}
+    assert {path.name for path in pages} == {"atlas.md", "formulas.md", "keys.md", "queries.md", "sweeps.md"}

@@ -11,6 +11,7 @@ from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
 from tests.crash.client import problem
 from tests.support.databases import url_of
+from tests.support.lists import list_jobs
 from tests.support.serving import serving
 from tests.workers.processes import Worker, wait_until
 
@@ -41,7 +42,7 @@ def test_a_worker_may_die_at_any_of_its_commits(database, jobs, url):
         assert broken(database) == []
     # What the last of them had is forgiven too. From now on a crash is to blame on its job.
     wait_until(
-        lambda: not (jobs.reconcile(max_attempts=9999) or jobs.list_jobs(state=JobState.RUNNING).total)
+        lambda: not (jobs.reconcile(max_attempts=9999) or list_jobs(jobs, state=JobState.RUNNING).total)
     )
     worker = Worker(url, slots=2, max_attempts=1)
     try:
@@ -65,7 +66,7 @@ def test_a_submit_without_an_answer_may_be_repeated(tmp_path):
                 service.call("POST", "/v1/jobs", problem(1))
             assert service.process.wait(timeout=10) == -signal.SIGKILL
         database = Database(url_of(tmp_path / "polhode.db"))
-        assert SqlJobStore(database).list_jobs().total == stored
+        assert list_jobs(SqlJobStore(database)).total == stored
         database.close()
     with serving(tmp_path, workers=1) as service:
         # Whether it is there or not: whoever asks again gets the one solution.
@@ -74,5 +75,5 @@ def test_a_submit_without_an_answer_may_be_repeated(tmp_path):
         assert [each["id"] for each in found["items"]] == [solution["id"]]
     database = Database(url_of(tmp_path / "polhode.db"))
     assert broken(database) == []
-    assert {job.state for job in SqlJobStore(database).list_jobs().jobs} == {JobState.SUCCEEDED}
+    assert {job.state for job in list_jobs(SqlJobStore(database)).jobs} == {JobState.SUCCEEDED}
     database.close()

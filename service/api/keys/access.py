@@ -30,17 +30,27 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/v1/validations": {"POST": Role.SUBMIT},
     "/v1/atlases": {"POST": Role.SUBMIT},
     "/v1/jobs": {"GET": Role.READ, "POST": Role.SUBMIT},
+    "/v1/jobs/facets": {"GET": Role.READ},
+    "/v1/jobs/statistics": {"GET": Role.READ},
     "/v1/jobs/{job_id}": {"GET": Role.READ},
     # For jobs of the same key; cancelling others' needs OPERATE, which the endpoint checks.
+    "/v1/jobs/{job_id}/attempts": {"GET": Role.READ},
     "/v1/jobs/{job_id}/cancel": {"POST": Role.SUBMIT},
     "/v1/solutions": {"GET": Role.READ},
+    "/v1/solutions/facets": {"GET": Role.READ},
+    "/v1/solutions/statistics": {"GET": Role.READ},
     "/v1/solutions/{solution_id}": {"GET": Role.READ},
     "/v1/solutions/{solution_id}/enclosures": {"GET": Role.READ},
     "/v1/solutions/{solution_id}/trajectory": {"GET": Role.READ},
     "/v1/sweeps": {"GET": Role.READ, "POST": Role.SUBMIT},
     "/v1/sweeps/{sweep_id}": {"GET": Role.READ},
     "/v1/sweeps/{sweep_id}/cancel": {"POST": Role.SUBMIT},
+    "/v1/sweeps/{sweep_id}/jobs": {"GET": Role.READ},
+    "/v1/status": {"GET": Role.READ},
+    "/v1/problems/{digest}/solutions": {"GET": Role.READ},
     "/v1/sweeps/{sweep_id}/points": {"GET": Role.READ},
+    "/v1/sweeps/{sweep_id}/points/facets": {"GET": Role.READ},
+    "/v1/sweeps/{sweep_id}/points/statistics": {"GET": Role.READ},
 }
 
 

@@ -1,17 +1,21 @@
 """Reads a query for points of a sweep: ``?where=period<5&order=-energy&columns=index,period``."""
 
-import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 from pydantic import Field
-from pydantic_core import PydanticCustomError
 
+from service.api.queries.cursors import InvalidCursorError, place_of
 from service.api.queries.queries import Asked, QueryModel
+from service.schemas.query.conditions import OrderKey
+from service.schemas.query.facts import Fact
+from service.schemas.query.kinds import Kind
+from service.schemas.query.order import read_columns, read_order
+from service.schemas.query.subjects import Vocabulary
+from service.schemas.query.where import read_where
 from service.schemas.reading.faults import Fault
-from service.schemas.reading.numbers import read_exact
 from service.schemas.sweep.sweep import Sweep
-from service.storage.sweeps.point_query import INDEX, OUTCOME, Condition, Operator, PointQuery
+from service.storage.sweeps.point_query import INDEX, OUTCOME, PointQuery
 
 DEFAULT_ROWS, MOST_ROWS = 100, 10_000
 """Points on a page of JSON by default."""
@@ -20,21 +24,18 @@ MOST_NUMBERS = 2_000_000
 MOST_SORTED_NUMBERS = 40_000_000
 """Numbers of sorted points with series: for every 64 MB of them all chunks are read again."""
 
-_CONDITION = re.compile(r"\s*([^<>=!]+?)\s*(<=|>=|<|>|=)\s*([^<>=]+?)\s*\Z")
-_OPERATORS: dict[str, Operator] = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "=": "="}
-
 
 class PointsQuery(QueryModel):
     """Which points, which of their columns, and in which order."""
 
     where: list[str] = Field(
         default_factory=list,
-        description="Conditions such as `period<5`, `/motion/lambda>=0.5` and `outcome=solved`, with commas"
-        " between or repeated: all must hold. A point without the number meets none.",
+        description="Conditions such as `period<5`, `/motion/lambda>=0.5`, `trace is null`, `outcome=solved`,"
+        " with commas between or repeated: all must hold. A point without the number meets `is null` only.",
     )
     order: str | None = Field(
         default=None,
-        description="A column to sort by, with - in front the largest first; by index if left out. Points"
+        description="Columns to sort by, with - in front the largest first; by index if left out. Points"
         " without the number come last.",
     )
     columns: str | None = Field(default=None, description="Names with commas between, such as index,period.")
@@ -44,6 +45,15 @@ class PointsQuery(QueryModel):
         description=f"Points at most. Of a page of JSON {DEFAULT_ROWS} if left out, {MOST_ROWS} at most.",
     )
     offset: int = Field(default=0, ge=0, description="Points to leave out first.")
+    after: str | None = Field(
+        default=None,
+        max_length=4000,
+        description="The cursor of a page, from `next` of the page before, for the same query.",
+    )
+    count: Literal["exact"] | None = Field(
+        default=None,
+        description="`exact`: with `total` after a cursor too, which is null if this is left out.",
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,65 +68,39 @@ class Wish:
     """Everything that is wrong with the query."""
 
 
-def read_wish(asked: Asked[PointsQuery], sweep: Sweep, *, has_lists: bool) -> Wish:
+def read_wish(asked: Asked[PointsQuery], sweep_id: str, sweep: Sweep, *, has_lists: bool) -> Wish:
     """Read the query for ``sweep``; ``has_lists`` tells whether the format can hold series."""
     query, faults = asked.parameters, list(asked.faults)
-    numbers = (INDEX, *sweep.pointers, *sweep.keep)
-    columns = (*numbers, OUTCOME, *(sweep.series_columns if has_lists else ()))
+    vocabulary = vocabulary_of(sweep)
+    numbers = {name: fact for name, fact in vocabulary.facts.items() if name != OUTCOME}
+    columns = (*vocabulary.facts, *(sweep.series_columns if has_lists else ()))
     if query.columns is not None:
-        accepted, wanted = columns, [name.strip() for name in query.columns.split(",")]
-        faults += [_unknown("?columns", name, accepted) for name in wanted if name not in accepted]
-        if len(set(wanted)) < len(wanted):
-            faults.append(Fault("?columns", "invalid_value", "a column is given twice; once is accepted"))
-        columns = tuple(name for name in wanted if name in accepted)
-    texts = [text for given in query.where for text in given.split(",")]
-    conditions, outcomes = _read_conditions(texts, numbers, faults)
-    order = None if query.order is None else query.order.removeprefix("-")
-    if order is not None and order not in numbers:
-        faults.append(_unknown("?order", order, numbers))
-    return Wish(
-        PointQuery(
-            conditions=tuple(conditions),
-            outcomes=tuple(outcomes),
-            order=order,
-            descending=(query.order or "").startswith("-"),
-            limit=query.limit,
-            offset=query.offset,
-        ),
-        columns,
-        tuple(name for name in columns if name in sweep.series_columns),
-        tuple(faults),
-    )
+        named = Vocabulary({name: Fact(Kind.NUMBER, name) for name in columns})
+        subjects, of_columns = read_columns(query.columns, named)
+        columns = tuple(subject.name for subject in subjects)
+        faults += of_columns
+    conditions, of_where = read_where(query.where, vocabulary) if query.where else ((), [])
+    faults += of_where
+    order: tuple[OrderKey, ...] = ()
+    if query.order is not None:
+        order, of_order = read_order(query.order, Vocabulary(numbers))
+        faults += of_order
+    if query.after is not None and query.offset:
+        faults.append(
+            Fault("?offset", "conflicting_parameters", "after and offset; one of the two is accepted")
+        )
+    found = PointQuery(conditions, order, query.limit, query.offset)
+    if query.after is not None and not (of_where or faults):
+        try:
+            place = place_of(sweep_id, found, query.after)
+            found = replace(found, after=tuple(None if each is None else float(each) for each in place))
+        except InvalidCursorError as error:
+            faults.append(Fault("?after", "invalid_cursor", str(error)))
+    series = tuple(name for name in columns if name in sweep.series_columns)
+    return Wish(found, columns, series, tuple(faults))
 
 
-def _read_conditions(
-    texts: Sequence[str], numbers: Sequence[str], faults: list[Fault]
-) -> tuple[list[Condition], list[str]]:
-    """Return the conditions on numbers and the outcomes asked for; add what is wrong with them."""
-    conditions, outcomes = list[Condition](), list[str]()
-    for text in texts:
-        match = _CONDITION.match(text)
-        if match is None:
-            message = f"{text[:60]!r} is not a condition; accepted is, for example, period<5"
-            faults.append(Fault("?where", "invalid_condition", message))
-            continue
-        column, sign, value = match.groups()
-        if column == OUTCOME and sign == "=":
-            outcomes.append(value)
-        elif column == OUTCOME:
-            message = f"{text[:60]!r}: outcomes have no order; accepted is =, as in outcome=solved"
-            faults.append(Fault("?where", "invalid_condition", message))
-        elif column not in numbers:
-            faults.append(_unknown("?where", column, (*numbers, OUTCOME)))
-        else:
-            try:
-                conditions.append(Condition(column, _OPERATORS[sign], float(read_exact(value))))
-            except PydanticCustomError as fault:
-                message = f"{text[:60]!r}: {fault.message()}"
-                faults.append(Fault("?where", "invalid_number", message))
-    return conditions, outcomes
-
-
-def _unknown(pointer: str, name: str, accepted: Sequence[str]) -> Fault:
-    message = f"there is no column {name[:60]!r} here; accepted are {', '.join(accepted)}"
-    return Fault(pointer, "unknown_column", message)
+def vocabulary_of(sweep: Sweep) -> Vocabulary:
+    """Return what the points of a sweep can be asked for: index, axes, kept numbers, outcome."""
+    numbers = {name: Fact(Kind.NUMBER, name) for name in (INDEX, *sweep.pointers, *sweep.keep)}
+    return Vocabulary({**numbers, OUTCOME: Fact(Kind.TEXT, "solved, or the reason why not")})

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Generic, TypeVar, get_origin  # Any: JSON schemas
 
 from fastapi import Depends, Request
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 from starlette.datastructures import QueryParams
 
 from service.api.replies.errors import invalid_request
-from service.jobs.states import JobState
 from service.schemas.reading.faults import Fault
 from service.schemas.reading.numbers import read_exact
 
@@ -24,14 +23,6 @@ class QueryModel(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class PageQuery(QueryModel):
-    """Which page of a list, newest first; a list says what its items are by its own ``state``."""
-
-    state: JobState | None = None
-    limit: int = Field(default=50, ge=1, le=200, description="Items on a page at most.")
-    offset: int = Field(default=0, ge=0, le=10**9, description="Items to leave out first.")
 
 
 Query = TypeVar("Query", bound=QueryModel)

@@ -100,10 +100,7 @@ class ApiError(Exception):
             "detail": self.detail,
         }
         if self.faults:
-            document["errors"] = [
-                {"pointer": fault.pointer, "code": fault.code, "message": fault.message}
-                for fault in self.faults
-            ]
+            document["errors"] = [_fault_document(fault) for fault in self.faults]
         document.update(self.extras)
         return document
 
@@ -115,6 +112,13 @@ class ApiError(Exception):
         # Escaped to ASCII: half of a surrogate pair from a client cannot be encoded in UTF-8.
         content = json.dumps(document, allow_nan=False)
         return Response(content, status_code=self.status, media_type=MEDIA_TYPE, headers=self.headers)
+
+
+def _fault_document(fault: Fault) -> dict[str, object]:
+    document: dict[str, object] = {"pointer": fault.pointer, "code": fault.code, "message": fault.message}
+    if fault.position is not None:
+        document["position"] = fault.position
+    return document
 
 
 def invalid_request(faults: Sequence[Fault]) -> ApiError:

@@ -14,8 +14,16 @@ from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.middleware.disconnects import while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
+from service.api.queries.lists import PageQuery, link_to, read_listing
 from service.api.queries.prefer import wait_seconds
-from service.api.queries.queries import PageQuery, QueryModel, query_of, query_parameters, without_query
+from service.api.queries.queries import (
+    Asked,
+    QueryModel,
+    asked_of,
+    query_of,
+    query_parameters,
+    without_query,
+)
 from service.api.replies.errors import ApiError
 from service.api.replies.places import JobId
 from service.api.replies.responses import json_response, refusals
@@ -24,9 +32,11 @@ from service.jobs.job import Job
 from service.jobs.keys import ApiKey
 from service.jobs.lanes import Lane
 from service.jobs.states import JobState
+from service.schemas.query.list_query import in_state
 from service.schemas.reading.faults import first_of
 from service.schemas.replies.job import JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
+from service.storage.searching.sources import OF_JOB_ROWS
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -230,11 +240,16 @@ def _nothing_accepted(answers: Sequence[Accepted | ApiError]) -> ApiError:
 
 
 @router.get("", response_model=JobPageOut, responses=refusals(), openapi_extra=query_parameters(JobsQuery))
-def list_jobs(query: Annotated[JobsQuery, Depends(query_of(JobsQuery))], inside: Inside) -> Response:
-    """List jobs, newest first."""
-    page = inside.jobs.list_jobs(state=query.state, limit=query.limit, offset=query.offset)
-    items = [_out(job) for job in page.jobs]
-    return json_response(JobPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset))
+def list_jobs(
+    request: Request, asked: Annotated[Asked[JobsQuery], Depends(asked_of(JobsQuery))], inside: Inside
+) -> Response:
+    """List jobs, newest first or as asked."""
+    listing = read_listing(asked, OF_JOB_ROWS, conditions=in_state(asked.parameters.state))
+    page, query = inside.jobs.find(listing.query), listing.query
+    items = listing.rows(page.values) if query.columns else [_out(job) for job in page.jobs]
+    following = listing.next_page(request, page.next)
+    answer = JobPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset, next=following)
+    return json_response(answer, headers=link_to(following))
 
 
 @router.get("/{job_id}", response_model=JobOut, responses=refusals(404), dependencies=[without_query])

@@ -1,17 +1,20 @@
 """GET /v1/sweeps/{id}/points: the computed points, as a page of JSON or a stream."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain, islice
 from typing import Annotated
 
 import orjson
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import StreamingResponse
 
 from service.api.dependencies import Inside
 from service.api.formats.negotiation import Accept, preferred
 from service.api.formats.points import CSV, JSON, STREAMS, rows
+from service.api.queries.cursors import cursor_of
+from service.api.queries.lists import link_to, next_page
 from service.api.queries.points import (
     DEFAULT_ROWS,
     MOST_NUMBERS,
@@ -29,7 +32,8 @@ from service.jobs.sweeps import SweepRecord
 from service.schemas.reading.faults import Fault
 from service.schemas.replies.sweep import PointPageOut
 from service.schemas.sweep.reading import read_sweep
-from service.storage.sweeps.point_reader import PointReader
+from service.storage.sweeps.point_query import PointQuery
+from service.storage.sweeps.point_reader import PointBlock, PointReader
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
@@ -52,6 +56,7 @@ POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
     openapi_extra=query_parameters(PointsQuery),
 )
 def get_points(
+    request: Request,
     sweep_id: SweepId,
     asked: Annotated[Asked[PointsQuery], Depends(asked_of(PointsQuery))],
     inside: Inside,
@@ -61,11 +66,11 @@ def get_points(
     media_type = preferred([JSON, *STREAMS], accept)
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
-    wish = read_wish(asked, sweep, has_lists=media_type != CSV)
+    wish = read_wish(asked, record.id, sweep, has_lists=media_type != CSV)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     if media_type == JSON:
         refuse_if_any([*wish.faults, *_faults_of_page(wish.query.limit, reader)])
-        return _page(record, wish, reader)
+        return _page(request, asked.parameters, record, wish, reader)
     refuse_if_any(wish.faults)
     _check_size_of_sort(wish, reader)
     told = {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
@@ -76,22 +81,41 @@ def get_points(
     return StreamingResponse(content, media_type=media_type, headers={**told, "Vary": "Accept"})
 
 
-def _page(record: SweepRecord, wish: Wish, reader: PointReader) -> Response:
-    query = replace(wish.query, limit=_page_rows(wish.query.limit, reader))
-    items = [row for block in reader.blocks(query) for row in rows(wish, block)]
+def _page(
+    request: Request, asked: PointsQuery, record: SweepRecord, wish: Wish, reader: PointReader
+) -> Response:
+    limit = _page_rows(wish.query.limit, reader)
+    # One more than the page has tells whether there is another one.
+    query = replace(wish.query, limit=limit + 1)
+    blocks = list(reader.blocks(query))
+    items = [row for block in blocks for row in rows(wish, block)][:limit]
+    following = None
+    if sum(len(block.indices) for block in blocks) > limit:
+        following = next_page(request, cursor_of(record.id, query, _place(query, blocks, limit - 1)))
     # Not by json_response, which refuses NaN: missing numbers are NaN here and must become null.
     content = orjson.dumps(
         {
             "items": items,
-            "total": reader.count(query),
-            "limit": query.limit,
+            "total": reader.count(query) if query.after is None or asked.count else None,
+            "limit": limit,
             "offset": query.offset,
+            "next": following,
             "points": record.points,
             "done": record.done,
         },
         option=orjson.OPT_SERIALIZE_NUMPY,
     )
-    return Response(content, media_type=JSON, headers={"Vary": "Accept"})
+    return Response(content, media_type=JSON, headers={"Vary": "Accept", **link_to(following)})
+
+
+def _place(query: PointQuery, blocks: Sequence[PointBlock], row: int) -> list[float | None]:
+    """Return the numbers of the order's columns at a row of the blocks."""
+    for block in blocks:
+        if row < len(block.indices):
+            numbers = [float(block.column(key.subject.name)[row]) for key in query.keys]
+            return [number if math.isfinite(number) else None for number in numbers]
+        row -= len(block.indices)
+    raise IndexError(row)
 
 
 def _page_rows(asked: int | None, reader: PointReader) -> int:
@@ -111,7 +135,7 @@ def _faults_of_page(asked: int | None, reader: PointReader) -> Iterator[Fault]:
 
 def _check_size_of_sort(wish: Wish, reader: PointReader) -> None:
     """Refuse to sort long series: every chunk would be read again and again."""
-    if wish.query.order is None or not wish.series:
+    if wish.query.is_by_index or not wish.series:
         return
     points = reader.count(wish.query)
     numbers = min(points, wish.query.limit or points) * reader.row_numbers

@@ -1,30 +1,35 @@
 """/v1/solutions: search, list and show solutions, without arrays."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import Field
 
-from service.api.dependencies import Inside
-from service.api.queries.queries import Number, QueryModel, query_of, query_parameters, without_query
+from service.api.dependencies import Inside, Resources
+from service.api.queries.lists import AskingQuery, link_to, read_listing
+from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
 from service.api.replies.places import SolutionId
 from service.api.replies.responses import json_response, refusals
 from service.dynamics.motion import SolvedBy
 from service.dynamics.problem import Tier
 from service.schemas.problem.potentials import FamilyName
+from service.schemas.query.conditions import Condition, OrderKey, Subject
+from service.schemas.query.facts import OF_SOLUTIONS
+from service.schemas.query.kinds import Kind
+from service.schemas.query.list_query import equals
+from service.schemas.reading.faults import Fault
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
-from service.storage.solutions.solution_store import (
-    NUMBER_COLUMNS,
-    SORT_COLUMNS,
-    NumberColumn,
-    NumberRange,
-    Solution,
-    SolutionQuery,
-    SortColumn,
-)
+from service.storage.database.ids import is_id
+from service.storage.searching.sources import OF_SOLUTION_ROWS
+from service.storage.solutions.solution_store import Solution
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
+by_problem = APIRouter(prefix="/v1/problems", tags=["solutions"])
+
+_DIGEST = re.compile(r"[0-9a-f]{64}\Z")
 
 Sort = Literal[
     "created_at", "A", "C", "period", "energy", "error",
@@ -32,7 +37,7 @@ Sort = Literal[
 ]  # fmt: skip
 
 
-class SolutionsQuery(QueryModel):
+class SolutionsQuery(AskingQuery):
     """Filters and order of the list of solutions; bounds are inclusive."""
 
     job: str | None = Field(default=None, description="The job that computed it.")
@@ -50,22 +55,55 @@ class SolutionsQuery(QueryModel):
     error_min: Number | None = Field(default=None, description="Smallest claimed error.")
     error_max: Number | None = Field(default=None, description="Largest claimed error.")
     sort: Sort = Field(default="-created_at", description="With - in front: largest first.")
-    limit: int = Field(default=50, ge=1, le=200, description="Items on a page at most.")
-    offset: int = Field(default=0, ge=0, le=10**9, description="Items to leave out first.")
 
 
 @router.get(
     "", response_model=SolutionPageOut, responses=refusals(), openapi_extra=query_parameters(SolutionsQuery)
 )
 def list_solutions(
-    query: Annotated[SolutionsQuery, Depends(query_of(SolutionsQuery))], inside: Inside
+    request: Request,
+    asked: Annotated[Asked[SolutionsQuery], Depends(asked_of(SolutionsQuery))],
+    inside: Inside,
 ) -> Response:
     """Find solutions by their numbers; those without the number they are sorted by come last."""
-    page = inside.solutions.find(_store_query(query))
-    items = [_out(solution) for solution in page.solutions]
-    return json_response(
-        SolutionPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset)
+    return _listed(request, asked, inside, ())
+
+
+@by_problem.get(
+    "/{digest}/solutions",
+    response_model=SolutionPageOut,
+    responses=refusals(),
+    openapi_extra=query_parameters(SolutionsQuery),
+)
+def list_problem_solutions(
+    digest: Annotated[str, Path(description="Of the problem, the fact `digest` of its jobs and solutions.")],
+    request: Request,
+    asked: Annotated[Asked[SolutionsQuery], Depends(asked_of(SolutionsQuery))],
+    inside: Inside,
+) -> Response:
+    """Find the solutions of one problem, as in the list of all; a digest that nobody has, has none."""
+    problem = Subject("fact", "digest", Kind.TEXT)
+    values = (digest,) if _DIGEST.match(digest) else ()
+    return _listed(request, asked, inside, (Condition(problem, "in", values),))
+
+
+def _listed(
+    request: Request, asked: Asked[SolutionsQuery], inside: Resources, conditions: tuple[Condition, ...]
+) -> Response:
+    given = asked.parameters
+    if {"sort", "order"} <= asked.sent:
+        both = Fault("?sort", "conflicting_parameters", "sort and order; one of the two is accepted")
+        asked = replace(asked, faults=(*asked.faults, both))
+    listing = read_listing(
+        asked, OF_SOLUTION_ROWS, conditions=(*conditions, *_filters(given)), order=(_order(given.sort),)
     )
+    page, query = inside.solutions.find(listing.query), listing.query
+    items = listing.rows(page.values) if query.columns else [_out(solution) for solution in page.solutions]
+    following = listing.next_page(request, page.next)
+    answer = SolutionPageOut(
+        items=items, total=page.total, limit=query.limit, offset=query.offset, next=following
+    )
+    return json_response(answer, headers=link_to(following))
 
 
 @router.get(
@@ -76,28 +114,26 @@ def get_solution(solution_id: SolutionId, inside: Inside) -> Response:
     return json_response(_out(inside.solutions.get(solution_id)))
 
 
-def _store_query(query: SolutionsQuery) -> SolutionQuery:
+def _filters(query: SolutionsQuery) -> Iterator[Condition]:
+    """Yield what the parameters with a name of their own ask for."""
+    if query.job is not None:
+        job = Subject("fact", "job", Kind.IDENTIFIER)
+        # What is no id is the id of no job.
+        yield Condition(job, "in", (query.job,) if is_id(query.job) else ())
+    for name, word in (("family", query.family), ("method", query.method), ("tier", query.tier)):
+        yield from equals(name, Kind.WORD, word)
     given = query.model_dump()
-    intervals: dict[NumberColumn, NumberRange] = {}
-    for name in NUMBER_COLUMNS:
-        interval = NumberRange(given[f"{name}_min"], given[f"{name}_max"])
-        if interval != NumberRange():
-            intervals[name] = interval
-    return SolutionQuery(
-        job_id=query.job,
-        family=query.family,
-        method=query.method,
-        tier=query.tier,
-        intervals=intervals,
-        sort=_column(query.sort),
-        descending=query.sort.startswith("-"),
-        limit=query.limit,
-        offset=query.offset,
-    )
+    for name in ("A", "C", "period", "energy", "error"):
+        number = Subject("fact", name, Kind.NUMBER)
+        if (least := given[f"{name}_min"]) is not None:
+            yield Condition(number, ">=", (least,))
+        if (largest := given[f"{name}_max"]) is not None:
+            yield Condition(number, "<=", (largest,))
 
 
-def _column(sort: Sort) -> SortColumn:
-    return next(name for name in SORT_COLUMNS if name == sort.removeprefix("-"))
+def _order(sort: Sort) -> OrderKey:
+    name = sort.removeprefix("-")
+    return OrderKey(Subject("fact", name, OF_SOLUTIONS[name].kind), sort.startswith("-"))
 
 
 _ADDED_LATER: Mapping[str, object] = {"asymptotes": None, "precession": None, "warnings": []}

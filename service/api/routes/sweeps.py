@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
@@ -12,18 +12,21 @@ from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.queries import PageQuery, query_of, query_parameters, without_query
+from service.api.queries.lists import PageQuery, link_to, read_listing
+from service.api.queries.queries import Asked, asked_of, query_parameters, without_query
 from service.api.replies.places import SweepId
 from service.api.replies.responses import json_response, refusals
 from service.jobs.chunking import largest_chunk
 from service.jobs.keys import ApiKey
 from service.jobs.states import JobState
 from service.jobs.sweeps import SweepProgress, SweepRecord
+from service.schemas.query.list_query import in_state
 from service.schemas.reading.faults import Fault
 from service.schemas.replies.sweep import SweepOut, SweepPageOut, SweepStateOut
 from service.schemas.sweep.reading import InvalidSweepError, read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings
+from service.storage.searching.sources import OF_SWEEP_ROWS
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
@@ -112,11 +115,22 @@ def _priority(document: Mapping[str, object]) -> int:
 @router.get(
     "", response_model=SweepPageOut, responses=refusals(), openapi_extra=query_parameters(SweepsQuery)
 )
-def list_sweeps(query: Annotated[SweepsQuery, Depends(query_of(SweepsQuery))], inside: Inside) -> Response:
-    """List sweeps, newest first, without their documents."""
-    page = inside.sweeps.list_sweeps(state=query.state, limit=query.limit, offset=query.offset)
-    items = [SweepStateOut.model_validate(_state(record)) for record in page.sweeps]
-    return json_response(SweepPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset))
+def list_sweeps(
+    request: Request, asked: Annotated[Asked[SweepsQuery], Depends(asked_of(SweepsQuery))], inside: Inside
+) -> Response:
+    """List sweeps without their documents, newest first or as asked."""
+    listing = read_listing(asked, OF_SWEEP_ROWS, conditions=in_state(asked.parameters.state))
+    page, query = inside.sweeps.find(listing.query), listing.query
+    items = (
+        listing.rows(page.values)
+        if query.columns
+        else [SweepStateOut.model_validate(_state(record)) for record in page.sweeps]
+    )
+    following = listing.next_page(request, page.next)
+    answer = SweepPageOut(
+        items=items, total=page.total, limit=query.limit, offset=query.offset, next=following
+    )
+    return json_response(answer, headers=link_to(following))
 
 
 @router.get("/{sweep_id}", response_model=SweepOut, responses=refusals(404), dependencies=[without_query])

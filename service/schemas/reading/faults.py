@@ -20,6 +20,8 @@ class Fault:
     """Stable code for programs."""
     message: str
     """Sentence for people; says what would have been accepted."""
+    position: int | None = None
+    """Of a query: the character, from 0, at which the fault was found."""
 
 
 class InvalidProblemError(Exception):

@@ -44,7 +44,14 @@ class JobListOut(ResponseModel):
 class JobPageOut(ResponseModel):
     """Some jobs, newest first."""
 
-    items: list[JobOut] = Field(description="The jobs, newest first.")
-    total: int = Field(description="Jobs that match in all.")
+    items: list[JobOut | dict[str, float | str | bool | None]] = Field(
+        description="In the order that was asked for; with `columns` the values of these by their names."
+    )
+    total: int | None = Field(
+        description="Jobs that match in all; null with `where` or `after`, unless `count=exact`."
+    )
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
+    next: str | None = Field(
+        description="Path and query of the next page, also in the header Link; null on the last one."
+    )

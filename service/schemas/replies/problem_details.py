@@ -13,6 +13,10 @@ class FaultOut(ResponseModel):
     pointer: str = Field(description="JSON pointer into the body; `?name` is a query parameter.")
     code: str = Field(description="Stable code for programs.")
     message: str = Field(description="Sentence for people; says what would have been accepted.")
+    position: int = Field(
+        default=0,
+        description="Of a fault in the language of queries: its character in the parameter, from 0.",
+    )
 
 
 class ProblemDetailsOut(ResponseModel):

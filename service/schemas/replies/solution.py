@@ -176,10 +176,17 @@ class SolutionOut(ResponseModel):
 class SolutionPageOut(ResponseModel):
     """Some of the solutions that match."""
 
-    items: list[SolutionOut] = Field(description="The solutions, in the order that was asked for.")
-    total: int = Field(description="Solutions that match in all.")
+    items: list[SolutionOut | dict[str, float | str | bool | None]] = Field(
+        description="In the order that was asked for; with `columns` the values of these by their names."
+    )
+    total: int | None = Field(
+        description="Solutions that match in all; null with `where` or `after`, unless `count=exact`."
+    )
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
+    next: str | None = Field(
+        description="Path and query of the next page, also in the header Link; null on the last one."
+    )
 
 
 class TrajectoryOut(ResponseModel):

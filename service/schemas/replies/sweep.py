@@ -40,10 +40,17 @@ class SweepOut(SweepStateOut):
 class SweepPageOut(ResponseModel):
     """Some sweeps, newest first."""
 
-    items: list[SweepStateOut] = Field(description="The sweeps, newest first.")
-    total: int = Field(description="Sweeps that match in all.")
+    items: list[SweepStateOut | dict[str, float | str | bool | None]] = Field(
+        description="In the order that was asked for; with `columns` the values of these by their names."
+    )
+    total: int | None = Field(
+        description="Sweeps that match in all; null with `where` or `after`, unless `count=exact`."
+    )
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
+    next: str | None = Field(
+        description="Path and query of the next page, also in the header Link; null on the last one."
+    )
 
 
 class PointPageOut(ResponseModel):
@@ -53,8 +60,13 @@ class PointPageOut(ResponseModel):
         description="One object a point: `index`, a number for each axis by its pointer and for each kept"
         " number (null if the point has none), `outcome` (`solved` or a code), and the series as lists."
     )
-    total: int = Field(description="Number of computed points that match.")
+    total: int | None = Field(
+        description="Number of computed points that match; null with `after`, unless `count=exact`."
+    )
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
+    next: str | None = Field(
+        description="Path and query of the next page, also in the header Link; null on the last one."
+    )
     points: int = Field(description="Of the whole sweep.")
     done: int = Field(description="Points computed so far; the others are missing here.")

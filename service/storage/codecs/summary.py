@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import TypedDict
 
+from service.schemas.query.facts import facts_of
+
 FIRST_PASSAGE = "first_pole_passage"
 """In the evidence: the time until which a motion needs none of its conventions."""
 PROVEN_SAMPLES = "proven_samples"
@@ -22,6 +24,14 @@ class SummaryColumns(TypedDict):
     period: float | None
     energy: float | None
     error: float | None
+    B: float | None
+    lambda_: float | None
+    drift: float | None
+    trace: float | None
+    seconds: float | None
+    stability: str | None
+    aperiodic: str | None
+    facts: Mapping[str, object]
 
 
 def summary_columns(problem: Mapping[str, object], summary: Mapping[str, object]) -> SummaryColumns:
@@ -35,7 +45,22 @@ def summary_columns(problem: Mapping[str, object], summary: Mapping[str, object]
         period=_number(_at(summary, "period", "value")),
         energy=_number(_at(summary, "energy", "value")),
         error=_number(_at(summary, "error")),
+        B=_number(_at(problem, "body", "B")),
+        lambda_=_number(_at(problem, "motion", "lambda")),
+        drift=_largest_drift(_at(summary, "invariants")),
+        trace=_number(_at(summary, "stability", "trace")),
+        seconds=_number(_at(summary, "cost", "compute_seconds")),
+        stability=_word(_at(summary, "stability", "verdict")),
+        aperiodic=_word(_at(summary, "aperiodic")),
+        facts=facts_of(problem),
     )
+
+
+def _largest_drift(invariants: object) -> float | None:
+    if not isinstance(invariants, Mapping):
+        return None
+    drifts = [_number(_at(each, "drift")) for each in invariants.values()]
+    return max((drift for drift in drifts if drift is not None), default=None)
 
 
 def _at(document: object, *keys: str) -> object:

@@ -4,9 +4,10 @@ A database skips the entries of an offset one by one. Rows hold whole documents,
 skipping rows would read the table; skipping ids reads one narrow index.
 """
 
+from collections.abc import Sequence
 from typing import TypeVar
 
-from sqlalchemy import Select, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.interfaces import ORMOption
 
@@ -17,12 +18,11 @@ from service.storage.tables.sweeps import SweepRow
 Row = TypeVar("Row", JobRow, SolutionRow, SweepRow)
 
 
-def rows_of_page(session: Session, row: type[Row], ids: Select[str], *options: ORMOption) -> list[Row]:
-    """Return the rows whose ids the statement selects, in its order."""
-    found = session.scalars(ids).all()
-    if not found:
+def rows_of_page(session: Session, row: type[Row], ids: Sequence[str], *options: ORMOption) -> list[Row]:
+    """Return the rows with these ids, in their order."""
+    if not ids:
         return []
-    rows = session.scalars(select(row).where(row.id.in_(found)).options(*options))
+    rows = session.scalars(select(row).where(row.id.in_(ids)).options(*options))
     by_id = {each.id: each for each in rows}
     # On Postgres a row may be deleted between the two statements.
-    return [by_id[each] for each in found if each in by_id]
+    return [by_id[each] for each in ids if each in by_id]

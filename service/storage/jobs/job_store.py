@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import Connection, bindparam, func, select, update
+from sqlalchemy import Connection, bindparam, select, update
 from sqlalchemy.orm import Session
 
 from service.jobs.dispatch import Dispatcher
@@ -11,6 +11,7 @@ from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
 from service.jobs.outcome import ChunkOutcome, Outcome, Refused, Solved
 from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.schemas.query.list_query import ListQuery
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id
@@ -24,6 +25,8 @@ from service.storage.jobs.records import delivery_of, job_of
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.key_store import charge
+from service.storage.searching.pages import find
+from service.storage.searching.sources import OF_JOB_ROWS, Source, chunks_of
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
@@ -83,15 +86,19 @@ class SqlJobStore:
         with self._database.read() as session:
             return job_of(_row(session, job_id))
 
-    def list_jobs(self, *, state: JobState | None = None, limit: int = 50, offset: int = 0) -> JobPage:
-        """Return jobs, newest first."""
-        condition = [JobRow.kind == JobKind.SOLVE.value]
-        if state is not None:
-            condition.append(JobRow.state == state.value)
-        ids = select(JobRow.id).where(*condition).order_by(JobRow.id.desc()).limit(limit).offset(offset)
+    def find(self, query: ListQuery) -> JobPage:
+        """Return one page of the jobs that match; only the wanted columns of them, if there are any."""
+        return self._find(OF_JOB_ROWS, query)
+
+    def find_of_sweep(self, sweep_id: str, query: ListQuery) -> JobPage:
+        """Do the same for the jobs that compute the points of a sweep."""
+        return self._find(chunks_of(sweep_id), query)
+
+    def _find(self, source: Source, query: ListQuery) -> JobPage:
         with self._database.read() as session:
-            total = session.scalar(select(func.count()).select_from(JobRow).where(*condition))
-            return JobPage(tuple(map(job_of, rows_of_page(session, JobRow, ids))), total or 0)
+            found = find(session, source, query)
+            rows = [] if query.columns else rows_of_page(session, JobRow, found.ids)
+            return JobPage(tuple(map(job_of, rows)), found.total, found.values, found.next)
 
     def attempts(self, job_id: str) -> tuple[Attempt, ...]:
         """Return the history of a job, oldest first."""

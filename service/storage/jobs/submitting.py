@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from service.jobs.lanes import Lane
 from service.jobs.states import JobKind, JobState
+from service.schemas.query.facts import facts_of
 from service.storage.database.clock import database_now
 from service.storage.database.ids import new_id
 from service.storage.jobs.finishing import solved
@@ -57,6 +58,7 @@ def insert_jobs(
                 "key_id": key_id,
                 "problem": problem,
                 "examination": examination,
+                "facts": facts_of(problem),
                 "digest": digest,
                 "created_at": now,
                 "finished_at": now if reused else None,

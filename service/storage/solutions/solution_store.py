@@ -4,27 +4,23 @@
 of its job; so every stored solution comes from a succeeded job.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import datetime
-from typing import Literal, get_args
 
-from sqlalchemy import ColumnElement, Select, func, select
-from sqlalchemy.orm import InstrumentedAttribute, Session
+from sqlalchemy import select
 
 from service.jobs.errors import SolutionNotFoundError
+from service.schemas.query.conditions import Value
+from service.schemas.query.list_query import ListQuery
 from service.storage.database.clock import instant
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id
 from service.storage.database.paging import rows_of_page
 from service.storage.jobs.finishing import solved
+from service.storage.searching.pages import find
+from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
-
-Condition = ColumnElement[bool]
-NumberColumn = Literal["A", "C", "period", "energy", "error"]
-SortColumn = Literal["created_at", "A", "C", "period", "energy", "error"]
-SORT_COLUMNS: tuple[SortColumn, ...] = get_args(SortColumn)
-NUMBER_COLUMNS: tuple[NumberColumn, ...] = get_args(NumberColumn)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,35 +36,16 @@ class Solution:
 
 
 @dataclass(frozen=True, slots=True)
-class NumberRange:
-    """lower ≤ x ≤ upper; None is no bound. A missing number is in no interval."""
-
-    lower: float | None = None
-    upper: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class SolutionQuery:
-    """Which solutions, in which order. Every condition must hold; None is no condition."""
-
-    job_id: str | None = None
-    family: str | None = None
-    method: str | None = None
-    tier: str | None = None
-    intervals: Mapping[NumberColumn, NumberRange] = field(default_factory=dict)
-    sort: SortColumn = "created_at"
-    descending: bool = True
-    """Solutions without the number come last either way."""
-    limit: int = 50
-    offset: int = 0
-
-
-@dataclass(frozen=True, slots=True)
 class SolutionPage:
-    """Some of the solutions that match, and how many match in all."""
+    """Some of the solutions that match, in the order that was asked for."""
 
     solutions: tuple[Solution, ...]
-    total: int
+    total: int | None
+    """How many there are in all, if that was wanted."""
+    values: tuple[tuple[Value | None, ...], ...] = ()
+    """The wanted columns of each, in place of the solutions."""
+    next: tuple[Value | None, ...] | None = None
+    """Where the following page begins; None if there is none."""
 
 
 class SolutionStore:
@@ -92,13 +69,12 @@ class SolutionStore:
         with self._database.read() as session:
             return solved(session.connection(), [digest]).get(digest)
 
-    def find(self, query: SolutionQuery) -> SolutionPage:
-        """Return one page of the solutions that match."""
-        conditions = _conditions(query)
+    def find(self, query: ListQuery) -> SolutionPage:
+        """Return one page of the solutions that match; only the wanted columns, if there are any."""
         with self._database.read() as session:
-            total = session.scalar(select(func.count()).select_from(SolutionRow).where(*conditions)) or 0
-            rows = _rows(session, query, conditions)
-            return SolutionPage(tuple(map(_solution_of, rows)), total)
+            found = find(session, OF_SOLUTION_ROWS, query)
+            rows = [] if query.columns else rows_of_page(session, SolutionRow, found.ids)
+            return SolutionPage(tuple(map(_solution_of, rows)), found.total, found.values, found.next)
 
     def dense(self, solution_id: str) -> bytes:
         """Return the encoded dense output, or raise :class:`SolutionNotFoundError`."""
@@ -123,67 +99,6 @@ class SolutionStore:
         if data is None:
             raise SolutionNotFoundError(solution_id)
         return data
-
-
-def _conditions(query: SolutionQuery) -> list[Condition]:
-    conditions: list[Condition] = []
-    if query.job_id is not None:
-        conditions.append(
-            SolutionRow.job_id == query.job_id if is_id(query.job_id) else SolutionRow.id.is_(None)
-        )
-    if query.family is not None:
-        conditions.append(SolutionRow.family == query.family)
-    if query.method is not None:
-        conditions.append(SolutionRow.method == query.method)
-    if query.tier is not None:
-        conditions.append(SolutionRow.tier == query.tier)
-    for name, interval in query.intervals.items():
-        if interval.lower is not None:
-            conditions.append(_column(name) >= interval.lower)
-        if interval.upper is not None:
-            conditions.append(_column(name) <= interval.upper)
-    return conditions
-
-
-def _rows(session: Session, query: SolutionQuery, conditions: Sequence[Condition]) -> list[SolutionRow]:
-    """Return the rows of a page: first of the solutions with the number, then of those without.
-
-    Databases put nulls at different ends of an index, and no single index gives
-    "nulls last" in both directions; each of the two parts can use an index.
-    """
-    key = _column(query.sort)
-    if query.sort == "created_at":
-        return rows_of_page(session, SolutionRow, _ids(query, conditions, query.offset, query.limit))
-    known = [*conditions, key.is_not(None)]
-    rows = rows_of_page(session, SolutionRow, _ids(query, known, query.offset, query.limit))
-    missing = query.limit - len(rows)
-    if not missing or query.sort in query.intervals:
-        # A solution without the number is outside every interval.
-        return rows
-    before = query.offset + len(rows)
-    if not rows and query.offset:
-        before = session.scalar(select(func.count()).select_from(SolutionRow).where(*known)) or 0
-    skipped = max(0, query.offset - before)
-    unknown = [*conditions, key.is_(None)]
-    return [*rows, *rows_of_page(session, SolutionRow, _ids(query, unknown, skipped, missing))]
-
-
-def _ids(query: SolutionQuery, conditions: Sequence[Condition], offset: int, limit: int) -> Select[str]:
-    key = _column(query.sort)
-    order = (key.desc(), SolutionRow.id.desc()) if query.descending else (key.asc(), SolutionRow.id.asc())
-    return select(SolutionRow.id).where(*conditions).order_by(*order).limit(limit).offset(offset)
-
-
-def _column(name: SortColumn) -> InstrumentedAttribute[float] | InstrumentedAttribute[float | None]:
-    columns: dict[SortColumn, InstrumentedAttribute[float] | InstrumentedAttribute[float | None]] = {
-        "created_at": SolutionRow.created_at,
-        "A": SolutionRow.A,
-        "C": SolutionRow.C,
-        "period": SolutionRow.period,
-        "energy": SolutionRow.energy,
-        "error": SolutionRow.error,
-    }
-    return columns[name]
 
 
 def _solution_of(row: SolutionRow) -> Solution:

@@ -14,13 +14,23 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from service.schemas.query.conditions import Condition
 from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.points import decode_points
-from service.storage.sweeps.point_query import INDEX, BoolArray, Condition, FloatArray, PointQuery
+from service.storage.sweeps.point_query import (
+    INDEX,
+    OUTCOME,
+    BoolArray,
+    FloatArray,
+    PointQuery,
+    WordArray,
+    admits,
+    admits_words,
+    may_admit,
+)
 from service.storage.sweeps.sweep_store import StoredChunk, SweepStore
 
 IntArray = NDArray[np.int64]
-WordArray = NDArray[np.object_]
 
 BLOCK_ROWS = 8192
 """Points of a block at most."""
@@ -74,31 +84,37 @@ class PointReader:
 
     def blocks(self, query: PointQuery) -> Iterator[PointBlock]:
         """Yield the points that are asked for, some at a time."""
-        rows = self._by_index(query) if query.order is None else self._gathered(self.sorted(query))
+        rows = self._by_index(query) if query.is_by_index else self._gathered(self.sorted(query))
         for block in rows:
             for start in range(0, len(block.indices), self.block_rows):
                 yield block.taken(slice(start, start + self.block_rows))
 
     def sorted(self, query: PointQuery) -> IntArray:
-        """Return the indices of the points that are asked for, in the order of a column."""
-        if query.order is None:
-            raise ValueError("no order is asked for")
-        indices, keys = [np.empty(0, dtype=np.int64)], [np.empty(0)]
+        """Return the indices of the points that are asked for, in their order."""
+        indices = [np.empty(0, dtype=np.int64)]
+        columns = [[np.empty(0)] for _ in query.keys]
         for block in self._matching(query, self._candidates(query), ()):
             indices.append(block.indices)
-            keys.append(block.column(query.order))
-        key = np.concatenate(keys)
+            for key, column in zip(query.keys, columns, strict=True):
+                values = block.column(key.subject.name)
+                column.append(-values if key.descending else values)
+        found, keys = np.concatenate(indices), [np.concatenate(column) for column in columns]
         # NaN is sorted to the end; equal keys stay in the order of their indices.
-        order = np.argsort(-key if query.descending else key, kind="stable")
+        order = np.lexsort(keys[::-1])
+        if query.after is not None:
+            order = order[_later(query, keys)[order]]
         stop = None if query.limit is None else query.offset + query.limit
-        found: IntArray = np.concatenate(indices)[order[query.offset : stop]]
-        return found
+        sorted_indices: IntArray = found[order[query.offset : stop]]
+        return sorted_indices
 
     def _by_index(self, query: PointQuery) -> Iterator[PointBlock]:
         skip, left, chunks = query.offset, query.limit, self._candidates(query)
-        if query.is_unconditional:
+        first = 0 if query.after is None or query.after[0] is None else int(query.after[0]) + 1
+        chunks = (chunk for chunk in chunks if chunk.first + chunk.count > first)
+        if query.is_unconditional and not first:
             skip, chunks = _without_first(chunks, skip)
-        for block in self._matching(query, chunks, self._series):
+        for found in self._matching(query, chunks, self._series):
+            block = found.taken(slice(int(np.searchsorted(found.indices, first)), None))
             rows = len(block.indices)
             stop = rows if left is None else min(rows, skip + left)
             if skip < stop:
@@ -110,19 +126,18 @@ class PointReader:
 
     def _candidates(self, query: PointQuery) -> Iterator[StoredChunk]:
         """Yield the chunks that may have such points, by their bounds."""
-        kept = [each for each in query.conditions if each.column in self._sweep.keep]
+        kept = [each for each in query.conditions if each.subject.name in self._sweep.keep]
         for chunk in self._store.chunks(self._id):
-            if all(
-                each.column in chunk.bounds and each.may_admit(*chunk.bounds[each.column]) for each in kept
-            ):
+            if all(may_admit(each, chunk.bounds.get(each.subject.name)) for each in kept):
                 yield chunk
 
     def _matching(
         self, query: PointQuery, chunks: Iterable[StoredChunk], series: Sequence[str]
     ) -> Iterator[PointBlock]:
         """Yield the points of ``chunks`` that meet the conditions, by index."""
-        kept = [each for each in query.conditions if each.column in self._sweep.keep]
-        given = [each for each in query.conditions if each.column not in self._sweep.keep]
+        kept = [each for each in query.conditions if each.subject.name in self._sweep.keep]
+        words = [each for each in query.conditions if each.subject.name == OUTCOME]
+        given = [each for each in query.conditions if each not in kept and each not in words]
         for batch in self._batches(chunks):
             indices = _indices(batch)
             axes = self._sweep.columns_at(indices)
@@ -131,8 +146,8 @@ class PointReader:
                 continue
             block = self._read(batch, indices, axes, series)
             mask &= _all(kept, block.numbers, len(indices))
-            for outcome in query.outcomes:
-                mask &= block.outcomes == outcome
+            for each in words:
+                mask &= admits_words(each, block.outcomes)
             yield block if mask.all() else block.taken(mask)
 
     def _gathered(self, wanted: IntArray) -> Iterator[PointBlock]:
@@ -211,8 +226,23 @@ def _indices(batch: Sequence[StoredChunk]) -> IntArray:
 def _all(conditions: Sequence[Condition], columns: Mapping[str, FloatArray], rows: int) -> BoolArray:
     mask = np.ones(rows, dtype=np.bool_)
     for condition in conditions:
-        mask &= condition.admits(columns[condition.column])
+        mask &= admits(condition, columns[condition.subject.name])
     return mask
+
+
+def _later(query: PointQuery, keys: Sequence[FloatArray]) -> BoolArray:
+    """Tell for each point whether it comes after the place ``query.after``; ``keys`` grow in the order."""
+    assert query.after is not None
+    later, equal = np.zeros(len(keys[0]), dtype=np.bool_), np.ones(len(keys[0]), dtype=np.bool_)
+    for key, values, place in zip(query.keys, keys, query.after, strict=True):
+        missing = np.isnan(values)
+        if place is None:
+            equal &= missing
+            continue
+        least = -place if key.descending else place
+        later |= equal & (missing | (values > least))
+        equal &= values == least
+    return later
 
 
 def _joined(

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Connection, select
 from sqlalchemy.orm import Session, defer
 
 from service.jobs.chunking import PILOT_POINTS, Range
@@ -17,6 +17,8 @@ from service.jobs.sweeps import (
     SweepProgress,
     SweepRecord,
 )
+from service.schemas.query.facts import facts_of
+from service.schemas.query.list_query import ListQuery
 from service.storage.database.clock import database_now, instant, optional_instant
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id, new_id
@@ -24,6 +26,8 @@ from service.storage.database.paging import rows_of_page
 from service.storage.jobs import chunks
 from service.storage.jobs.records import delivery_of
 from service.storage.jobs.table_dispatcher import TableDispatcher
+from service.storage.searching.pages import find
+from service.storage.searching.sources import OF_SWEEP_ROWS
 from service.storage.sweeps.recent_chunks import chunk_runs, complete_since
 from service.storage.tables.base import Document
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
@@ -63,6 +67,7 @@ class SweepStore:
                 id=new_id(),
                 state=JobState.QUEUED.value,
                 document=document,
+                facts=_facts(document),
                 points=points,
                 next_index=pilot.count,
                 done=0,
@@ -84,14 +89,14 @@ class SweepStore:
         with self._database.read() as session:
             return _record(session, _row(session, sweep_id))
 
-    def list_sweeps(self, *, state: JobState | None = None, limit: int = 50, offset: int = 0) -> SweepPage:
-        """Return sweeps without their documents, newest first."""
-        condition = [] if state is None else [SweepRow.state == state.value]
-        ids = select(SweepRow.id).where(*condition).order_by(SweepRow.id.desc()).limit(limit).offset(offset)
+    def find(self, query: ListQuery) -> SweepPage:
+        """Return one page of the sweeps that match; only the wanted columns of them, if there are any."""
         with self._database.read() as session:
-            total = session.scalar(select(func.count()).select_from(SweepRow).where(*condition))
-            rows = rows_of_page(session, SweepRow, ids, defer(SweepRow.document))
-            return SweepPage(tuple(_progress(session, rows)), total or 0)
+            found = find(session, OF_SWEEP_ROWS, query)
+            rows = (
+                [] if query.columns else rows_of_page(session, SweepRow, found.ids, defer(SweepRow.document))
+            )
+            return SweepPage(tuple(_progress(session, rows)), found.total, found.values, found.next)
 
     def cancel(self, sweep_id: str) -> SweepRecord:
         """Cancel an unfinished sweep and its chunks at once; cancelling again changes nothing.
@@ -137,6 +142,11 @@ def _row(session: Session, sweep_id: str) -> SweepRow:
     if row is None:
         raise SweepNotFoundError(sweep_id)
     return row
+
+
+def _facts(document: Document) -> Mapping[str, object]:
+    base = document.get("base")
+    return facts_of(base) if isinstance(base, Mapping) else {}
 
 
 def _bounds(stored: Document) -> dict[str, tuple[float, float]]:

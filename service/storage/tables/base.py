@@ -10,9 +10,13 @@ from enum import StrEnum
 from typing import ClassVar, cast
 
 from sqlalchemy import JSON, Double, LargeBinary, MetaData, String, Table
+from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import DeclarativeBase
 
 Document = Mapping[str, object]
+
+ASKED_DOCUMENT = JSON(none_as_null=True).with_variant(JSONB(none_as_null=True), "postgresql")
+"""A small flat document whose values conditions compare: on Postgres parsed once, when it is written."""
 
 
 class Base(DeclarativeBase):

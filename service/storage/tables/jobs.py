@@ -5,7 +5,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobKind, JobState
-from service.storage.tables.base import Base, Document, one_of
+from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, one_of
 from service.storage.tables.sweeps import SweepRow
 
 
@@ -69,6 +69,8 @@ class JobRow(Base):
     """Of a chunk: {"first": index, "count": points}."""
     examination: Mapped[str | None]
     """Key of the kept windows of its curve; not a foreign key, so that these can be trimmed."""
+    facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
+    """Family and numbers of the problem, for conditions; a chunk has none."""
     digest: Mapped[str]
     owner: Mapped[str | None] = mapped_column(String(128))
     lease_until: Mapped[float | None]

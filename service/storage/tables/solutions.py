@@ -3,10 +3,12 @@
 from sqlalchemy import ForeignKey, Index, String, Uuid
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.storage.tables.base import Base, Document
+from service.storage.tables.base import ASKED_DOCUMENT, Base, Document
 
 SORTED_NUMBERS = ("created_at", "A", "C", "period", "energy", "error")
-"""Columns that lists of solutions are sorted by."""
+"""Columns that lists of solutions were sorted by before there was a language for queries."""
+ASKED_NUMBERS = ("B", "lambda_", "drift", "trace", "seconds")
+"""Further numbers that are asked for often."""
 
 
 class SolutionRow(Base):
@@ -19,9 +21,19 @@ class SolutionRow(Base):
     __tablename__ = "solutions"
     __table_args__ = (
         # For every sort order of the list, in both directions.
-        *(Index(f"ix_solutions_{name}_id", name, "id") for name in SORTED_NUMBERS),
+        *(Index(f"ix_solutions_{name}_id", name, "id") for name in (*SORTED_NUMBERS, *ASKED_NUMBERS)),
         # Covers all filters, so that counting reads no documents.
-        Index("ix_solutions_filters", "family", "method", "tier", *SORTED_NUMBERS, "id"),
+        Index(
+            "ix_solutions_filters",
+            "family",
+            "method",
+            "tier",
+            *SORTED_NUMBERS,
+            *ASKED_NUMBERS,
+            "stability",
+            "aperiodic",
+            "id",
+        ),
     )
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
@@ -38,6 +50,18 @@ class SolutionRow(Base):
     period: Mapped[float | None]
     energy: Mapped[float | None]
     error: Mapped[float | None]
+    B: Mapped[float | None]
+    lambda_: Mapped[float | None]
+    drift: Mapped[float | None]
+    """The largest departure of any integral."""
+    trace: Mapped[float | None]
+    seconds: Mapped[float | None]
+    """Of computing."""
+    stability: Mapped[str | None] = mapped_column(String(16))
+    """The verdict."""
+    aperiodic: Mapped[str | None] = mapped_column(String(16))
+    facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
+    """The numbers of the problem by JSON pointer: see :mod:`service.schemas.query.facts`."""
 
 
 class DenseOutputRow(Base):

@@ -4,7 +4,7 @@ from sqlalchemy import JSON, BigInteger, CheckConstraint, ForeignKey, Index, Str
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.states import JobState
-from service.storage.tables.base import Base, Document, one_of
+from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, one_of
 
 
 class SweepRow(Base):
@@ -21,6 +21,8 @@ class SweepRow(Base):
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
     state: Mapped[str] = mapped_column(String(16))
     document: Mapped[Document]
+    facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
+    """Family and numbers of the base, for conditions."""
     points: Mapped[int] = mapped_column(BigInteger)
     next_index: Mapped[int] = mapped_column(BigInteger, default=0)
     """Index of the first point that is in no chunk yet."""

@@ -21,6 +21,7 @@ from service.storage.database.database import Database
 from service.storage.database.ids import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import STATE, TestClient
+from tests.support.lists import list_jobs
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until
 from workers.process.runner import JobLimits, Runner
@@ -212,7 +213,7 @@ def test_a_worker_keeps_its_result_until_the_database_is_back(url):
         finally:
             outage.end()
         # Connections that were broken are noticed one by one.
-        wait_until(lambda: not is_away_at(jobs.list_jobs))
+        wait_until(lambda: not is_away_at(lambda: list_jobs(jobs)))
         assert collect() == [submitted.id]
         done = jobs.get(submitted.id)
         assert (done.state, done.attempt) == (JobState.SUCCEEDED, 1)
@@ -232,7 +233,7 @@ def test_a_postgres_that_has_become_read_only_is_away_for_writers(postgres_url):
     with pytest.raises(exc.SQLAlchemyError) as refused:
         jobs.submit(STATE, "digest")
     assert is_away(refused.value)
-    assert jobs.list_jobs().total == 0
+    assert list_jobs(jobs).total == 0
     database.close()
 
 

@@ -16,6 +16,7 @@ from service.verdicts import examination, kept
 from tests.support.api import PLANAR, STATE
 from tests.support.examinations import examination_of
 from tests.support.finishing import finish_success
+from tests.support.lists import list_jobs
 
 INADMISSIBLE = {**PLANAR, "potential": {"type": "expression", "expression": "g1*g2"}}
 BROKEN = {**STATE, "body": {"A": "x", "B": 1, "C": 1}}
@@ -58,7 +59,7 @@ def test_nothing_accepted_is_a_refusal_that_names_every_place(client, jobs):
     assert document["type"].endswith("no_problem_accepted")
     assert [fault["pointer"] for fault in document["errors"]] == ["/0/body/A", "/1/potential"]
     assert [item["status"] for item in document["items"]] == [422, 422]
-    assert jobs.list_jobs().total == 0
+    assert list_jobs(jobs).total == 0
 
 
 @pytest.mark.parametrize("count", [0, MOST_PROBLEMS + 1])
@@ -84,7 +85,7 @@ def test_either_all_accepted_problems_are_stored_or_none(client, jobs, monkeypat
     monkeypatch.setattr(SqlJobStore, "_deliver", fail)
     assert post(client, [STATE, PLANAR]).status_code == 500
     monkeypatch.undo()
-    assert jobs.list_jobs().total == 0
+    assert list_jobs(jobs).total == 0
 
 
 def test_priority_is_taken_kept_and_limited(client, jobs):

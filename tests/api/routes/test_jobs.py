@@ -7,6 +7,7 @@ from service.jobs.states import JobState
 from service.storage.solutions.accuracy_store import AccuracyStore
 from tests.support.accuracy import row, table
 from tests.support.api import PLANAR, STATE, finish
+from tests.support.lists import list_jobs
 
 
 def submit(client, problem=STATE, **headers):
@@ -57,7 +58,7 @@ def test_another_problem_is_not_mistaken_for_it(client, stored):
 def test_waiting_ends_with_the_job(client, app, jobs):
     def work():
         finish(jobs)
-        app.state.resources.doorbell.announce(jobs.list_jobs().jobs[0].id)
+        app.state.resources.doorbell.announce(list_jobs(jobs).jobs[0].id)
 
     def ring():
         worker.start()

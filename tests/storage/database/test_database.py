@@ -16,6 +16,7 @@ from service.storage.jobs.job_store import SqlJobStore
 from service.storage.tables.jobs import JobRow
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.finishing import finish_success
+from tests.support.lists import list_jobs
 from tests.workers.processes import wait_until
 
 
@@ -28,7 +29,7 @@ def test_many_writers_never_find_the_database_busy(jobs):
 
     with ThreadPoolExecutor(6) as pool:
         list(pool.map(work, range(6)))
-    page = jobs.list_jobs(limit=500)
+    page = list_jobs(jobs, limit=500)
     assert page.total == 120
     assert {(job.state, job.attempt) for job in page.jobs} == {("failed", 1)}
 
@@ -53,7 +54,7 @@ def store_and_fail(database):
 def test_an_exception_rolls_everything_back(database, jobs):
     with pytest.raises(ZeroDivisionError):
         store_and_fail(database)
-    assert jobs.list_jobs().total == 0
+    assert list_jobs(jobs).total == 0
 
 
 def test_a_state_out_of_the_table_is_refused_by_the_database(database):

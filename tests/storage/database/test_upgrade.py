@@ -4,16 +4,22 @@ import json
 import uuid
 
 import pytest
-from sqlalchemy import LargeBinary, MetaData, inspect, text
+from sqlalchemy import LargeBinary, MetaData, inspect, select, text
 
 from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobState
+from service.schemas.query.kinds import Kind
+from service.schemas.query.list_query import ListQuery, equals
+from service.schemas.query.where import read_where
+from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import Database, make_engine
 from service.storage.database.ids import new_id
 from service.storage.database.migration import migrate
 from service.storage.inspection.inspect import inspect as inspect_database
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.solutions.solution_store import SolutionQuery, SolutionStore
+from service.storage.searching.sources import SOLUTIONS
+from service.storage.solutions.solution_store import SolutionStore
+from service.storage.tables.solutions import SolutionRow
 from tests.support.databases import SUMMARY, upgrade_to, url_of
 from tests.support.finishing import finish_success
 
@@ -159,6 +165,24 @@ def test_the_upgraded_database_is_in_order(upgraded):
     assert [finding.code for finding in inspect_database(upgraded) if not finding.is_clean] == []
 
 
+def test_old_rows_are_found_by_the_numbers_of_their_problems(upgraded, ids):
+    conditions, faults = read_where(
+        ["/body/A=17/10,/potential/parameters/γ>1e29,family=expression"], SOLUTIONS
+    )
+    assert not faults
+    found = SolutionStore(upgraded).find(ListQuery(conditions))
+    assert [solution.id for solution in found.solutions] == [str(ids["solution"])]
+    page = SqlJobStore(upgraded).find(ListQuery(conditions))
+    assert page.total == 7
+    with upgraded.read() as session:
+        (row,) = session.scalars(select(SolutionRow))
+        written = summary_columns(row.problem, row.summary)
+        for name in ("B", "lambda_", "drift", "trace", "seconds", "stability", "aperiodic"):
+            assert getattr(row, name) == written[name], name
+        # Postgres tells the double 1e30 as the integer 10**30.
+        assert {k: v if k == "family" else float(v) for k, v in row.facts.items()} == written["facts"]
+
+
 def test_lives_go_on_where_they_were(upgraded, ids):
     jobs = SqlJobStore(upgraded)
     state = {name: jobs.get(str(job_id)).state.value for name, job_id in ids.items() if name != "solution"}
@@ -177,7 +201,7 @@ def test_lives_go_on_where_they_were(upgraded, ids):
 
 def test_old_solutions_are_found_read_and_used_again(upgraded, ids):
     solutions, solution_id = SolutionStore(upgraded), str(ids["solution"])
-    (found,) = solutions.find(SolutionQuery(family="expression")).solutions
+    (found,) = solutions.find(ListQuery(equals("family", Kind.WORD, "expression"))).solutions
     assert (found.id, found.problem, found.summary) == (solution_id, PROBLEM, SUMMARY)
     assert solutions.dense(solution_id) == bytes(range(256)) * 4000
     assert solutions.samples(solution_id) == b""

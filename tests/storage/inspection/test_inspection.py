@@ -17,6 +17,7 @@ from service.storage.keys.key_store import KeyStore
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY, copy_of
 from tests.support.finishing import finish_success
+from tests.support.lists import list_jobs
 from tests.workers.chores import do_chunk
 
 SWEEP = {"seconds": 0.01}
@@ -219,7 +220,7 @@ def test_a_sweep_whose_chunks_were_lost_is_finished_after_mending(database, jobs
     chunks = "kind = 'chunk' AND state IN ('queued', 'running')"
     damage(database, "DELETE FROM sweep_chunks WHERE first > 0", f"DELETE FROM jobs WHERE {chunks}")
     list(repair(database))
-    jobs.cancel(jobs.list_jobs(state=JobState.QUEUED).jobs[0].id)
+    jobs.cancel(list_jobs(jobs, state=JobState.QUEUED).jobs[0].id)
     work_on(jobs, sweeps, lived["begun"], 4000)
     assert sweeps.get(lived["begun"]).state is JobState.SUCCEEDED
     assert sweeps.get(lived["done"]).done <= 40

@@ -25,6 +25,7 @@ from service.storage.jobs.job_store import SqlJobStore
 from service.storage.tables.schema import TABLES
 from service.storage.tables.solutions import SolutionRow
 from tests.support.effort import examples
+from tests.support.lists import list_jobs
 
 LEASE, RETRY, MAX_ATTEMPTS = 10.0, 4.0, 3
 SUCCESS = Solved({"method": "quadrature"}, b"dense", b"samples")
@@ -182,7 +183,7 @@ class JobMachine(RuleBasedStateMachine):
 
     @invariant()
     def the_store_is_the_model(self):
-        stored = {job.id: job for job in self.store.list_jobs(limit=1000).jobs}
+        stored = {job.id: job for job in list_jobs(self.store, limit=1000).jobs}
         assert stored.keys() == self.jobs.keys()
         held = self.store.held([job.claim for job in self.jobs.values() if job.claim is not None])
         for job in self.jobs.values():

@@ -16,6 +16,7 @@ from service.storage.tables.solutions import DenseOutputRow, SamplesRow, Solutio
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.effort import examples
 from tests.support.finishing import finish_success
+from tests.support.lists import list_jobs
 
 OVER = -1.0  # a lease that has ended when it is granted
 
@@ -219,10 +220,10 @@ def test_two_equal_jobs_computed_at_the_same_time_both_succeed(jobs, database):
 def test_jobs_are_listed_newest_first_by_state_and_page(jobs):
     submitted = [jobs.submit(PROBLEM, str(n)).id for n in range(5)]
     claim(jobs)
-    page = jobs.list_jobs(state=JobState.QUEUED, limit=2, offset=1)
+    page = list_jobs(jobs, state=JobState.QUEUED, limit=2, offset=1)
     assert [job.id for job in page.jobs] == [submitted[3], submitted[2]]
     assert page.total == 4
-    assert jobs.list_jobs().total == 5
+    assert list_jobs(jobs).total == 5
 
 
 def test_an_unknown_solution_is_not_found(solutions):

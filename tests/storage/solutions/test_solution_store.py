@@ -2,8 +2,13 @@
 
 import pytest
 
+from service.schemas.query.conditions import OrderKey
+from service.schemas.query.list_query import ListQuery
+from service.schemas.query.where import read_where
 from service.storage.codecs.summary import summary_columns
-from service.storage.solutions.solution_store import SORT_COLUMNS, NumberRange, SolutionQuery
+from service.storage.database.ids import new_id
+from service.storage.searching.sources import SOLUTIONS
+from tests.storage.searching.rows import subject_of
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.finishing import finish_success
 
@@ -24,8 +29,14 @@ def stored(jobs):
     return ids
 
 
-def positions(solutions, stored, **query):
-    return [stored.index(s.id) for s in solutions.find(SolutionQuery(**query)).solutions]
+def asked(*where, sort="created_at", descending=True, **further):
+    conditions, faults = read_where(where, SOLUTIONS)
+    assert not faults
+    return ListQuery(conditions, (OrderKey(subject_of(sort), descending),), **further)
+
+
+def positions(solutions, stored, *where, **query):
+    return [stored.index(s.id) for s in solutions.find(asked(*where, **query)).solutions]
 
 
 def test_the_newest_come_first(solutions, stored):
@@ -38,35 +49,34 @@ def test_what_has_no_number_comes_last_in_either_order(solutions, stored):
     assert positions(solutions, stored, sort="period") == [0, 3, 1, 2]
 
 
-@pytest.mark.parametrize("sort", SORT_COLUMNS)
+@pytest.mark.parametrize("sort", ["created_at", "A", "period", "trace", "/motion/lambda"])
 @pytest.mark.parametrize("descending", [True, False])
 def test_pages_together_are_the_whole(solutions, stored, sort, descending):
-    pages = [
-        solutions.find(SolutionQuery(sort=sort, descending=descending, limit=1, offset=n)) for n in range(5)
-    ]
+    pages = [solutions.find(asked(sort=sort, descending=descending, limit=1, offset=n)) for n in range(5)]
     assert sorted(s.id for page in pages for s in page.solutions) == sorted(stored)
     assert {page.total for page in pages} == {4}
 
 
 def test_filters_hold_together(solutions, stored):
-    assert positions(solutions, stored, family="gravity") == [2]
-    assert positions(solutions, stored, family="expression", intervals={"period": NumberRange(1.5, 2.0)}) == [
-        3
-    ]
-    assert positions(solutions, stored, intervals={"period": NumberRange(upper=3.0)}) == [3, 1, 0]
-    assert positions(solutions, stored, method="integration") == []
-    assert positions(solutions, stored, tier="standard", intervals={"A": NumberRange(2, 2)}) == [3, 2, 1, 0]
+    assert positions(solutions, stored, "family=gravity") == [2]
+    assert positions(solutions, stored, "family=expression,period>=1.5,period<=2") == [3]
+    assert positions(solutions, stored, "period<=3.0") == [3, 1, 0]
+    assert positions(solutions, stored, "method=integration") == []
+    assert positions(solutions, stored, "tier=standard", "A>=2,A<=2") == [3, 2, 1, 0]
 
 
 def test_a_solution_is_found_by_its_job(solutions, stored):
     job_id = solutions.get(stored[1]).job_id
-    assert positions(solutions, stored, job_id=job_id) == [1]
-    assert positions(solutions, stored, job_id="no id") == []
+    assert positions(solutions, stored, f"job={job_id}") == [1]
+    assert positions(solutions, stored, f"job={new_id()}") == []
 
 
 def test_exact_numbers_become_doubles_in_their_columns():
-    problem = {"body": {"A": "17/10", "C": 1}, "potential": {"type": "gravity"}}
-    summary = {"method": "quadrature", "period": {"value": "6.25"}, "energy": {"value": "1/0"}, "error": True}
+    problem = {"body": {"A": "17/10", "C": 1}, "potential": {"type": "gravity"}, "motion": {"lambda": "1/3"}}
+    summary = {
+        "method": "quadrature", "period": {"value": "6.25"}, "energy": {"value": "1/0"}, "error": True,
+        "invariants": {"energy": {"drift": 1e-9}, "areas": {"drift": 2e-9}}, "cost": {"compute_seconds": 0.5},
+    }  # fmt: skip
     assert summary_columns(problem, summary) == {
         "family": "gravity",
         "method": "quadrature",
@@ -76,4 +86,12 @@ def test_exact_numbers_become_doubles_in_their_columns():
         "period": 6.25,
         "energy": None,
         "error": None,
+        "B": None,
+        "lambda_": 1 / 3,
+        "drift": 2e-9,
+        "trace": None,
+        "seconds": 0.5,
+        "stability": None,
+        "aperiodic": None,
+        "facts": {"family": "gravity", "/body/A": 1.7, "/body/C": 1.0, "/motion/lambda": 1 / 3},
     }

@@ -15,6 +15,7 @@ from service.storage.sweeps.recent_chunks import chunk_runs, complete_since
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.jobs import AttemptRow, JobRow
 from tests.support.databases import PROBLEM
+from tests.support.lists import list_jobs, list_sweeps
 from tests.support.sweeps import POINTS, SWEEP, finish_chunk, finish_sweep
 
 
@@ -39,7 +40,7 @@ def test_chunks_are_no_jobs_of_anybody(sweeps, jobs):
     claim = jobs.claim("worker", lease_seconds=60.0)
     assert claim.kind is JobKind.CHUNK
     assert claim.payload == {"sweep": SWEEP, **claim.problem}
-    assert jobs.list_jobs().total == 0
+    assert list_jobs(jobs).total == 0
     for forbidden in (jobs.get, jobs.cancel, jobs.attempts):
         with pytest.raises(JobNotFoundError):
             forbidden(claim.job_id)
@@ -129,10 +130,10 @@ def test_a_sweep_none_of_whose_points_can_be_computed_ends(sweeps, jobs):
 def test_sweeps_are_listed_newest_first_by_state_and_page(sweeps):
     ids = [submit(sweeps).id for _ in range(3)]
     sweeps.cancel(ids[1])
-    page = sweeps.list_sweeps(limit=2)
+    page = list_sweeps(sweeps, limit=2)
     assert ([record.id for record in page.sweeps], page.total) == ([ids[2], ids[1]], 3)
-    assert [record.id for record in sweeps.list_sweeps(limit=2, offset=2).sweeps] == [ids[0]]
-    assert [record.id for record in sweeps.list_sweeps(state=JobState.CANCELLED).sweeps] == [ids[1]]
+    assert [record.id for record in list_sweeps(sweeps, limit=2, offset=2).sweeps] == [ids[0]]
+    assert [record.id for record in list_sweeps(sweeps, state=JobState.CANCELLED).sweeps] == [ids[1]]
 
 
 @pytest.mark.parametrize("sweep_id", ["", "no id", "0" * 32])

@@ -19,6 +19,7 @@ from service.storage.upkeep.backup import back_up, restore
 from service.storage.upkeep.backup_checks import BackupError
 from tests.support.databases import PROBLEM, SUMMARY, upgrade_to, url_of
 from tests.support.finishing import finish_success
+from tests.support.lists import list_jobs
 from tests.support.postgres import binaries
 
 
@@ -75,7 +76,7 @@ def test_a_restored_database_is_what_it_was(jobs, url, other_url, tmp_path):
     def look(database):
         restored = SqlJobStore(database)
         assert [restored.get(job.id) for job in before] == before
-        assert restored.list_jobs().total == 5
+        assert list_jobs(restored).total == 5
         solution_id = before[0].solution_id
         assert SolutionStore(database).dense(solution_id) == b"dense"
         assert SolutionStore(database).samples(solution_id) == b"samples"
@@ -109,7 +110,7 @@ def test_a_backup_while_others_write_is_of_one_instant(jobs, url, other_url, tmp
     try:
         totals = []
         for number in range(3):
-            while jobs.list_jobs().total < 20 * (number + 1):
+            while list_jobs(jobs).total < 20 * (number + 1):
                 assert writer.is_alive()
             totals.append(back_up(url, tmp_path / f"b{number}").rows["jobs"])
     finally:
@@ -130,9 +131,9 @@ def test_no_jobs_are_overwritten_by_mistake(jobs, url, tmp_path):
     jobs.submit(PROBLEM, "later")
     with pytest.raises(BackupError, match=r"6 jobs.*--force"):
         restore(url, tmp_path / "b")
-    assert jobs.list_jobs().total == 6
+    assert list_jobs(jobs).total == 6
     restore(url, tmp_path / "b", force=True)
-    assert jobs.list_jobs().total == 5
+    assert list_jobs(jobs).total == 5
 
 
 def test_a_database_without_jobs_may_be_replaced(jobs, url, other_url, tmp_path):
@@ -140,7 +141,7 @@ def test_a_database_without_jobs_may_be_replaced(jobs, url, other_url, tmp_path)
     back_up(url, tmp_path / "b")
     migrate(other_url)
     restore(other_url, tmp_path / "b")
-    assert opened(other_url, lambda database: SqlJobStore(database).list_jobs().total) == 5
+    assert opened(other_url, lambda database: list_jobs(SqlJobStore(database)).total) == 5
 
 
 def test_an_older_backup_is_brought_to_this_version(url, other_url, tmp_path):
@@ -179,7 +180,7 @@ def test_what_is_no_backup_is_refused(url, jobs, tmp_path, content):
     (tmp_path / "b").write_bytes(content)
     with pytest.raises(BackupError):
         restore(url, tmp_path / "b", force=True)
-    assert jobs.list_jobs().total == 0
+    assert list_jobs(jobs).total == 0
 
 
 def test_a_missing_file_is_refused(url, tmp_path):

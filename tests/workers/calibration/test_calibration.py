@@ -14,12 +14,13 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.schemas.problem.problem import read_problem
+from service.schemas.query.list_query import ListQuery
 from service.schemas.replies.accuracy import AccuracyTableModel
 from service.storage.codecs.arrays import decode_arrays
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.solutions.accuracy_store import AccuracyStore
-from service.storage.solutions.solution_store import SolutionQuery, SolutionStore
+from service.storage.solutions.solution_store import SolutionStore
 from tests.support.databases import url_of
 from workers.calibration import measurement
 from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
@@ -47,7 +48,7 @@ def test_a_whole_job_is_measured_and_not_only_its_computation(tmp_path, monkeypa
         database = Database(url_of(folder / "jobs.db"))
         # Nothing is reused: each is a job of its own, solved and stored.
         assert min(seconds_of(document) for _ in range(2)) > 0.0
-        found = SolutionStore(database).find(SolutionQuery())
+        found = SolutionStore(database).find(ListQuery())
         cost = [solution.summary["cost"]["compute_seconds"] for solution in found.solutions]
         assert (found.total, all(each > 0.0 for each in cost)) == (2, True)
         database.close()

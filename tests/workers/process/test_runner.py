@@ -8,6 +8,7 @@ from service.jobs.states import AttemptOutcome, JobState
 from service.local.wakeup import Doorbell
 from service.storage.codecs.points import SOLVED, decode_points
 from service.storage.sweeps.sweep_store import SweepStore
+from tests.support.lists import list_jobs
 from tests.support.waiting import wait_for
 from tests.workers.processes import PATIENCE, wait_until
 
@@ -75,8 +76,8 @@ def test_a_failed_job_does_not_spoil_its_child(jobs, start_worker):
     for n, chore in enumerate(["hog", "raise", "spin", "refuse", "succeed"]):
         jobs.submit({"chore": chore}, str(n))
     start_worker(job_seconds=0.5)
-    wait_until(lambda: all(job.is_finished for job in jobs.list_jobs().jobs))
-    assert [job.state for job in jobs.list_jobs().jobs] == [JobState.SUCCEEDED] + [JobState.FAILED] * 4
+    wait_until(lambda: all(job.is_finished for job in list_jobs(jobs).jobs))
+    assert [job.state for job in list_jobs(jobs).jobs] == [JobState.SUCCEEDED] + [JobState.FAILED] * 4
 
 
 @pytest.mark.parametrize("rings", [True, False])

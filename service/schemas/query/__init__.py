@@ -1,0 +1,1 @@
+"""The language that lists are asked in: conditions, orders and columns."""

@@ -1,0 +1,154 @@
+"""Names of what lists can be asked for: facts with a name, and numbers of the problem by their place.
+
+:func:`facts_of` extracts from a document what has no column in the database. It is
+written once, when a row is stored, so that a condition never has to read a number
+that a document holds as text such as "17/10".
+"""
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import get_args
+from urllib.parse import quote
+
+from service.dynamics.errors import InvalidNumberError
+from service.dynamics.exact import exact_number
+from service.dynamics.motion import SolvedBy
+from service.dynamics.problem import Tier
+from service.schemas.problem.potentials import MODELS
+from service.schemas.query.kinds import Kind
+from service.schemas.reading.faults import pointer_to
+from service.schemas.replies.job import StateName
+
+_NO_TEXT = re.compile(r"[\x00\ud800-\udfff]")
+"""Characters that no database stores."""
+MOST_NUMBERS = 64
+"""Numbers of a problem that can be asked for, the first ones in the order of the document."""
+LONGEST_LIST = 16
+"""Numbers in longer lists, such as 100 000 times, cannot be asked for."""
+LONGEST_POINTER = 128
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """Something that conditions, orders and columns may name."""
+
+    kind: Kind
+    meaning: str
+    words: tuple[str, ...] = ()
+    """All that a WORD may be."""
+
+
+def _number(meaning: str) -> Fact:
+    return Fact(Kind.NUMBER, meaning)
+
+
+_FAMILY = Fact(Kind.WORD, "the potential's `type`", tuple(MODELS))
+_STATE = Fact(Kind.WORD, "where it is in its life", get_args(StateName))
+_CREATED = Fact(Kind.INSTANT, "when it was stored")
+_ATTEMPT = _number("how often a worker has taken the job")
+
+OF_RESULTS: Mapping[str, Fact] = {
+    "method": Fact(Kind.WORD, "the method that computed it", tuple(get_args(SolvedBy))),
+    "tier": Fact(Kind.WORD, "the tier that computed it", tuple(get_args(Tier))),
+    "period": _number("the period"),
+    "energy": _number("the energy h"),
+    "error": _number("the largest claimed error of any variable"),
+    "drift": _number("the largest departure of an integral, if the outputs ask for invariants"),
+    "trace": _number("the trace of the stability, μ + 1/μ"),
+    "stability.verdict": Fact(Kind.WORD, "of the stability", ("stable", "unstable", "marginal")),
+    "aperiodic": Fact(
+        Kind.WORD, "why there is no period", ("separatrix", "equilibrium", "collision", "pole")
+    ),
+}
+"""Facts that a solution has, and a job by its solution."""
+
+OF_SOLUTIONS: Mapping[str, Fact] = {
+    "id": Fact(Kind.IDENTIFIER, "of the solution"),
+    "job": Fact(Kind.IDENTIFIER, "the job that computed it"),
+    "digest": Fact(Kind.TEXT, "of the problem, equal for equal problems"),
+    "created_at": _CREATED,
+    "family": _FAMILY,
+    **OF_RESULTS,
+    "A": _number("the moment A"),
+    "B": _number("the moment B"),
+    "C": _number("the moment C"),
+    "seconds": _number("seconds of computing"),
+    "attempt": _ATTEMPT,
+}
+OF_JOBS: Mapping[str, Fact] = {
+    "id": Fact(Kind.IDENTIFIER, "of the job"),
+    "solution": Fact(Kind.IDENTIFIER, "its solution"),
+    "digest": Fact(Kind.TEXT, "of the problem, equal for equal problems"),
+    "state": _STATE,
+    "created_at": _CREATED,
+    "started_at": Fact(Kind.INSTANT, "when the last attempt began"),
+    "finished_at": Fact(Kind.INSTANT, "when it came to its final state"),
+    "seconds": _number("seconds from the start of the last attempt to the end"),
+    "attempt": _ATTEMPT,
+    "priority": _number("larger first"),
+    "reused": Fact(Kind.TRUTH, "whether its solution was computed for an earlier job"),
+    "error.code": Fact(Kind.TEXT, "why it failed"),
+    "family": _FAMILY,
+    **OF_RESULTS,
+}
+OF_SWEEPS: Mapping[str, Fact] = {
+    "id": Fact(Kind.IDENTIFIER, "of the sweep"),
+    "state": _STATE,
+    "created_at": _CREATED,
+    "started_at": Fact(Kind.INSTANT, "when a worker took its first points"),
+    "finished_at": Fact(Kind.INSTANT, "when it came to its final state"),
+    "seconds": _number("seconds from the start to the end"),
+    "points": _number("how many there are"),
+    "done": _number("how many are stored"),
+    "refused": _number("how many have no solution"),
+    "priority": _number("larger first"),
+    "family": _FAMILY,
+}
+
+
+def facts_of(problem: Mapping[str, object]) -> dict[str, float | str]:
+    """Return the family and the numbers of a problem document, as doubles, by :func:`stored_name`."""
+    found: dict[str, float | str] = {}
+    potential = problem.get("potential")
+    family = potential.get("type") if isinstance(potential, Mapping) else None
+    if isinstance(family, str) and family in MODELS:
+        found["family"] = family
+    for pointer, number in _numbers(problem, ()):
+        if len(found) > MOST_NUMBERS:
+            break
+        if len(pointer) <= LONGEST_POINTER and not _NO_TEXT.search(pointer):
+            found[stored_name(pointer)] = number
+    return found
+
+
+def stored_name(pointer: str) -> str:
+    """Return a JSON pointer as in a URI (RFC 6901, 6): SQLite finds no name that JSON has to escape."""
+    return quote(pointer, safe="/~")
+
+
+def _numbers(value: object, path: tuple[str | int, ...]) -> Iterator[tuple[str, float]]:
+    if isinstance(value, Mapping):
+        for name, part in value.items():
+            yield from _numbers(part, (*path, str(name)))
+    elif isinstance(value, list | tuple):
+        if len(value) <= LONGEST_LIST:
+            for index, part in enumerate(value):
+                yield from _numbers(part, (*path, index))
+    elif isinstance(value, int | float | str) and not isinstance(value, bool):
+        number = nearest_double(value)
+        if number is not None:
+            yield pointer_to(path), number
+
+
+def nearest_double(value: int | float | str) -> float | None:
+    """Return the double nearest to a number of a document, None for other texts."""
+    # Most texts of a problem are words: their first character tells, without an exception.
+    if isinstance(value, str) and not value.lstrip()[:1].isdigit() and value.lstrip()[:1] not in "+-.":
+        return None
+    try:
+        number = float(exact_number(value))
+    except (InvalidNumberError, OverflowError):
+        return None
+    return number if math.isfinite(number) else None

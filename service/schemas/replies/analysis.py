@@ -1,0 +1,58 @@
+"""The answers of facets and statistics."""
+
+from pydantic import Field
+
+from service.schemas.replies.response_model import ResponseModel
+
+
+class FacetValueOut(ResponseModel):
+    """One value of a fact."""
+
+    value: float | str | bool | None = Field(description="The value; null for what has none.")
+    count: int = Field(description="How often it occurs.")
+
+
+class FacetOut(ResponseModel):
+    """The values of a fact."""
+
+    by: str = Field(description="The fact.")
+    values: list[FacetValueOut] = Field(description="The most frequent first.")
+    others: int = Field(description="How many have a value that is not listed.")
+
+
+class FacetsOut(ResponseModel):
+    """How often each value of some facts occurs."""
+
+    facets: list[FacetOut] = Field(description="In the order that was asked for.")
+
+
+class HistogramOut(ResponseModel):
+    """Numbers counted in equally wide bins."""
+
+    edges: list[float] = Field(
+        description="Ends of the bins: each goes from one up to the next without it, the last one with it."
+    )
+    counts: list[int] = Field(description="Numbers in each bin; one fewer than edges.")
+
+
+class StatisticOut(ResponseModel):
+    """A number, over all that matches or over a group of it."""
+
+    of: str = Field(description="The number.")
+    group: float | str | bool | None = Field(
+        description="The value of `by`; null without `by`, or where there is no value."
+    )
+    rows: int = Field(description="How many match, with or without the number.")
+    count: int = Field(description="How many have the number.")
+    min: float | None = Field(description="The smallest; null if none has the number.")
+    quartiles: tuple[float, float, float] | None = Field(
+        description="The smallest numbers that a quarter, half and three quarters of them do not exceed."
+    )
+    max: float | None = Field(description="The largest; null if none has the number.")
+    histogram: HistogramOut | None = Field(description="With `bins`.")
+
+
+class StatisticsOut(ResponseModel):
+    """Statistics of some numbers."""
+
+    items: list[StatisticOut] = Field(description="Each number, group by group, the largest group first.")

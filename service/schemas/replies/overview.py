@@ -1,0 +1,112 @@
+"""The answers of /v1/status, and of what belongs to a job or a sweep."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import Field
+
+from service.schemas.replies.job import StateName
+from service.schemas.replies.response_model import ResponseModel
+
+KindName = Literal["solve", "chunk"]
+
+
+class AttemptOut(ResponseModel):
+    """One try at a job."""
+
+    number: int = Field(description="From 1.")
+    worker: str = Field(description="Name of the worker.")
+    started_at: datetime = Field(description="When it began, UTC.")
+    ended_at: datetime | None = Field(description="When it ended; null while it runs.")
+    outcome: Literal["succeeded", "failed", "cancelled", "lost", "returned"] | None = Field(
+        description="`lost`: the worker or its child process died; `returned`: the worker stopped regularly."
+    )
+    detail: str | None = Field(description="The reason, where there is one.")
+
+
+class AttemptsOut(ResponseModel):
+    """The history of a job."""
+
+    items: list[AttemptOut] = Field(description="The attempts, oldest first.")
+
+
+class ChunkJobOut(ResponseModel):
+    """A job that computes some neighbouring points of a sweep."""
+
+    id: str = Field(description="Of the job.")
+    state: StateName = Field(description="The last three are final.")
+    first: int = Field(description="Index of its first point.")
+    count: int = Field(description="Points that it was given; what it did not reach is queued again.")
+    attempt: int = Field(description="Number of times a worker has taken it.")
+    progress: float = Field(description="From 0 to 1.")
+    error: dict[str, object] | None = Field(description="Why it failed: `code`, `detail` and more.")
+    created_at: datetime = Field(description="When it was queued, UTC.")
+    started_at: datetime | None = Field(description="When the last attempt began.")
+    finished_at: datetime | None = Field(description="When it came to its final state.")
+
+
+class ChunkJobPageOut(ResponseModel):
+    """Some jobs of a sweep."""
+
+    items: list[ChunkJobOut | dict[str, float | str | bool | None]] = Field(
+        description="In the order that was asked for; with `columns` the values of these by their names."
+    )
+    total: int | None = Field(
+        description="Jobs that match in all; null with `where` or `after`, unless `count=exact`."
+    )
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")
+    next: str | None = Field(
+        description="Path and query of the next page, also in the header Link; null on the last one."
+    )
+
+
+class QueuePartOut(ResponseModel):
+    """Live jobs of one state and kind."""
+
+    state: Literal["queued", "running"] = Field(description="Where they are in their lives.")
+    kind: KindName = Field(description="`solve`: of one problem; `chunk`: of a sweep.")
+    jobs: int = Field(description="How many.")
+    oldest_seconds: float = Field(description="Seconds since the oldest one was submitted.")
+
+
+class RunningJobOut(ResponseModel):
+    """What a worker does."""
+
+    id: str = Field(description="Of the job.")
+    kind: KindName = Field(description="`solve`: of one problem; `chunk`: of a sweep.")
+    sweep: str | None = Field(description="Of a chunk: its sweep.")
+    attempt: int = Field(description="Number of times a worker has taken it.")
+    seconds: float = Field(description="Since the attempt began.")
+
+
+class WorkerOut(ResponseModel):
+    """A worker or service that was seen lately."""
+
+    name: str = Field(description="As in attempts.")
+    host: str = Field(description="The machine.")
+    engine: str = Field(description="`local`, `procrastinate`, or `service` for an API process.")
+    slots: int = Field(description="Jobs that it computes at once; 0 for a service.")
+    started_at: datetime = Field(description="When it started, UTC.")
+    silent_seconds: float = Field(description="Since its last sign of life.")
+    running: list[RunningJobOut] = Field(description="What it does.")
+
+
+class RateOut(ResponseModel):
+    """Attempts at jobs that ended lately."""
+
+    minutes: int = Field(description="Within so many last minutes.")
+    succeeded: int = Field(description="With a result.")
+    failed: int = Field(description="With an error.")
+    cancelled: int = Field(description="By a client.")
+    lost: int = Field(description="By the death of a worker or its child process.")
+    returned: int = Field(description="By the regular end of a worker.")
+
+
+class StatusOut(ResponseModel):
+    """What the installation does."""
+
+    at: datetime = Field(description="The instant of these figures by the database's clock, UTC.")
+    queue: list[QueuePartOut] = Field(description="The live jobs; what there is none of is left out.")
+    workers: list[WorkerOut] = Field(description="Workers and services that were seen lately.")
+    rates: list[RateOut] = Field(description="Of the last 1, 5 and 15 minutes.")

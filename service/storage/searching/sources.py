@@ -1,0 +1,161 @@
+"""The lists that can be asked, and the SQL of every fact that queries may name.
+
+An expression means the same on SQLite and Postgres: numbers are doubles, words compare by
+their code points, and what a row does not have is NULL.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any  # SQL expressions of some type
+
+from sqlalchemy import ColumnElement, select
+from sqlalchemy.orm import InstrumentedAttribute
+
+from service.jobs.states import JobKind
+from service.schemas.query.conditions import Subject
+from service.schemas.query.facts import OF_JOBS, OF_RESULTS, OF_SOLUTIONS, OF_SWEEPS, stored_name
+from service.schemas.query.kinds import Kind
+from service.schemas.query.subjects import Vocabulary
+from service.storage.tables.jobs import JobRow
+from service.storage.tables.solutions import SolutionRow
+from service.storage.tables.sweeps import SweepRow
+
+Expression = ColumnElement[Any]
+
+JOBS = Vocabulary(OF_JOBS, has_pointers=True)
+SOLUTIONS = Vocabulary(OF_SOLUTIONS, has_pointers=True)
+SWEEPS = Vocabulary(OF_SWEEPS, has_pointers=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A table that queries are about."""
+
+    name: str
+    row: type[JobRow] | type[SolutionRow] | type[SweepRow]
+    vocabulary: Vocabulary
+    facts: Mapping[str, Expression]
+    """By name; those that are missing are in the document of facts."""
+    columns: Mapping[str, Expression]
+    """Numbers of the problem that have a column, by JSON pointer."""
+    never_null: frozenset[str]
+    """Facts that every row has."""
+    indexed: frozenset[str]
+    """Facts and pointers that have an index of their own, and may be met by few rows."""
+    always: tuple[ColumnElement[bool], ...] = ()
+    """What every listed row meets."""
+
+    def expression(self, subject: Subject) -> Expression:
+        """Return the SQL of a subject."""
+        if subject.place == "fact" and subject.name in self.facts:
+            return self.facts[subject.name]
+        if subject.place == "pointer" and subject.name in self.columns:
+            return self.columns[subject.name]
+        facts: Any = self.row.facts
+        stored = facts[stored_name(subject.name)]
+        found: Expression = stored.as_float() if subject.kind is Kind.NUMBER else stored.as_string()
+        return found
+
+
+def _of_solution(column: InstrumentedAttribute[Any]) -> Expression:
+    """Return a fact of a job's solution, NULL if it has none."""
+    return select(column).where(SolutionRow.id == JobRow.solution_id).scalar_subquery()
+
+
+_RESULTS: Mapping[str, InstrumentedAttribute[Any]] = {
+    "method": SolutionRow.method,
+    "tier": SolutionRow.tier,
+    "period": SolutionRow.period,
+    "energy": SolutionRow.energy,
+    "error": SolutionRow.error,
+    "drift": SolutionRow.drift,
+    "trace": SolutionRow.trace,
+    "stability.verdict": SolutionRow.stability,
+    "aperiodic": SolutionRow.aperiodic,
+}
+assert set(_RESULTS) == set(OF_RESULTS)
+
+OF_SOLUTION_ROWS = Source(
+    "solutions",
+    SolutionRow,
+    SOLUTIONS,
+    {
+        **{name: _RESULTS[name].expression for name in _RESULTS},
+        "id": SolutionRow.id.expression,
+        "job": SolutionRow.job_id.expression,
+        "digest": SolutionRow.digest.expression,
+        "created_at": SolutionRow.created_at.expression,
+        "family": SolutionRow.family.expression,
+        "A": SolutionRow.A.expression,
+        "B": SolutionRow.B.expression,
+        "C": SolutionRow.C.expression,
+        "seconds": SolutionRow.seconds.expression,
+        "attempt": select(JobRow.attempt).where(JobRow.id == SolutionRow.job_id).scalar_subquery(),
+    },
+    {
+        "/body/A": SolutionRow.A.expression,
+        "/body/B": SolutionRow.B.expression,
+        "/body/C": SolutionRow.C.expression,
+        "/motion/lambda": SolutionRow.lambda_.expression,
+    },
+    frozenset({"id", "job", "digest", "created_at"}),
+    frozenset(
+        {"id", "job", "digest", "created_at", "A", "B", "C", "period", "energy", "error", "drift", "trace"}
+        | {"seconds", "/body/A", "/body/B", "/body/C", "/motion/lambda"}
+    ),
+)
+OF_JOB_ROWS = Source(
+    "jobs",
+    JobRow,
+    JOBS,
+    {
+        **{name: _of_solution(column) for name, column in _RESULTS.items()},
+        "id": JobRow.id.expression,
+        "solution": JobRow.solution_id.expression,
+        "digest": JobRow.digest.expression,
+        "state": JobRow.state.expression,
+        "created_at": JobRow.created_at.expression,
+        "started_at": JobRow.started_at.expression,
+        "finished_at": JobRow.finished_at.expression,
+        "seconds": JobRow.finished_at - JobRow.started_at,
+        "attempt": JobRow.attempt.expression,
+        "priority": JobRow.priority.expression,
+        "reused": JobRow.reused.expression,
+        "error.code": JobRow.error["code"].as_string(),
+    },
+    {},
+    frozenset({"id", "digest", "state", "created_at", "attempt", "priority", "reused"}),
+    frozenset({"id", "solution"}),
+    (JobRow.kind == JobKind.SOLVE.value,),
+)
+
+
+def chunks_of(sweep_id: str) -> Source:
+    """Return the jobs that compute the points of a sweep."""
+    return replace(
+        OF_JOB_ROWS,
+        name=f"chunks of {sweep_id}",
+        always=(JobRow.kind == JobKind.CHUNK.value, JobRow.sweep_id == sweep_id),
+    )
+
+
+OF_SWEEP_ROWS = Source(
+    "sweeps",
+    SweepRow,
+    SWEEPS,
+    {
+        "id": SweepRow.id.expression,
+        "state": SweepRow.state.expression,
+        "created_at": SweepRow.created_at.expression,
+        "started_at": SweepRow.started_at.expression,
+        "finished_at": SweepRow.finished_at.expression,
+        "seconds": SweepRow.finished_at - SweepRow.started_at,
+        "points": SweepRow.points.expression,
+        "done": SweepRow.done.expression,
+        "refused": SweepRow.refused.expression,
+        "priority": SweepRow.priority.expression,
+    },
+    {},
+    frozenset({"id", "state", "created_at", "points", "done", "refused", "priority"}),
+    frozenset({"id"}),
+)

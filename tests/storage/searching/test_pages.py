@@ -1,0 +1,106 @@
+"""Conditions, orders and pages mean on both databases what plain Python says they mean."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from service.schemas.query.conditions import OrderKey
+from service.schemas.query.list_query import ListQuery
+from service.schemas.query.where import read_where
+from service.storage.searching import narrowing
+from service.storage.searching.pages import find
+from service.storage.searching.sources import OF_SOLUTION_ROWS, SOLUTIONS
+from tests.storage.searching.rows import add, expected, queries, rows, store, subject_of, value_of
+from tests.support.effort import examples
+
+EMPTY = {"invariants": {}}
+
+on_a_database = settings(
+    max_examples=examples(20, 300), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def ask(database, query):
+    with database.read() as session:
+        return find(session, OF_SOLUTION_ROWS, query)
+
+
+@given(rows, st.lists(queries, min_size=4, max_size=4))
+@on_a_database
+def test_a_page_is_what_python_finds(database, found, asked):
+    made = store(database, found)
+    for query in asked:
+        ids = expected(made, query)
+        page = ask(database, query)
+        assert list(page.ids) == ids[query.offset :][: query.limit]
+        assert page.total == len(ids)
+        assert (page.next is None) == (query.offset + query.limit >= len(ids))
+
+
+@given(rows, st.lists(queries, min_size=3, max_size=3))
+@on_a_database
+def test_pages_by_cursor_together_are_the_whole_once(database, found, asked):
+    made = store(database, found)
+    for query in asked:
+        whole, pages, after = expected(made, query), [], None
+        while True:
+            page = ask(database, replace(query, offset=0, after=after, is_counted=False))
+            pages += page.ids
+            after = page.next
+            if after is None:
+                break
+            assert len(page.ids) == query.limit
+        assert pages == whole
+
+
+@given(rows, rows, queries)
+@on_a_database
+def test_rows_that_come_in_meanwhile_neither_repeat_others_nor_hide_them(database, first, later, query):
+    made = store(database, first)
+    page = ask(database, replace(query, offset=0))
+    both = made + add(database, later)
+    if page.next is None:
+        return
+    seen, after = list(page.ids), page.next
+    while after is not None:
+        page = ask(database, replace(query, offset=0, after=after))
+        seen += page.ids
+        after = page.next
+    assert len(seen) == len(set(seen))
+    whole = expected(both, query)
+    old = {row["id"] for row in made}
+    assert [each for each in seen if each in old] == [each for each in whole if each in old]
+    # Of the new ones exactly those are seen that belong behind the first page.
+    last = whole.index(seen[min(query.limit, len(seen)) - 1])
+    assert seen[query.limit :] == whole[last + 1 :]
+
+
+@given(rows)
+@on_a_database
+def test_columns_are_the_values_that_conditions_compare(database, found):
+    made = {row["id"]: row for row in store(database, found)}
+    columns = tuple(map(subject_of, ["id", "period", "/motion/lambda", "/potential/b/0", "tier", "drift"]))
+    page = ask(database, ListQuery(columns=columns))
+    assert {row[0] for row in page.values} == set(made)
+    for row in page.values:
+        assert list(row) == [value_of(made[row[0]], column) for column in columns]
+
+
+@pytest.mark.parametrize("few", [0, 2, 1000])
+def test_a_page_does_not_depend_on_how_its_rows_are_found(database, monkeypatch, few):
+    """Few rows that meet a condition are found by their ids, many in the order of the page."""
+    monkeypatch.setattr(narrowing, "FEW", few)
+    problem = {"motion": {"lambda": 1}}
+    found = [
+        ({**problem, "body": {"A": n % 3}}, {"period": {"value": float(n)}, "energy": {"value": n % 4 * 1.0}})
+        for n in range(12)
+    ]
+    made = store(database, [(each, {**EMPTY, **summary}) for each, summary in found])
+    for where in ("period>=9", "A=1,period<8", "/motion/lambda=1,energy=3", "A in (0,2),/motion/lambda>1"):
+        conditions, faults = read_where([where], SOLUTIONS)
+        assert faults == []
+        for keys in ((OrderKey(subject_of("energy"), True),), (OrderKey(subject_of("period")),)):
+            query = ListQuery(conditions, keys)
+            assert list(ask(database, query).ids) == expected(made, query)

@@ -1,0 +1,18 @@
+"""Lists of jobs and sweeps as tests look at them: newest first."""
+
+from service.jobs.job import JobPage
+from service.jobs.states import JobState
+from service.jobs.store import JobStore
+from service.jobs.sweeps import SweepPage
+from service.schemas.query.list_query import ListQuery, in_state
+from service.storage.sweeps.sweep_store import SweepStore
+
+
+def list_jobs(jobs: JobStore, *, state: JobState | None = None, limit: int = 50, offset: int = 0) -> JobPage:
+    return jobs.find(ListQuery(in_state(state), limit=limit, offset=offset))
+
+
+def list_sweeps(
+    sweeps: SweepStore, *, state: JobState | None = None, limit: int = 50, offset: int = 0
+) -> SweepPage:
+    return sweeps.find(ListQuery(in_state(state), limit=limit, offset=offset))
