@@ -6,6 +6,8 @@ from fastapi.routing import APIRoute
 from service.api.descriptions import describe
 from service.api.keys.access import check_roles
 from service.api.middleware import error_handlers
+from service.api.middleware.caching import Caching
+from service.api.middleware.methods import HeadLikeGet
 from service.api.middleware.observing import Observation
 from service.api.middleware.security import Guard
 from service.api.routes import (
@@ -51,7 +53,10 @@ def install(app: FastAPI) -> None:
                 # Generated clients use these names: short, and independent of the path.
                 route.operation_id = route.name
     error_handlers.install(app)
+    # From the inside out: each sees the answers of those before it.
     app.add_middleware(Guard)
+    app.add_middleware(Caching)
+    app.add_middleware(HeadLikeGet)
     app.add_middleware(Observation)
 
     def openapi() -> dict[str, object]:

@@ -29,26 +29,22 @@ class Trajectory:
     error: float
 
 
-Writer = Callable[[Trajectory], Response]
-
-
-def choose_format(accept: str | None) -> Writer:
-    """Return the writer of the format that the client prefers; JSON without a header.
+def choose_format(accept: str | None) -> str:
+    """Return the media type that the client prefers; JSON without a header.
 
     Raises
     ------
     ApiError
         406 if it accepts none of ours.
     """
-    best = preferred(list(_FORMATS), accept)
-    build = _FORMATS[best]
+    return preferred(list(_FORMATS), accept)
 
-    def write(trajectory: Trajectory) -> Response:
-        _require_finite(trajectory)
-        headers = {ERROR_HEADER: repr(trajectory.error), "Vary": "Accept"}
-        return Response(build(trajectory), media_type=best, headers=headers)
 
-    return write
+def write(trajectory: Trajectory, media_type: str, headers: Mapping[str, str]) -> Response:
+    """Return the answer in one of our formats."""
+    _require_finite(trajectory)
+    own = {ERROR_HEADER: repr(trajectory.error), "Vary": "Accept"}
+    return Response(_FORMATS[media_type](trajectory), media_type=media_type, headers={**own, **headers})
 
 
 def media_types() -> dict[str, object]:

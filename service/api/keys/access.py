@@ -12,6 +12,8 @@ from service.jobs.keys import Role
 
 OPEN = None
 """Open to everybody, even if keys are required: shows no stored data."""
+OPTIONS = "OPTIONS"
+"""The method that asks which methods a path has; every path has it."""
 
 ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/livez": {"GET": OPEN},
@@ -59,19 +61,35 @@ class Access:
     def needed(self, method: str, path: str) -> Role | None:
         """Return the role, or OPEN; where several rows match, the highest of theirs.
 
+        OPTIONS needs the least of a path's roles: whoever may do anything there may ask what there is.
+
         Raises
         ------
         HTTPException
             404 if there is no such path, 405 if it does not have that method.
         """
+        found = self._roles(path)
+        if method == OPTIONS:
+            return min((role for roles in found for role in roles.values()), key=_rank)
+        wanted = [roles[method] for roles in found if method in roles]
+        if not wanted:
+            raise HTTPException(HTTPStatus.METHOD_NOT_ALLOWED, headers={"Allow": self.allowed(path)})
+        return max(wanted, key=_rank)
+
+    def allowed(self, path: str) -> str:
+        """Return the value of the Allow header of a path; HEAD is wherever GET is."""
+        methods = {OPTIONS, *(method for roles in self._roles(path) for method in roles)}
+        return ", ".join(sorted(methods | ({"HEAD"} if "GET" in methods else set())))
+
+    def _roles(self, path: str) -> list[Mapping[str, Role | None]]:
         found = [roles for pattern, roles in self._places if pattern.match(path)]
         if not found:
             raise HTTPException(HTTPStatus.NOT_FOUND)
-        wanted = [roles[method] for roles in found if method in roles]
-        if not wanted:
-            allowed = ", ".join(sorted({name for roles in found for name in roles}))
-            raise HTTPException(HTTPStatus.METHOD_NOT_ALLOWED, headers={"Allow": allowed})
-        return max(wanted, key=lambda role: -1 if role is OPEN else list(Role).index(role))
+        return found
+
+
+def _rank(role: Role | None) -> int:
+    return -1 if role is OPEN else list(Role).index(role)
 
 
 def check_roles(routers: Iterable[APIRouter]) -> None:

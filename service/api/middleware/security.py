@@ -6,7 +6,7 @@ from http import HTTPStatus
 from typing import Annotated
 from urllib.parse import urlsplit
 
-from fastapi import Depends, Request
+from fastapi import Depends, Request, Response
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
 from service.api.dependencies import Resources
-from service.api.keys.access import OPEN, Access
+from service.api.keys.access import OPEN, OPTIONS, Access
 from service.api.keys.keyring import SECOND_LOOK_SECONDS
 from service.api.middleware.error_handlers import respond
 from service.api.middleware.origins import check_length, check_origin
@@ -49,6 +49,12 @@ class Guard:
                 key = await self._admit(scope)
             except (ApiError, HTTPException, SQLAlchemyError) as error:
                 answer = await respond(Request(scope), error)
+                await answer(scope, receive, send)
+                return
+            if scope["method"] == OPTIONS:
+                answer = Response(
+                    status_code=HTTPStatus.NO_CONTENT, headers={"Allow": self._access.allowed(scope["path"])}
+                )
                 await answer(scope, receive, send)
                 return
             scope.setdefault("state", {})[_STATE] = key

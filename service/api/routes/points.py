@@ -1,17 +1,18 @@
 """GET /v1/sweeps/{id}/points: the computed points, as a page of JSON or a stream."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import chain, islice
 from typing import Annotated
 
 import orjson
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import StreamingResponse
 
 from service.api.dependencies import Inside
 from service.api.formats.negotiation import Accept, preferred
 from service.api.formats.points import CSV, JSON, STREAMS, rows
+from service.api.middleware.methods import is_head
 from service.api.queries.points import (
     DEFAULT_ROWS,
     MOST_NUMBERS,
@@ -22,6 +23,7 @@ from service.api.queries.points import (
     read_wish,
 )
 from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any
+from service.api.replies.conditional import IMMUTABLE, REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.errors import invalid_request
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
@@ -52,6 +54,7 @@ POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
     openapi_extra=query_parameters(PointsQuery),
 )
 def get_points(
+    request: Request,
     sweep_id: SweepId,
     asked: Annotated[Asked[PointsQuery], Depends(asked_of(PointsQuery))],
     inside: Inside,
@@ -63,20 +66,29 @@ def get_points(
     sweep = read_sweep(record.document)
     wish = read_wish(asked, sweep, has_lists=media_type != CSV)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
-    if media_type == JSON:
-        refuse_if_any([*wish.faults, *_faults_of_page(wish.query.limit, reader)])
-        return _page(record, wish, reader)
-    refuse_if_any(wish.faults)
+    is_page = media_type == JSON
+    refuse_if_any([*wish.faults, *(_faults_of_page(wish.query.limit, reader) if is_page else ())])
+    # Chunks are only ever added, so the number of points that are done says which there are.
+    tag = tag_of_thing(request, media_type, record.id, record.done, record.refused)
+    keeping = REVALIDATE if record.finished_at is None else IMMUTABLE
+    if known := unchanged(request, tag, keeping, Vary="Accept"):
+        return known
+    told = {**validators(tag, keeping), "Vary": "Accept"}
+    if is_page:
+        return _page(record, wish, reader, told)
     _check_size_of_sort(wish, reader)
-    told = {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
+    told |= {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
+    if is_head(request):
+        return Response(media_type=media_type, headers=told)
     # Read the first block now, while an error can still be answered with a status.
     blocks = reader.blocks(wish.query)
     first = list(islice(blocks, 1))
-    content = STREAMS[media_type](wish, chain(first, blocks), {"sweep": record.id, **told})
-    return StreamingResponse(content, media_type=media_type, headers={**told, "Vary": "Accept"})
+    about = {"sweep": record.id, **{name: told[name] for name in (POINTS_HEADER, DONE_HEADER)}}
+    content = STREAMS[media_type](wish, chain(first, blocks), about)
+    return StreamingResponse(content, media_type=media_type, headers=told)
 
 
-def _page(record: SweepRecord, wish: Wish, reader: PointReader) -> Response:
+def _page(record: SweepRecord, wish: Wish, reader: PointReader, headers: Mapping[str, str]) -> Response:
     query = replace(wish.query, limit=_page_rows(wish.query.limit, reader))
     items = [row for block in reader.blocks(query) for row in rows(wish, block)]
     # Not by json_response, which refuses NaN: missing numbers are NaN here and must become null.
@@ -91,7 +103,7 @@ def _page(record: SweepRecord, wish: Wish, reader: PointReader) -> Response:
         },
         option=orjson.OPT_SERIALIZE_NUMPY,
     )
-    return Response(content, media_type=JSON, headers={"Vary": "Accept"})
+    return Response(content, media_type=JSON, headers=headers)
 
 
 def _page_rows(asked: int | None, reader: PointReader) -> int:

@@ -3,13 +3,14 @@
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 
 from service.api.dependencies import Inside
 from service.api.queries.queries import Number, QueryModel, query_of, query_parameters, without_query
+from service.api.replies.conditional import REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.places import SolutionId
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import JSON, json_response, refusals
 from service.dynamics.motion import SolvedBy
 from service.dynamics.problem import Tier
 from service.schemas.problem.potentials import FamilyName
@@ -23,6 +24,7 @@ from service.storage.solutions.solution_store import (
     SolutionQuery,
     SortColumn,
 )
+from service.storage.solutions.standing import SolutionStanding, standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
@@ -71,9 +73,17 @@ def list_solutions(
 @router.get(
     "/{solution_id}", response_model=SolutionOut, responses=refusals(404), dependencies=[without_query]
 )
-def get_solution(solution_id: SolutionId, inside: Inside) -> Response:
+def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Show a solution without its arrays."""
-    return json_response(_out(inside.solutions.get(solution_id)))
+    tag = solution_tag(request, standing_of(inside.database, solution_id))
+    if known := unchanged(request, tag, REVALIDATE):
+        return known
+    return json_response(_out(inside.solutions.get(solution_id)), headers=validators(tag, REVALIDATE))
+
+
+def solution_tag(request: Request, standing: SolutionStanding, *changeable: object) -> str:
+    """Return the tag of a solution's summary; ``changeable`` is the version of what can change in it."""
+    return tag_of_thing(request, JSON, standing.id, standing.digest, *changeable)
 
 
 def _store_query(query: SolutionsQuery) -> SolutionQuery:

@@ -7,15 +7,16 @@ from http import HTTPStatus
 from typing import Annotated, Literal
 
 import numpy as np
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Depends, Request, Response
 from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, WithJsonSchema
 
 from service.api.dependencies import Inside, Resources
 from service.api.formats.negotiation import Accept
-from service.api.formats.trajectories import Trajectory, choose_format, media_types
+from service.api.formats.trajectories import Trajectory, choose_format, media_types, write
 from service.api.keys.limits import query_samples_faults
 from service.api.queries.queries import Asked, QueryModel, asked_of, query_parameters, refuse_if_any
+from service.api.replies.conditional import IMMUTABLE, tag_of_thing, unchanged, validators
 from service.api.replies.errors import ApiError
 from service.api.replies.places import SolutionId
 from service.api.replies.responses import refusals
@@ -39,6 +40,7 @@ from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
 from service.schemas.replies.solution import TrajectoryOut
 from service.settings import Settings
 from service.storage.codecs.arrays import decode_arrays, decode_dense
+from service.storage.solutions.standing import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
@@ -80,6 +82,7 @@ class TrajectoryQuery(QueryModel):
     openapi_extra=query_parameters(TrajectoryQuery),
 )
 def get_trajectory(
+    request: Request,
     solution_id: SolutionId,
     asked: Annotated[Asked[TrajectoryQuery], Depends(asked_of(TrajectoryQuery))],
     inside: Inside,
@@ -89,11 +92,14 @@ def get_trajectory(
 
     Samples that are no longer stored are recomputed from the dense output.
     """
-    write = choose_format(accept)
+    media_type = choose_format(accept)
     query, is_stored = asked.parameters, asked.sent.isdisjoint(TIMES)
     faults = [*asked.faults, *([] if is_stored else _faults_of_times(asked, inside.settings))]
     if faults:
         refuse_if_any([*faults, *_faults_of_columns(inside, solution_id, query.columns)])
+    tag = tag_of_thing(request, media_type, standing_of(inside.database, solution_id))
+    if known := unchanged(request, tag, IMMUTABLE, Vary="Accept"):
+        return known
     if is_stored:
         packet = inside.solutions.samples_if_kept(solution_id)
         samples = _remade(inside, solution_id) if packet is None else _stored(inside, solution_id, packet)
@@ -102,9 +108,8 @@ def get_trajectory(
         _require_series(dense.columns)
         alone = dense if query.columns is None else evaluated_alone(dense, _names(query.columns))
         samples = _evaluated(alone, _times(query))
-    response = write(_selected(samples, query.columns))
-    response.headers[SOURCE_HEADER] = samples.source
-    return response
+    headers = {**validators(tag, IMMUTABLE), SOURCE_HEADER: samples.source}
+    return write(_selected(samples, query.columns), media_type, headers)
 
 
 @dataclass(frozen=True, slots=True)
