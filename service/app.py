@@ -10,6 +10,7 @@ from anyio import CapacityLimiter, to_thread
 from fastapi import FastAPI
 
 from service.api.dependencies import Resources
+from service.api.keys.idempotency import IdempotencyDesk
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
@@ -24,9 +25,11 @@ from service.storage.database.database import Database
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
+from service.storage.keys.idempotency_store import IdempotencyStore
 from service.storage.keys.key_store import KeyStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.upkeep.forgetting import Forgetting
 from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
@@ -65,6 +68,8 @@ def create_app(
         if settings.samples_days is not None:
             retention = Retention(database, older_than_seconds=settings.samples_days * DAY_SECONDS)
         ring = KeyRing(keys)
+        answers = IdempotencyStore(database)
+        forgetting = Forgetting(answers)
         presence = ServicePresence(database, host=settings.host_name)
         verdicts = VerdictQueue(children, settings, children=VERDICT_WORKERS)
         app.state.resources = Resources(
@@ -80,6 +85,7 @@ def create_app(
             metrics=Metrics(statistics, version=version("polhode"), local_worker=local_worker),
             keys=ring,
             limits=LimitGuard(settings, keys),
+            idempotency=IdempotencyDesk(answers),
             presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),
             local_worker=local_worker,
@@ -92,6 +98,7 @@ def create_app(
             yield
         finally:
             presence.close()
+            forgetting.close()
             if retention is not None:
                 retention.close()
             await to_thread.run_sync(verdicts.close, limiter=CapacityLimiter(1))

@@ -8,6 +8,7 @@ nothing if the claim was lost, by an expired lease or a cancellation.
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from service.jobs.idempotency import Receipt
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome
@@ -18,12 +19,19 @@ class JobStore(Protocol):
     """Jobs and their results. Instants and leases are by the database's clock."""
 
     def submit(
-        self, problem: Mapping[str, object], digest: str, *, priority: int = 0, key_id: str | None = None
+        self,
+        problem: Mapping[str, object],
+        digest: str,
+        *,
+        priority: int = 0,
+        key_id: str | None = None,
+        receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> Job:
         """Store a job for a canonical problem document, on the account of a key.
 
         If a solution of the same digest is stored, the job has succeeded already,
-        with that solution and ``reused``.
+        with that solution and ``reused``. With a receipt its answer is stored too, or
+        :class:`~service.jobs.idempotency.KeyTakenError` is raised and nothing is.
         """
         ...
 
@@ -34,6 +42,7 @@ class JobStore(Protocol):
         priority: int = 0,
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
+        receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> tuple[Job, ...]:
         """Do the same for several problems with their digests: all of them are stored, or none.
 

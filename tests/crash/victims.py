@@ -5,6 +5,7 @@ the name of what to do. It forks, so that a victim lives for some milliseconds,
 and answers with how the victim ended.
 """
 
+import contextlib
 import json
 import os
 import subprocess
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 
 from sqlalchemy.orm import configure_mappers
 
+from service.jobs.idempotency import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.jobs.job import Claim
 from service.jobs.outcome import Solved
 from service.storage.database.database import Database
@@ -65,6 +67,25 @@ def submit(stores: Stores) -> None:
 
 def submit_many(stores: Stores) -> None:
     stores.jobs.submit_many([(PROBLEM, new_id()) for _ in range(5)])
+
+
+def receipt() -> Receipt:
+    return Receipt(GivenKey("", new_id(), "print"), lambda made: GivenAnswer(202, {}, repr(made).encode()))
+
+
+def submit_once(stores: Stores) -> None:
+    stores.jobs.submit(PROBLEM, new_id(), receipt=receipt())
+
+
+def submit_sweep_once(stores: Stores) -> None:
+    stores.sweeps.submit({"seconds": 0.01}, points=50, most=20, receipt=receipt())
+
+
+def submit_taken(stores: Stores) -> None:
+    taken = receipt()
+    stores.jobs.submit_many([(PROBLEM, new_id())] * 2, receipt=taken)
+    with contextlib.suppress(KeyTakenError):
+        stores.jobs.submit(PROBLEM, new_id(), receipt=taken)
 
 
 def claim(stores: Stores) -> None:
@@ -194,7 +215,8 @@ def lose_chunk_for_good(stores: Stores) -> None:
 
 
 DEEDS: tuple[Callable[[Stores], None], ...] = (
-    submit, submit_many, claim, claim_many, cancel_queued, cancel_running, heartbeat, succeed, reuse,
+    submit, submit_many, submit_once, submit_sweep_once, submit_taken,
+    claim, claim_many, cancel_queued, cancel_running, heartbeat, succeed, reuse,
     succeed_and_take, succeed_and_reuse, fail, lose, lose_for_good, give_back, reconcile, reconcile_for_good,
     submit_sweep, cancel_sweep, finish_pilot, finish_part, finish_sweep, split_chunk, refuse_point,
     lose_chunk_for_good,

@@ -17,6 +17,8 @@ TITLES: Mapping[str, str] = {
     "body_too_large": "The body is too large",
     "client_gone": "The client disconnected",
     "cross_origin": "Sent by a page of another origin",
+    "idempotency_key_in_use": "The first request is still at work",
+    "idempotency_key_reused": "The key was sent with another request",
     "inadmissible_motion": "The motion does not keep q = 0",
     "inadmissible_potential": "The potential admits no such motions",
     "internal_error": "The service failed",

@@ -7,6 +7,7 @@ from sqlalchemy.orm import Session
 
 from service.jobs.dispatch import Dispatcher
 from service.jobs.errors import JobFinishedError, JobNotFoundError
+from service.jobs.idempotency import Receipt
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
 from service.jobs.outcome import ChunkOutcome, Outcome, Refused, Solved
@@ -22,6 +23,7 @@ from service.storage.jobs.moves import end_attempt, fence, history, lose, move
 from service.storage.jobs.records import delivery_of, job_of
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
+from service.storage.keys.idempotency_store import write_key
 from service.storage.keys.key_store import charge
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
@@ -42,10 +44,16 @@ class SqlJobStore:
         self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
 
     def submit(
-        self, problem: Mapping[str, object], digest: str, *, priority: int = 0, key_id: str | None = None
+        self,
+        problem: Mapping[str, object],
+        digest: str,
+        *,
+        priority: int = 0,
+        key_id: str | None = None,
+        receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> Job:
         """Store a job; it has succeeded already if an equal problem has been solved."""
-        (job,) = self.submit_many([(problem, digest)], priority=priority, key_id=key_id)
+        (job,) = self.submit_many([(problem, digest)], priority=priority, key_id=key_id, receipt=receipt)
         return job
 
     def submit_many(
@@ -55,12 +63,16 @@ class SqlJobStore:
         priority: int = 0,
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
+        receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> tuple[Job, ...]:
-        """Store a job for each problem and its digest, all of them or none."""
+        """Store a job for each problem and its digest, all of them or none, and the answer of a receipt."""
         with self._database.write() as session:
             rows = insert_jobs(session, problems, lane=lane, priority=priority, key_id=key_id)
             self._deliver(session, [row for row in rows if row.state == JobState.QUEUED.value])
-            return tuple(job_of(row) for row in rows)
+            jobs = tuple(job_of(row) for row in rows)
+            if receipt is not None:
+                write_key(session.connection(), receipt.given, receipt.answer(jobs))
+            return jobs
 
     def get(self, job_id: str) -> Job:
         """Return a job, or raise :class:`JobNotFoundError`."""
