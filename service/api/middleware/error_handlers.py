@@ -9,7 +9,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from service.api.middleware.observing import REQUEST_ID, id_of
+from service.api.middleware.observing import id_of, standing_headers
 from service.api.replies.errors import ApiError, invalid_request
 from service.dynamics.errors import DynamicsError
 from service.jobs.errors import JobFinishedError, JobNotFoundError, SolutionNotFoundError
@@ -69,8 +69,7 @@ async def respond(request: Request, error: Exception) -> Response:
         extra = {"fields": {"request_id": request_id}}
         _log.error("%s %s: %s", request.method, request.url.path, refusal.code, exc_info=trace, extra=extra)
     response = refusal.response(request_id)
-    if request_id is not None:
-        response.headers[REQUEST_ID] = request_id
+    response.headers.update(standing_headers(request.scope))
     return response
 
 

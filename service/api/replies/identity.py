@@ -1,0 +1,12 @@
+"""Who answers: the name and the version in the Server header, and the header of a request's id."""
+
+from functools import cache
+from importlib.metadata import version
+
+REQUEST_ID = "X-Request-ID"
+
+
+@cache
+def server_name() -> str:
+    """Return the value of the Server header."""
+    return f"polhode/{version('polhode')}"
