@@ -7,6 +7,7 @@ from service.api.descriptions import describe
 from service.api.keys.access import check_roles
 from service.api.middleware import error_handlers
 from service.api.middleware.caching import Caching
+from service.api.middleware.compression import Compression
 from service.api.middleware.cors import Sharing
 from service.api.middleware.methods import HeadLikeGet
 from service.api.middleware.observing import Observation
@@ -57,6 +58,7 @@ def install(app: FastAPI) -> None:
     # From the inside out: each sees the answers of those before it.
     app.add_middleware(Guard)
     app.add_middleware(Caching)
+    app.add_middleware(Compression)
     app.add_middleware(HeadLikeGet)
     app.add_middleware(Sharing)
     app.add_middleware(Observation)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pydantic import Field
 from pydantic_core import PydanticCustomError
 
+from service.api.queries.format_names import FORMAT_HELP, FormatName
 from service.api.queries.queries import Asked, QueryModel
 from service.schemas.reading.faults import Fault
 from service.schemas.reading.numbers import read_exact
@@ -44,6 +45,7 @@ class PointsQuery(QueryModel):
         description=f"Points at most. Of a page of JSON {DEFAULT_ROWS} if left out, {MOST_ROWS} at most.",
     )
     offset: int = Field(default=0, ge=0, description="Points to leave out first.")
+    format: FormatName | None = Field(default=None, description=FORMAT_HELP)
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ TITLES: Mapping[str, str] = {
     "inadmissible_motion": "The motion does not keep q = 0",
     "inadmissible_potential": "The potential admits no such motions",
     "internal_error": "The service failed",
+    "invalid_encoding": "The body is not in its Content-Encoding",
     "invalid_http": "The request is not HTTP",
     "invalid_json": "The body is not JSON",
     "invalid_problem": "The document is not a valid problem",

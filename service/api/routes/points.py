@@ -1,7 +1,9 @@
 """GET /v1/sweeps/{id}/points: the computed points, as a page of JSON or a stream."""
 
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from importlib.metadata import version
 from itertools import chain, islice
 from typing import Annotated
 
@@ -10,8 +12,9 @@ from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import StreamingResponse
 
 from service.api.dependencies import Inside
-from service.api.formats.negotiation import Accept, preferred
-from service.api.formats.points import CSV, JSON, STREAMS, rows
+from service.api.formats.metadata import metadata, units_of
+from service.api.formats.negotiation import CSV, JSON, NPZ, PARQUET, Accept, chosen, named_file
+from service.api.formats.points import STREAMS, rows
 from service.api.middleware.methods import is_head
 from service.api.queries.points import (
     DEFAULT_ROWS,
@@ -35,6 +38,10 @@ from service.storage.sweeps.point_reader import PointReader
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
+MOST_ARRAY_NUMBERS = 10_000_000
+"""Numbers in an answer of arrays: 80 MB, and as much again while it is written."""
+ERROR = "error"
+"""The kept number that bounds the errors of the samples; NAME.error bounds that of NAME."""
 POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
 """Headers with the number of points of the sweep, and of those computed; only these are in the answer."""
 
@@ -45,7 +52,7 @@ POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
     responses={
         200: {
             "model": PointPageOut,
-            "description": "The points that are done, as a page of JSON. NDJSON, CSV and Arrow have all of"
+            "description": "The points that are done, as a page of JSON. All other formats have all of"
             f" them, or `limit`, and the headers {POINTS_HEADER} and {DONE_HEADER}; CSV has no series.",
             "content": {name: {"schema": {"type": "string", "format": "binary"}} for name in STREAMS},
         },
@@ -61,7 +68,7 @@ def get_points(
     accept: Accept = None,
 ) -> Response:
     """Return the computed points, filtered, sorted, and with only the requested columns."""
-    media_type = preferred([JSON, *STREAMS], accept)
+    media_type = chosen(asked.parameters.format, accept)
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     wish = read_wish(asked, sweep, has_lists=media_type != CSV)
@@ -73,10 +80,12 @@ def get_points(
     keeping = REVALIDATE if record.finished_at is None else IMMUTABLE
     if known := unchanged(request, tag, keeping, Vary="Accept"):
         return known
-    told = {**validators(tag, keeping), "Vary": "Accept"}
+    told = {**validators(tag, keeping), "Vary": "Accept", **named_file(f"points-{record.id}", media_type)}
     if is_page:
         return _page(record, wish, reader, told)
     _check_size_of_sort(wish, reader)
+    if media_type == NPZ:
+        _check_size_of_arrays(wish, reader)
     told |= {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
     if is_head(request):
         return Response(media_type=media_type, headers=told)
@@ -84,8 +93,27 @@ def get_points(
     blocks = reader.blocks(wish.query)
     first = list(islice(blocks, 1))
     about = {"sweep": record.id, **{name: told[name] for name in (POINTS_HEADER, DONE_HEADER)}}
+    if media_type == PARQUET:
+        about = _about(record, wish)
     content = STREAMS[media_type](wish, chain(first, blocks), about)
     return StreamingResponse(content, media_type=media_type, headers=told)
+
+
+def _about(record: SweepRecord, wish: Wish) -> dict[str, str]:
+    """Return what a file says of the sweep that it is from."""
+    columns = wish.columns
+    errors = {name: f"{name}.{ERROR}" for name in columns if f"{name}.{ERROR}" in columns}
+    errors |= {name: ERROR for name in wish.series if ERROR in columns}
+    return metadata(
+        {
+            "sweep": record.id,
+            "document": dict(record.document),
+            "provenance": {"version": version("polhode"), "points": record.points, "done": record.done},
+            "units": units_of(wish.columns),
+            # The columns that hold the bounds of others.
+            "errors": errors,
+        }
+    )
 
 
 def _page(record: SweepRecord, wish: Wish, reader: PointReader, headers: Mapping[str, str]) -> Response:
@@ -119,6 +147,15 @@ def _faults_of_page(asked: int | None, reader: PointReader) -> Iterator[Fault]:
     if asked is not None and asked > most:
         message = f"{asked} points on a page; 1 to {most} are accepted. NDJSON and Arrow have no limit"
         yield Fault("?limit", "out_of_range", message)
+
+
+def _check_size_of_arrays(wish: Wish, reader: PointReader) -> None:
+    """Refuse arrays that would take much memory: unlike the other formats they are made at once."""
+    points = min(reader.count(wish.query), wish.query.limit or sys.maxsize)
+    if points * reader.row_numbers > MOST_ARRAY_NUMBERS:
+        most = MOST_ARRAY_NUMBERS // reader.row_numbers
+        message = f"{points} points as npz; at most {most} are accepted. Arrow and Parquet have no limit"
+        raise invalid_request([Fault("?limit", "out_of_range", message)])
 
 
 def _check_size_of_sort(wish: Wish, reader: PointReader) -> None:

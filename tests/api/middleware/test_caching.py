@@ -22,7 +22,7 @@ from service.storage.upkeep.retention import prune_samples
 from tests.support.api import PLANAR, STATE, finish, solve_job
 from tests.support.sweeps import SWEEP, finish_sweep
 
-STRONG = re.compile(r'"[0-9a-f]{32}"')
+STRONG = re.compile(r'"[0-9a-f]{32}(-gzip|-zstd)?"')
 CERTIFIED = {
     **PLANAR,
     "time": {"stop": 1, "samples": 3},
