@@ -14,6 +14,7 @@ from service.api.middleware.observing import Observation
 from service.api.middleware.security import Guard
 from service.api.routes import (
     accuracy,
+    deletions,
     docs_page,
     enclosures,
     families,
@@ -40,6 +41,7 @@ def install(app: FastAPI) -> None:
             enclosures,
             sweeps,
             points,
+            deletions,
             families,
             accuracy,
             health,

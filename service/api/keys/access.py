@@ -31,15 +31,15 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     # Stores nothing, but a verdict may occupy a child process for seconds, which Role.READ does not cover.
     "/v1/validations": {"POST": Role.SUBMIT},
     "/v1/jobs": {"GET": Role.READ, "POST": Role.SUBMIT},
-    "/v1/jobs/{job_id}": {"GET": Role.READ},
-    # For jobs of the same key; cancelling others' needs OPERATE, which the endpoint checks.
+    "/v1/jobs/{job_id}": {"GET": Role.READ, "DELETE": Role.SUBMIT},
+    # For jobs of the same key; cancelling and deleting others' needs OPERATE, which the endpoint checks.
     "/v1/jobs/{job_id}/cancel": {"POST": Role.SUBMIT},
     "/v1/solutions": {"GET": Role.READ},
-    "/v1/solutions/{solution_id}": {"GET": Role.READ},
+    "/v1/solutions/{solution_id}": {"GET": Role.READ, "DELETE": Role.SUBMIT},
     "/v1/solutions/{solution_id}/enclosures": {"GET": Role.READ},
     "/v1/solutions/{solution_id}/trajectory": {"GET": Role.READ},
     "/v1/sweeps": {"GET": Role.READ, "POST": Role.SUBMIT},
-    "/v1/sweeps/{sweep_id}": {"GET": Role.READ},
+    "/v1/sweeps/{sweep_id}": {"GET": Role.READ, "DELETE": Role.SUBMIT},
     "/v1/sweeps/{sweep_id}/cancel": {"POST": Role.SUBMIT},
     "/v1/sweeps/{sweep_id}/points": {"GET": Role.READ},
 }
