@@ -2,6 +2,7 @@
 
 from sqlalchemy import Connection, bindparam, delete, select, update
 from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.sql.dml import ReturningInsert
 
 from service.jobs.idempotency import KEPT_SECONDS, GivenAnswer, GivenKey, KeyTakenError
 from service.storage.database.clock import DatabaseNow
@@ -18,6 +19,23 @@ _REPLACE = (
     .where(*_THIS, _KEYS.c.fingerprint == bindparam("print"))
     .values(status=bindparam("code"), headers=bindparam("head"), body=bindparam("content"))
 )
+_WRITTEN = ("principal", "key", "fingerprint", "status", "headers", "body")
+
+
+def _write(insert: postgresql.Insert | sqlite.Insert) -> ReturningInsert[tuple[str]]:
+    """Return the statement that writes a key unless there is one of less than a day ago.
+
+    An older one, which nobody has deleted yet, is as good as none.
+    """
+    statement = insert.values({name: bindparam(name) for name in _WRITTEN} | {"created_at": DatabaseNow()})
+    return statement.on_conflict_do_update(
+        index_elements=[_KEYS.c.principal, _KEYS.c.key],
+        set_={name: statement.excluded[name] for name in (*_WRITTEN, "created_at")},
+        where=_IS_OVER,
+    ).returning(_KEYS.c.key)
+
+
+_WRITE_SQLITE, _WRITE_POSTGRES = _write(sqlite.insert(_KEYS)), _write(postgresql.insert(_KEYS))
 _BATCH = 1000
 """Answers that one transaction deletes: it holds the write lock for milliseconds."""
 
@@ -72,8 +90,7 @@ def write_key(connection: Connection, given: GivenKey, answer: GivenAnswer) -> N
     KeyTakenError
         Another request with the key was committed first; roll the transaction back.
     """
-    dialect = postgresql if is_postgres(connection) else sqlite
-    new = {
+    values = {
         "principal": given.principal,
         "key": given.key,
         "fingerprint": given.fingerprint,
@@ -81,14 +98,7 @@ def write_key(connection: Connection, given: GivenKey, answer: GivenAnswer) -> N
         "headers": dict(answer.headers),
         "body": answer.body,
     }
-    statement = dialect.insert(_KEYS).values(**new, created_at=DatabaseNow())
-    # A key of more than a day ago, which nobody has deleted yet, is as good as new.
-    statement = statement.on_conflict_do_update(
-        index_elements=[_KEYS.c.principal, _KEYS.c.key],
-        set_={name: statement.excluded[name] for name in (*new, "created_at")},
-        where=_IS_OVER,
-    )
-    if connection.scalar(statement.returning(_KEYS.c.key)) is None:
+    if connection.scalar(_WRITE_POSTGRES if is_postgres(connection) else _WRITE_SQLITE, values) is None:
         raise KeyTakenError
 
 
