@@ -9,6 +9,7 @@ from anyio import CapacityLimiter, to_thread
 from fastapi import FastAPI
 
 from service.api.dependencies import Resources
+from service.api.keys.idempotency import IdempotencyDesk
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
@@ -25,9 +26,11 @@ from service.storage.examinations.examination_store import ExaminationStore
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
+from service.storage.keys.idempotency_store import IdempotencyStore
 from service.storage.keys.key_store import KeyStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.upkeep.forgetting import Forgetting
 from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
@@ -67,6 +70,8 @@ def create_app(
         days = settings.samples_days
         retention = Retention(database, older_than_seconds=None if days is None else days * DAY_SECONDS)
         ring = KeyRing(keys)
+        answers = IdempotencyStore(database)
+        forgetting = Forgetting(answers)
         presence = ServicePresence(database, host=settings.host_name)
         examinations = ExaminationStore(database)
         kept = KeptExaminations(examinations)
@@ -85,6 +90,7 @@ def create_app(
             metrics=Metrics(statistics, version=version_of("polhode"), local_worker=local_worker, kept=kept),
             keys=ring,
             limits=LimitGuard(settings, keys),
+            idempotency=IdempotencyDesk(answers),
             presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),
             local_worker=local_worker,
@@ -97,6 +103,7 @@ def create_app(
             yield
         finally:
             presence.close()
+            forgetting.close()
             retention.close()
             await to_thread.run_sync(verdicts.close, limiter=CapacityLimiter(1))
             if sandbox is None:

@@ -1,5 +1,7 @@
 """The settings of a process, read from environment variables POLHODE_…."""
 
+import re
+from functools import cache
 from ipaddress import ip_address
 from typing import Literal
 
@@ -8,6 +10,9 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from service.log_levels import LogFormat, LogLevel
 from service.schemas.reading.numbers import MAX_SAMPLES
+
+_ORIGIN = re.compile(r"https?://(?:[a-z0-9.-]+|\[[0-9a-f:.]+\])(?::\d{1,5})?")
+"""As browsers write it: in lower case, without a path."""
 
 
 class Settings(BaseSettings):
@@ -56,6 +61,8 @@ class Settings(BaseSettings):
     """How long a connection stays open after an answer for the next request."""
     origins: str = ""
     """Other origins, separated by commas, whose pages may send requests that change something."""
+    cors_origins: str = ""
+    """Origins, separated by commas, whose pages may read answers too (CORS); by default none may."""
     samples_days: float | None = Field(default=None, gt=0)
     """Stored samples older than this are deleted and recomputed on request. None keeps them for ever."""
     verdict_seconds: float = Field(default=10.0, gt=0)
@@ -85,10 +92,24 @@ class Settings(BaseSettings):
             raise ValueError("procrastinate needs Postgres, and POLHODE_DATABASE_URL is another database")
         return engine
 
+    @field_validator("cors_origins")
+    @classmethod
+    def _require_origins(cls, text: str) -> str:
+        for origin in origins_in(text):
+            if not _ORIGIN.fullmatch(origin):
+                raise ValueError(f"{origin!r} is not an origin; accepted is, for example, https://a.example")
+        return text
+
     @property
     def is_loopback(self) -> bool:
         """Only this machine can reach the service."""
         return is_this_machine(self.host)
+
+
+@cache
+def origins_in(text: str) -> frozenset[str]:
+    """Return the origins of a list separated by commas."""
+    return frozenset(each.strip() for each in text.split(",")) - {""}
 
 
 class SettingsError(ValueError):

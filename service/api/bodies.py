@@ -9,30 +9,45 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from service.api.dependencies import Inside
+from service.api.formats.codings import ACCEPTED, IDENTITY, CodingError, decoded
 from service.api.replies.errors import ApiError
 from service.schemas.reading.strict_json import InvalidJsonError, parse_json
 
 MAX_BODY_BYTES = 1_000_000
-JSON, UTF_8, IDENTITY = "application/json", "utf-8", "identity"
+JSON, UTF_8 = "application/json", "utf-8"
 
 
 async def _read_body(request: Request, inside: Inside) -> bytes:
-    """Return the body, which must be declared as plain JSON in UTF-8; never buffer beyond the limit."""
+    """Return the body, which must be declared as JSON in UTF-8; never buffer or decode beyond the limit."""
     _require_json(request.headers.get("content-type", ""))
-    _require_identity(request.headers.getlist("content-encoding"))
+    coding = _coding_of(request.headers.getlist("content-encoding"))
     content, seconds = bytearray(), inside.settings.body_seconds
     try:
         async with asyncio.timeout(seconds):
             async for chunk in request.stream():
                 content += chunk
                 if len(content) > MAX_BODY_BYTES:
-                    detail = f"at most {MAX_BODY_BYTES} bytes are accepted"
-                    raise ApiError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "body_too_large", detail)
+                    raise _too_large("")
     except TimeoutError as fault:
         detail = f"the body was not complete after {seconds:g} s"
         headers = {"Connection": "close"}
         raise ApiError(HTTPStatus.REQUEST_TIMEOUT, "request_timeout", detail, headers=headers) from fault
-    return bytes(content)
+    return bytes(content) if coding is None else _plain(bytes(content), coding)
+
+
+def _plain(content: bytes, coding: str) -> bytes:
+    try:
+        plain = decoded(content, coding, MAX_BODY_BYTES)
+    except CodingError as fault:
+        raise ApiError(HTTPStatus.BAD_REQUEST, "invalid_encoding", str(fault)) from fault
+    if plain is None:
+        raise _too_large(" after decompression")
+    return plain
+
+
+def _too_large(when: str) -> ApiError:
+    detail = f"at most {MAX_BODY_BYTES} bytes are accepted{when}"
+    return ApiError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "body_too_large", detail)
 
 
 def _require_json(header: str) -> None:
@@ -51,17 +66,24 @@ def _require_json(header: str) -> None:
     )
 
 
-def _require_identity(headers: Sequence[str]) -> None:
-    """Refuse a body that is compressed (RFC 9110, 12.5.3: Accept-Encoding says what would be accepted)."""
+def _coding_of(headers: Sequence[str]) -> str | None:
+    """Return the coding of a body, None if it has none; refuse others, and several.
+
+    RFC 9110, 12.5.3: Accept-Encoding in the refusal says what would be accepted.
+    """
     codings = [coding.strip().lower() for header in headers for coding in header.split(",")]
-    unknown = [coding for coding in codings if coding not in ("", IDENTITY)]
-    if unknown:
-        raise ApiError(
-            HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
-            "unsupported_content_encoding",
-            f"the Content-Encoding is {unknown[0][:40]}; only bodies without an encoding are accepted",
-            headers={"Accept-Encoding": IDENTITY},
-        )
+    given = [coding for coding in codings if coding not in ("", IDENTITY)]
+    if not given:
+        return None
+    if len(given) == 1 and given[0] in ACCEPTED:
+        return given[0]
+    accepted = ", ".join(ACCEPTED)
+    raise ApiError(
+        HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+        "unsupported_content_encoding",
+        f"the Content-Encoding is {', '.join(given)[:40]}; accepted is one of {accepted}, or none",
+        headers={"Accept-Encoding": accepted},
+    )
 
 
 Body = Annotated[bytes, Depends(_read_body)]

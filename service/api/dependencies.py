@@ -8,6 +8,7 @@ from typing import Annotated
 from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
+from service.api.keys.idempotency import IdempotencyDesk
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
@@ -42,6 +43,7 @@ class Resources:
     metrics: Metrics
     keys: KeyRing
     limits: LimitGuard
+    idempotency: IdempotencyDesk
     presence: ServicePresence
     """Keeps the presence row of this service, and knows whether the database can be written to."""
     waiting: threading.BoundedSemaphore

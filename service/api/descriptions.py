@@ -7,6 +7,7 @@ from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 
 from service.api.keys.access import ACCESS, OPEN
+from service.api.replies.conditional import VOLATILE
 from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
 from service.schemas.problem.sections import ProblemIn, ValidationIn
@@ -23,6 +24,15 @@ DESCRIPTION = (
     'Numbers may be JSON numbers or strings with an exact value: "17/10", "1e-12".'
 )
 
+
+_IF_NONE_MATCH = {
+    "name": "If-None-Match",
+    "in": "header",
+    "required": False,
+    "description": "The `ETag` of an earlier answer: 304 without a body if nothing has changed since.",
+    "schema": {"type": "string"},
+}
+_NOT_MODIFIED = {"description": "The client has the current answer already."}
 
 _REFUSAL = {
     "type": "urn:polhode:problem:invalid_problem",
@@ -78,6 +88,7 @@ def describe(app: FastAPI) -> dict[str, object]:
         }
     }
     _describe_access(document)
+    _describe_conditions(document)
     return document
 
 
@@ -107,3 +118,15 @@ def _describe_access(document: Mapping[str, object]) -> None:
             further = for_all if role is OPEN else {**for_all, **with_keys}
             operation["security"] = [] if role is OPEN else [{}, {_SCHEME: [role.value]}]
             operation["responses"] = dict(sorted({**further, **operation["responses"]}.items()))
+
+
+def _describe_conditions(document: Mapping[str, object]) -> None:
+    """Add to every GET whose answer has a tag how to ask again."""
+    paths = document["paths"]
+    assert isinstance(paths, dict)
+    for path, operations in paths.items():
+        if "get" not in operations or path in VOLATILE:
+            continue
+        operation = operations["get"]
+        operation.setdefault("parameters", []).append(_IF_NONE_MATCH)
+        operation["responses"] = dict(sorted({**operation["responses"], "304": _NOT_MODIFIED}.items()))

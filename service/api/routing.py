@@ -6,12 +6,17 @@ from fastapi.routing import APIRoute
 from service.api.descriptions import describe
 from service.api.keys.access import check_roles
 from service.api.middleware import error_handlers
+from service.api.middleware.caching import Caching
+from service.api.middleware.compression import Compression
+from service.api.middleware.cors import Sharing
+from service.api.middleware.methods import HeadLikeGet
 from service.api.middleware.observing import Observation
 from service.api.middleware.security import Guard
 from service.api.routes import (
     accuracy,
     analysis,
     atlases,
+    deletions,
     docs_page,
     enclosures,
     families,
@@ -42,6 +47,7 @@ def install(app: FastAPI) -> None:
             sweeps,
             points,
             overview,
+            deletions,
             families,
             accuracy,
             health,
@@ -58,7 +64,12 @@ def install(app: FastAPI) -> None:
                 # Generated clients use these names: short, and independent of the path.
                 route.operation_id = route.name
     error_handlers.install(app)
+    # From the inside out: each sees the answers of those before it.
     app.add_middleware(Guard)
+    app.add_middleware(Caching)
+    app.add_middleware(Compression)
+    app.add_middleware(HeadLikeGet)
+    app.add_middleware(Sharing)
     app.add_middleware(Observation)
 
     def openapi() -> dict[str, object]:

@@ -4,6 +4,8 @@ import json
 from http import HTTPStatus
 
 from service.api.replies.errors import MEDIA_TYPE, ApiError
+from service.api.replies.identity import REQUEST_ID, server_name
+from service.storage.database.ids import new_id
 
 BUSY_SECONDS = 1
 """Retry-After for clients that found no free connection."""
@@ -11,8 +13,11 @@ BUSY_SECONDS = 1
 
 def as_bytes(error: ApiError) -> bytes:
     """Return a complete HTTP/1.1 answer that closes the connection."""
-    content = json.dumps(error.document()).encode("ascii")
+    request_id = new_id()
+    content = json.dumps({**error.document(), "request_id": request_id}).encode("ascii")
     headers = {
+        "Server": server_name(),
+        REQUEST_ID: request_id,
         "Content-Type": MEDIA_TYPE,
         "Content-Length": str(len(content)),
         "Connection": "close",

@@ -1,5 +1,7 @@
 """Errors of requests about a job or its solution, one class per cause."""
 
+from collections.abc import Sequence
+
 from service.jobs.states import JobState
 
 
@@ -25,3 +27,19 @@ class SolutionNotFoundError(LookupError):
     def __init__(self, solution_id: str) -> None:
         super().__init__(f"there is no solution {solution_id}")
         self.solution_id = solution_id
+
+
+class StillAtWorkError(Exception):
+    """What has not finished cannot be deleted."""
+
+    def __init__(self, kind: str, its_id: str, state: JobState) -> None:
+        super().__init__(f"{kind} {its_id} is {state}: only finished ones can be deleted; cancel it first")
+        self.state = state
+
+
+class InUseError(Exception):
+    """Something else refers to what should be deleted."""
+
+    def __init__(self, what: str, referrers: Sequence[str], count: int) -> None:
+        super().__init__(f"{what} cannot be deleted; number of those that refer to it: {count}")
+        self.referrers = tuple(referrers)

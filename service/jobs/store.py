@@ -8,6 +8,7 @@ nothing if the claim was lost, by an expired lease or a cancellation.
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from service.jobs.idempotency import Receipt
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome
@@ -27,12 +28,15 @@ class JobStore(Protocol):
         key_id: str | None = None,
         examination: str | None = None,
         found: Sequence[Entry] = (),
+        receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> Job:
         """Store a job for a canonical problem document, on the account of a key.
 
         If a solution of the same digest is stored, the job has succeeded already,
         with that solution and ``reused``. ``examination`` is the key of the windows of
-        its curve; ``found`` is what its examination found, and is kept.
+        its curve; ``found`` is what its examination found, and is kept. With a
+        receipt its answer is stored too, or :class:`~service.jobs.idempotency.KeyTakenError` is raised and
+        nothing is.
         """
         ...
 
@@ -45,6 +49,7 @@ class JobStore(Protocol):
         lane: Lane = Lane.SINGLE,
         examinations: Sequence[str | None] = (),
         found: Sequence[Entry] = (),
+        receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> tuple[Job, ...]:
         """Do the same for several problems with their digests: all of them are stored, or none.
 

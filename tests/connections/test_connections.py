@@ -229,6 +229,9 @@ def problem(answer):
     document = json.loads(content)
     assert b"application/problem+json" in head
     assert head.startswith(f"HTTP/1.1 {document['status']} ".encode())
+    lines = head.lower().split(b"\r\n")
+    assert f"x-request-id: {document['request_id']}".encode() in lines
+    assert any(line.startswith(b"server: polhode/") for line in lines)
     return document["status"], document["type"].removeprefix("urn:polhode:problem:")
 
 

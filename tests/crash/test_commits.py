@@ -9,6 +9,7 @@ from sqlalchemy import func, select
 from service.jobs.states import JobKind
 from service.storage.inspection.inspect import inspect
 from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.operations import IdempotencyKeyRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 from tests.crash.victims import DEEDS, RETRIES, Executioner, Stores, stores_of
@@ -68,7 +69,7 @@ def census(stores: Stores) -> Counter[object]:
             table = columns[0].class_.__tablename__
             rows = session.execute(select(func.count(), *columns).group_by(*columns))
             counted.update({(table, *kind): count for count, *kind in rows})
-        for table in (SolutionRow, DenseOutputRow, SamplesRow, SweepChunkRow):
+        for table in (SolutionRow, DenseOutputRow, SamplesRow, SweepChunkRow, IdempotencyKeyRow):
             counted[table.__tablename__] = session.scalar(select(func.count()).select_from(table))
     return counted
 

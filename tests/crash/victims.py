@@ -5,6 +5,7 @@ the name of what to do. It forks, so that a victim lives for some milliseconds,
 and answers with how the victim ended.
 """
 
+import contextlib
 import json
 import os
 import subprocess
@@ -15,12 +16,14 @@ from dataclasses import dataclass
 
 from sqlalchemy.orm import configure_mappers
 
+from service.jobs.idempotency import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.jobs.job import Claim
 from service.jobs.outcome import Solved
 from service.storage.database.database import Database
 from service.storage.database.faults import VARIABLE
 from service.storage.database.ids import new_id
 from service.storage.jobs.job_store import SqlJobStore
+from service.storage.sweeps import deleting
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.workers.chores import do_chunk
@@ -36,6 +39,7 @@ OVER = 0.0
 
 @dataclass(frozen=True)
 class Stores:
+    database: Database
     jobs: SqlJobStore
     sweeps: SweepStore
 
@@ -65,6 +69,25 @@ def submit(stores: Stores) -> None:
 
 def submit_many(stores: Stores) -> None:
     stores.jobs.submit_many([(PROBLEM, new_id()) for _ in range(5)])
+
+
+def receipt() -> Receipt:
+    return Receipt(GivenKey("", new_id(), "print"), lambda made: GivenAnswer(202, {}, repr(made).encode()))
+
+
+def submit_once(stores: Stores) -> None:
+    stores.jobs.submit(PROBLEM, new_id(), receipt=receipt())
+
+
+def submit_sweep_once(stores: Stores) -> None:
+    stores.sweeps.submit({"seconds": 0.01}, points=50, most=20, receipt=receipt())
+
+
+def submit_taken(stores: Stores) -> None:
+    taken = receipt()
+    stores.jobs.submit_many([(PROBLEM, new_id())] * 2, receipt=taken)
+    with contextlib.suppress(KeyTakenError):
+        stores.jobs.submit(PROBLEM, new_id(), receipt=taken)
 
 
 def claim(stores: Stores) -> None:
@@ -193,11 +216,33 @@ def lose_chunk_for_good(stores: Stores) -> None:
     assert stores.jobs.reconcile(**GIVING_UP)
 
 
+def delete_job(stores: Stores) -> None:
+    job_id = stores.submitted()
+    stores.jobs.cancel(job_id)
+    deleting.delete_job(stores.database, job_id)
+
+
+def delete_solution(stores: Stores) -> None:
+    job_id = stores.submitted()
+    stores.finish(stores.claim())
+    solution_id = stores.jobs.get(job_id).solution_id
+    assert solution_id is not None
+    deleting.delete_solution(stores.database, solution_id)
+
+
+def delete_sweep(stores: Stores) -> None:
+    sweep_id = stores.swept(50)
+    stores.finish_chunk(stores.claim())
+    stores.sweeps.cancel(sweep_id)
+    deleting.delete_sweep(stores.database, sweep_id)
+
+
 DEEDS: tuple[Callable[[Stores], None], ...] = (
-    submit, submit_many, claim, claim_many, cancel_queued, cancel_running, heartbeat, succeed, reuse,
+    submit, submit_many, submit_once, submit_sweep_once, submit_taken,
+    claim, claim_many, cancel_queued, cancel_running, heartbeat, succeed, reuse,
     succeed_and_take, succeed_and_reuse, fail, lose, lose_for_good, give_back, reconcile, reconcile_for_good,
     submit_sweep, cancel_sweep, finish_pilot, finish_part, finish_sweep, split_chunk, refuse_point,
-    lose_chunk_for_good,
+    lose_chunk_for_good, delete_job, delete_solution, delete_sweep,
 )  # fmt: skip
 """Everything that the API and the workers do to jobs and sweeps; each ends with the commit of its name."""
 
@@ -205,7 +250,7 @@ DEEDS: tuple[Callable[[Stores], None], ...] = (
 @contextmanager
 def stores_of(url: str) -> Iterator[Stores]:
     database = Database(url)
-    yield Stores(SqlJobStore(database), SweepStore(database))
+    yield Stores(database, SqlJobStore(database), SweepStore(database))
     database.close()
 
 

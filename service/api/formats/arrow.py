@@ -1,4 +1,4 @@
-"""Writes Arrow streams; PyArrow, which has no type hints, is used in this module only."""
+"""Writes Arrow streams; PyArrow, which has no type hints, is used here and for Parquet only."""
 
 import io
 from collections.abc import Iterable, Iterator, Mapping
@@ -28,16 +28,26 @@ def arrow_batches(
     metadata: Mapping[str, str],
 ) -> Iterator[bytes]:
     """Yield a stream of record batches, one piece of bytes for each; without batches, the schema alone."""
-    fields = [pa.field(name, _TYPES[kind]()) for name, kind in kinds.items()]
-    schema = pa.schema(fields, metadata=dict(metadata))
-    sink = _Pieces()
+    schema, sink = schema_of(kinds, metadata), Sink()
     with pa.ipc.new_stream(sink, schema) as writer:
         yield sink.take()
         for batch in batches:
-            arrays = [_array(batch[name], kind) for name, kind in kinds.items()]
-            writer.write_batch(pa.record_batch(arrays, schema=schema))
+            writer.write_batch(record_batch(schema, kinds, batch))
             yield sink.take()
     yield sink.take()
+
+
+def schema_of(kinds: Mapping[str, ColumnKind], metadata: Mapping[str, str]) -> pa.Schema:
+    """Return the schema of columns of points."""
+    fields = [pa.field(name, _TYPES[kind]()) for name, kind in kinds.items()]
+    return pa.schema(fields, metadata=dict(metadata))
+
+
+def record_batch(
+    schema: pa.Schema, kinds: Mapping[str, ColumnKind], batch: Mapping[str, NDArray[np.generic]]
+) -> pa.RecordBatch:
+    """Return points as a record batch."""
+    return pa.record_batch([_array(batch[name], kind) for name, kind in kinds.items()], schema=schema)
 
 
 _TYPES = {
@@ -58,7 +68,7 @@ def _array(values: NDArray[np.generic], kind: ColumnKind) -> pa.Array:
     return pa.ListArray.from_arrays(ends, numbers, mask=pa.array(missing))
 
 
-class _Pieces(io.RawIOBase):
+class Sink(io.RawIOBase):
     """Buffers written bytes until they are taken."""
 
     def __init__(self) -> None:
@@ -67,16 +77,20 @@ class _Pieces(io.RawIOBase):
         self._before = 0
 
     def writable(self) -> bool:
+        """Tell that it can be written to."""
         return True
 
     def tell(self) -> int:
+        """Return how many bytes have been written in all."""
         return self._before + len(self._held)
 
     def write(self, data: "memoryview | bytes") -> int:  # type: ignore[override]
+        """Buffer some bytes."""
         self._held += data
         return len(data)
 
     def take(self) -> bytes:
+        """Return what was written since the last time."""
         piece = bytes(self._held)
         self._before += len(piece)
         self._held.clear()

@@ -1,5 +1,7 @@
-"""Writes points of a sweep as JSON objects, NDJSON, CSV or Arrow, a block at a time."""
+"""Writes points of a sweep as JSON objects, NDJSON, CSV, Arrow, Parquet or NPZ, a block at a time."""
 
+import io
+import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
@@ -7,13 +9,12 @@ import orjson
 from numpy.typing import NDArray
 
 from service.api.formats.arrow import ColumnKind, arrow_batches
+from service.api.formats.negotiation import ARROW, CSV, NDJSON, NPZ, PARQUET
+from service.api.formats.parquet import parquet_groups
 from service.api.queries.points import Wish
 from service.csv_text import CRLF, data_lines, header_line
 from service.storage.sweeps.point_query import INDEX, OUTCOME
 from service.storage.sweeps.point_reader import PointBlock
-
-JSON, CSV = "application/json", "text/csv"
-NDJSON, ARROW = "application/x-ndjson", "application/vnd.apache.arrow.stream"
 
 Writer = Callable[[Wish, Iterable[PointBlock], Mapping[str, str]], Iterator[bytes]]
 
@@ -41,13 +42,42 @@ def csv(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Itera
 
 def arrow(wish: Wish, blocks: Iterable[PointBlock], metadata: Mapping[str, str]) -> Iterator[bytes]:
     """Yield an Arrow stream with a record batch for each block."""
-    kinds = {name: _kind(wish, name) for name in wish.columns}
-    batches = ({name: _column(block, name) for name in wish.columns} for block in blocks)
-    return arrow_batches(kinds, batches, metadata)
+    return arrow_batches(_kinds(wish), _batches(wish, blocks), metadata)
 
 
-STREAMS: Mapping[str, Writer] = {NDJSON: ndjson, CSV: csv, ARROW: arrow}
+def parquet(wish: Wish, blocks: Iterable[PointBlock], metadata: Mapping[str, str]) -> Iterator[bytes]:
+    """Yield a Parquet file with a row group for each block."""
+    return parquet_groups(_kinds(wish), _batches(wish, blocks), metadata)
+
+
+def npz(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Iterator[bytes]:
+    """Yield the columns as arrays of NumPy, which are made at once; outcomes are text of fixed length."""
+    batches = list(_batches(wish, blocks))
+    columns = {
+        name: np.concatenate([batch[name] for batch in batches]) if batches else np.empty(0)
+        for name in wish.columns
+    }
+    if OUTCOME in columns:
+        columns[OUTCOME] = columns[OUTCOME].astype(np.str_)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as file:
+        # Not np.savez: a pointer such as /body/A is no name of its parameters, nor of a file.
+        for name, values in columns.items():
+            with file.open(f"{name.lstrip('/')}.npy", "w") as member:
+                np.lib.format.write_array(member, np.ascontiguousarray(values), allow_pickle=False)
+    yield buffer.getvalue()
+
+
+STREAMS: Mapping[str, Writer] = {NDJSON: ndjson, CSV: csv, ARROW: arrow, PARQUET: parquet, NPZ: npz}
 """The streaming formats, which have no pages."""
+
+
+def _kinds(wish: Wish) -> dict[str, ColumnKind]:
+    return {name: _kind(wish, name) for name in wish.columns}
+
+
+def _batches(wish: Wish, blocks: Iterable[PointBlock]) -> Iterator[dict[str, NDArray[np.generic]]]:
+    return ({name: _column(block, name) for name in wish.columns} for block in blocks)
 
 
 def _kind(wish: Wish, name: str) -> ColumnKind:

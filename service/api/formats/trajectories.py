@@ -1,4 +1,4 @@
-"""Writes trajectories as JSON, CSV, NPZ or Arrow, chosen by the Accept header."""
+"""Writes trajectories as JSON, NDJSON, CSV, NPZ, Arrow or Parquet."""
 
 import io
 import math
@@ -12,7 +12,9 @@ from fastapi import Response
 from numpy.typing import NDArray
 
 from service.api.formats.arrow import arrow_stream
-from service.api.formats.negotiation import preferred
+from service.api.formats.metadata import metadata, units_of
+from service.api.formats.negotiation import ARROW, CSV, JSON, MEDIA_TYPES, NDJSON, NPZ, PARQUET
+from service.api.formats.parquet import parquet_file
 from service.api.replies.errors import ApiError
 from service.csv_text import CRLF, data_lines, header_line
 
@@ -23,38 +25,33 @@ ERROR_HEADER = "Polhode-Error"
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Equally long columns and the bound of the absolute error of every number in them."""
+    """Equally long columns and the bounds of their absolute errors."""
 
     columns: Mapping[str, FloatArray]
     error: float
+    """The bound for every number."""
+    errors: Mapping[str, float]
+    """The bound for each column."""
 
 
-Writer = Callable[[Trajectory], Response]
-
-
-def choose_format(accept: str | None) -> Writer:
-    """Return the writer of the format that the client prefers; JSON without a header.
-
-    Raises
-    ------
-    ApiError
-        406 if it accepts none of ours.
-    """
-    best = preferred(list(_FORMATS), accept)
-    build = _FORMATS[best]
-
-    def write(trajectory: Trajectory) -> Response:
-        _require_finite(trajectory)
-        headers = {ERROR_HEADER: repr(trajectory.error), "Vary": "Accept"}
-        return Response(build(trajectory), media_type=best, headers=headers)
-
-    return write
+def write(
+    trajectory: Trajectory, media_type: str, headers: Mapping[str, str], about: Mapping[str, object]
+) -> Response:
+    """Return the answer in one of our formats; ``about`` goes into the metadata of Parquet."""
+    _require_finite(trajectory)
+    own = {ERROR_HEADER: repr(trajectory.error), "Vary": "Accept"}
+    if media_type == PARQUET:
+        told = {**about, "errors": dict(trajectory.errors), "units": units_of(trajectory.columns)}
+        content = parquet_file(trajectory.columns, metadata(told))
+    else:
+        content = _FORMATS[media_type](trajectory)
+    return Response(content, media_type=media_type, headers={**own, **headers})
 
 
 def media_types() -> dict[str, object]:
     """Return the formats other than JSON, for the OpenAPI document."""
     binary = {"schema": {"type": "string", "format": "binary"}}
-    return {name: binary for name in _FORMATS if name != "application/json"}
+    return {name: binary for name in MEDIA_TYPES.values() if name != JSON}
 
 
 def _require_finite(trajectory: Trajectory) -> None:
@@ -69,6 +66,12 @@ def _require_finite(trajectory: Trajectory) -> None:
 def _json(trajectory: Trajectory) -> bytes:
     columns = {name: np.ascontiguousarray(values) for name, values in trajectory.columns.items()}
     return orjson.dumps({"columns": columns, "error": trajectory.error}, option=orjson.OPT_SERIALIZE_NUMPY)
+
+
+def _ndjson(trajectory: Trajectory) -> bytes:
+    names, lists = list(trajectory.columns), [values.tolist() for values in trajectory.columns.values()]
+    rows = (dict(zip(names, row, strict=True)) for row in zip(*lists, strict=True))
+    return b"".join(orjson.dumps(row, option=orjson.OPT_APPEND_NEWLINE) for row in rows)
 
 
 def _csv(trajectory: Trajectory) -> bytes:
@@ -87,8 +90,9 @@ def _arrow(trajectory: Trajectory) -> bytes:
 
 
 _FORMATS: Mapping[str, Callable[[Trajectory], bytes]] = {
-    "application/json": _json,
-    "text/csv": _csv,
-    "application/x-npz": _npz,
-    "application/vnd.apache.arrow.stream": _arrow,
+    JSON: _json,
+    NDJSON: _ndjson,
+    CSV: _csv,
+    NPZ: _npz,
+    ARROW: _arrow,
 }

@@ -12,6 +12,8 @@ from service.jobs.keys import Role
 
 OPEN = None
 """Open to everybody, even if keys are required: shows no stored data."""
+OPTIONS = "OPTIONS"
+"""The method that asks which methods a path has; every path has it."""
 
 ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/livez": {"GET": OPEN},
@@ -32,18 +34,18 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/v1/jobs": {"GET": Role.READ, "POST": Role.SUBMIT},
     "/v1/jobs/facets": {"GET": Role.READ},
     "/v1/jobs/statistics": {"GET": Role.READ},
-    "/v1/jobs/{job_id}": {"GET": Role.READ},
-    # For jobs of the same key; cancelling others' needs OPERATE, which the endpoint checks.
+    "/v1/jobs/{job_id}": {"GET": Role.READ, "DELETE": Role.SUBMIT},
+    # For jobs of the same key; cancelling and deleting others' needs OPERATE, which the endpoint checks.
     "/v1/jobs/{job_id}/attempts": {"GET": Role.READ},
     "/v1/jobs/{job_id}/cancel": {"POST": Role.SUBMIT},
     "/v1/solutions": {"GET": Role.READ},
     "/v1/solutions/facets": {"GET": Role.READ},
     "/v1/solutions/statistics": {"GET": Role.READ},
-    "/v1/solutions/{solution_id}": {"GET": Role.READ},
+    "/v1/solutions/{solution_id}": {"GET": Role.READ, "DELETE": Role.SUBMIT},
     "/v1/solutions/{solution_id}/enclosures": {"GET": Role.READ},
     "/v1/solutions/{solution_id}/trajectory": {"GET": Role.READ},
     "/v1/sweeps": {"GET": Role.READ, "POST": Role.SUBMIT},
-    "/v1/sweeps/{sweep_id}": {"GET": Role.READ},
+    "/v1/sweeps/{sweep_id}": {"GET": Role.READ, "DELETE": Role.SUBMIT},
     "/v1/sweeps/{sweep_id}/cancel": {"POST": Role.SUBMIT},
     "/v1/sweeps/{sweep_id}/jobs": {"GET": Role.READ},
     "/v1/status": {"GET": Role.READ},
@@ -70,19 +72,35 @@ class Access:
     def needed(self, method: str, path: str) -> Role | None:
         """Return the role, or OPEN; where several rows match, the highest of theirs.
 
+        OPTIONS needs the least of a path's roles: whoever may do anything there may ask what there is.
+
         Raises
         ------
         HTTPException
             404 if there is no such path, 405 if it does not have that method.
         """
+        found = self._roles(path)
+        if method == OPTIONS:
+            return min((role for roles in found for role in roles.values()), key=_rank)
+        wanted = [roles[method] for roles in found if method in roles]
+        if not wanted:
+            raise HTTPException(HTTPStatus.METHOD_NOT_ALLOWED, headers={"Allow": self.allowed(path)})
+        return max(wanted, key=_rank)
+
+    def allowed(self, path: str) -> str:
+        """Return the value of the Allow header of a path; HEAD is wherever GET is."""
+        methods = {OPTIONS, *(method for roles in self._roles(path) for method in roles)}
+        return ", ".join(sorted(methods | ({"HEAD"} if "GET" in methods else set())))
+
+    def _roles(self, path: str) -> list[Mapping[str, Role | None]]:
         found = [roles for pattern, roles in self._places if pattern.match(path)]
         if not found:
             raise HTTPException(HTTPStatus.NOT_FOUND)
-        wanted = [roles[method] for roles in found if method in roles]
-        if not wanted:
-            allowed = ", ".join(sorted({name for roles in found for name in roles}))
-            raise HTTPException(HTTPStatus.METHOD_NOT_ALLOWED, headers={"Allow": allowed})
-        return max(wanted, key=lambda role: -1 if role is OPEN else list(Role).index(role))
+        return found
+
+
+def _rank(role: Role | None) -> int:
+    return -1 if role is OPEN else list(Role).index(role)
 
 
 def check_roles(routers: Iterable[APIRouter]) -> None:

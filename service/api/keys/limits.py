@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 
@@ -30,6 +30,17 @@ class TokenBucket:
         self.rate = rate
         self._size = max(1.0, rate)
         self._tokens, self._filled_at = self._size, now
+
+    def told(self) -> dict[str, str]:
+        """Return what a client is told of the bucket, by the draft of the RateLimit headers.
+
+        ``q`` requests are accepted in ``w`` seconds; ``r`` are left, all of them again after ``t`` seconds.
+        """
+        window, missing = math.ceil(self._size / self.rate), self._size - self._tokens
+        return {
+            "RateLimit-Policy": f'"requests";q={int(self._size)};w={window}',
+            "RateLimit": f'"requests";r={int(self._tokens)};t={math.ceil(missing / self.rate)}',
+        }
 
     def take(self, now: float) -> float:
         """Take a token and return 0, or return the seconds until there is one."""
@@ -68,8 +79,8 @@ class LimitGuard:
         """Held while the database counts; :meth:`admit`, which every request calls, must not wait for it."""
         self._counts: dict[str | None, _Count] = {}
 
-    def admit(self, key: ApiKey | None) -> None:
-        """Admit one request.
+    def admit(self, key: ApiKey | None) -> dict[str, str]:
+        """Admit one request, and return the headers that tell how many more would be.
 
         Raises
         ------
@@ -83,9 +94,11 @@ class LimitGuard:
             bucket = self._buckets.get(_id(key))
             if bucket is None or bucket.rate != rate:
                 bucket = self._buckets[_id(key)] = TokenBucket(rate, now)
-            wait = bucket.take(now)
+            wait, told = bucket.take(now), bucket.told()
         if wait > 0:
-            raise _too_many("too_many_requests", f"at most {rate:g} requests per second are accepted", wait)
+            refusal = f"at most {rate:g} requests per second are accepted"
+            raise _too_many("too_many_requests", refusal, wait, told)
+        return told
 
     def reserve_jobs(self, key: ApiKey | None, count: int = 1) -> None:
         """Admit ``count`` jobs to the queue.
@@ -170,8 +183,8 @@ def _too_many_samples(pointer: str, samples: int, settings: Settings) -> Fault:
     return Fault(pointer, "out_of_range", f"{samples} samples; 1 to {settings.max_samples} are accepted here")
 
 
-def _too_many(code: str, detail: str, seconds: float) -> ApiError:
-    headers = {"Retry-After": str(math.ceil(seconds))}
+def _too_many(code: str, detail: str, seconds: float, told: Mapping[str, str] = {}) -> ApiError:
+    headers = {"Retry-After": str(math.ceil(seconds)), **told}
     return ApiError(HTTPStatus.TOO_MANY_REQUESTS, code, detail, headers=headers)
 
 

@@ -9,10 +9,16 @@ from sqlalchemy.exc import SQLAlchemyError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from service.api.middleware.observing import REQUEST_ID, id_of
+from service.api.middleware.observing import id_of, standing_headers
 from service.api.replies.errors import ApiError, invalid_request
 from service.dynamics.errors import DynamicsError
-from service.jobs.errors import JobFinishedError, JobNotFoundError, SolutionNotFoundError
+from service.jobs.errors import (
+    InUseError,
+    JobFinishedError,
+    JobNotFoundError,
+    SolutionNotFoundError,
+    StillAtWorkError,
+)
 from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.reading.faults import Fault, InvalidProblemError
@@ -47,6 +53,8 @@ def install(app: FastAPI) -> None:
         SweepNotFoundError,
         JobFinishedError,
         SweepFinishedError,
+        StillAtWorkError,
+        InUseError,
     ):
         app.add_exception_handler(cause, respond)
     for limit in (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError):
@@ -69,8 +77,7 @@ async def respond(request: Request, error: Exception) -> Response:
         extra = {"fields": {"request_id": request_id}}
         _log.error("%s %s: %s", request.method, request.url.path, refusal.code, exc_info=trace, extra=extra)
     response = refusal.response(request_id)
-    if request_id is not None:
-        response.headers[REQUEST_ID] = request_id
+    response.headers.update(standing_headers(request.scope))
     return response
 
 
@@ -97,6 +104,11 @@ def refusal_of(error: Exception) -> ApiError:
             return ApiError(HTTPStatus.NOT_FOUND, "not_found", str(error))
         case JobFinishedError():
             return ApiError(HTTPStatus.CONFLICT, "job_finished", str(error))
+        case StillAtWorkError():
+            return ApiError(HTTPStatus.CONFLICT, "not_finished", str(error))
+        case InUseError():
+            extras = {"referrers": list(error.referrers)}
+            return ApiError(HTTPStatus.CONFLICT, "in_use", str(error), extras=extras)
         case SweepFinishedError():
             return ApiError(HTTPStatus.CONFLICT, "sweep_finished", str(error))
         case SandboxTimeoutError():

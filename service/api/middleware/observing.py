@@ -9,12 +9,14 @@ from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.dependencies import Resources
+from service.api.replies.identity import REQUEST_ID, server_name
 from service.logs import about
 from service.storage.database.ids import new_id
 
 logger = logging.getLogger(__name__)
 
-REQUEST_ID = "X-Request-ID"
+RATE = "rate"
+"""In the state of a request: the headers that tell of the limit of requests."""
 
 _SANE_ID = re.compile(r"[A-Za-z0-9._:-]{1,128}")
 _METHODS = frozenset({"GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"})
@@ -42,7 +44,7 @@ class Observation:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                MutableHeaders(scope=message)[REQUEST_ID] = request_id
+                MutableHeaders(scope=message).update(standing_headers(scope))
             await send(message)
 
         with about(request_id=request_id):
@@ -50,6 +52,14 @@ class Observation:
                 await self._app(scope, receive, send_with_id)
             finally:
                 _observe(scope, status, time.perf_counter() - began)
+
+
+def standing_headers(scope: Scope) -> dict[str, str]:
+    """Return the headers of every answer: who answers, the request's id, and what the rate limit leaves."""
+    state = scope.get("state", {})
+    request_id = state.get("request_id")
+    named = {} if request_id is None else {REQUEST_ID: request_id}
+    return {"Server": server_name(), **named, **state.get(RATE, {})}
 
 
 def id_of(request: Request) -> str | None:

@@ -1,5 +1,6 @@
 """Checks a request before authentication: same origin, and an unambiguous length."""
 
+from collections.abc import Collection
 from http import HTTPStatus
 from urllib.parse import urlsplit
 
@@ -12,12 +13,12 @@ _OWN_SITES = frozenset({"same-origin", "none"})
 _PORTS = {"http": 80, "https": 443}
 
 
-def check_origin(method: str, headers: Headers, trusted: str) -> None:
+def check_origin(method: str, headers: Headers, trusted: Collection[str]) -> None:
     """Refuse state-changing requests from pages of another origin; programs send no such headers.
 
     Browsers send Sec-Fetch-Site, which is right behind any proxy too. Without it
     (older browsers, plain HTTP to another machine), Origin must have the host and
-    port of Host, or be one of ``trusted``, a list separated by commas.
+    port of Host, or be one of ``trusted``.
 
     Raises
     ------
@@ -27,7 +28,7 @@ def check_origin(method: str, headers: Headers, trusted: str) -> None:
     origin, site = headers.get("origin"), headers.get("sec-fetch-site")
     if method in _SAFE or (origin is None and site is None):
         return
-    if origin and origin in {each.strip() for each in trusted.split(",")}:
+    if origin and origin in trusted:
         return
     if site is not None:
         if site in _OWN_SITES:
@@ -36,7 +37,7 @@ def check_origin(method: str, headers: Headers, trusted: str) -> None:
         return
     detail = (
         f"the request was sent by a page of {(origin or 'another origin')[:100]!r}; "
-        "accepted are pages of this service, and those that POLHODE_ORIGINS names"
+        "accepted are pages of this service, and those that POLHODE_ORIGINS or POLHODE_CORS_ORIGINS names"
     )
     raise ApiError(HTTPStatus.FORBIDDEN, "cross_origin", detail)
 

@@ -6,7 +6,7 @@ from http import HTTPStatus
 from typing import Annotated
 from urllib.parse import urlsplit
 
-from fastapi import Depends, Request
+from fastapi import Depends, Request, Response
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
@@ -14,15 +14,16 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
 from service.api.dependencies import Resources
-from service.api.keys.access import OPEN, Access
+from service.api.keys.access import OPEN, OPTIONS, Access
 from service.api.keys.keyring import SECOND_LOOK_SECONDS
 from service.api.middleware.error_handlers import respond
+from service.api.middleware.observing import RATE
 from service.api.middleware.origins import check_length, check_origin
 from service.api.replies.errors import ApiError
 from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
 from service.schemas.reading.faults import Fault
 from service.schemas.reading.numbers import HIGHEST_PRIORITY
-from service.settings import is_this_machine
+from service.settings import Settings, is_this_machine, origins_in
 
 _CHALLENGE = "WWW-Authenticate"
 _STATE = "key"
@@ -45,10 +46,16 @@ class Guard:
             try:
                 headers = Headers(scope=scope)
                 check_length(scope["http_version"], headers)
-                check_origin(scope["method"], headers, scope["app"].state.resources.settings.origins)
+                check_origin(scope["method"], headers, _trusted(scope["app"].state.resources.settings))
                 key = await self._admit(scope)
             except (ApiError, HTTPException, SQLAlchemyError) as error:
                 answer = await respond(Request(scope), error)
+                await answer(scope, receive, send)
+                return
+            if scope["method"] == OPTIONS:
+                answer = Response(
+                    status_code=HTTPStatus.NO_CONTENT, headers={"Allow": self._access.allowed(scope["path"])}
+                )
                 await answer(scope, receive, send)
                 return
             scope.setdefault("state", {})[_STATE] = key
@@ -60,7 +67,7 @@ class Guard:
             return None
         resources: Resources = scope["app"].state.resources
         key = await _identify(Headers(scope=scope), resources)
-        resources.limits.admit(key)
+        scope.setdefault("state", {})[RATE] = resources.limits.admit(key)
         needed = self._access.needed(*place)
         if key is not None and needed is not OPEN and not key.role.may(needed):
             raise _role_insufficient(key, needed)
@@ -72,6 +79,10 @@ class Guard:
         except HTTPException:
             # Only clients with a key learn whether the path exists.
             return False
+
+
+def _trusted(settings: Settings) -> frozenset[str]:
+    return origins_in(settings.origins) | origins_in(settings.cors_origins)
 
 
 async def _holder(request: Request) -> ApiKey | None:

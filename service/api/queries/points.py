@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from service.api.queries.cursors import InvalidCursorError, place_of
+from service.api.queries.format_names import FORMAT_HELP, FormatName
 from service.api.queries.queries import Asked, QueryModel
 from service.schemas.query.conditions import OrderKey
 from service.schemas.query.facts import Fact
@@ -54,6 +55,7 @@ class PointsQuery(QueryModel):
         default=None,
         description="`exact`: with `total` after a cursor too, which is null if this is left out.",
     )
+    format: FormatName | None = Field(default=None, description=FORMAT_HELP)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,8 @@ from fastapi import Response
 from service.api.replies.errors import MEDIA_TYPE
 from service.schemas.replies.response_model import ResponseModel
 
+JSON = "application/json"
+
 
 def json_response(
     model: ResponseModel, *, status: int = HTTPStatus.OK, headers: Mapping[str, str] | None = None
@@ -20,7 +22,7 @@ def json_response(
     orjson refuses integers beyond 64 bits, which problems may hold.
     """
     content = json.dumps(model.model_dump(by_alias=True), allow_nan=False, default=_instant)
-    return Response(content, status_code=status, media_type="application/json", headers=headers)
+    return Response(content, status_code=status, media_type=JSON, headers=headers)
 
 
 def _instant(value: object) -> str:

@@ -1,7 +1,7 @@
 """/v1/jobs: submit, list, show and cancel jobs."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from http import HTTPStatus
 from typing import Annotated
 
@@ -12,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
+from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.disconnects import while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import PageQuery, link_to, read_listing
@@ -28,6 +29,7 @@ from service.api.replies.errors import ApiError
 from service.api.replies.places import JobId
 from service.api.replies.responses import json_response, refusals
 from service.api.submission import Accepted, Checked, JudgedDocument, accept, accept_many, check, check_each
+from service.jobs.idempotency import GivenKey
 from service.jobs.job import Job
 from service.jobs.keys import ApiKey
 from service.jobs.lanes import Lane
@@ -91,7 +93,7 @@ class SubmitQuery(QueryModel):
     status_code=HTTPStatus.ACCEPTED,
     responses={
         200: {"model": JobOut, "description": "With `Prefer: wait=S`: the job has finished in time"},
-        **refusals(400, 408, 413, 415, 503),
+        **refusals(400, 408, 409, 413, 415, 503),
     },
     openapi_extra={**request_body("ProblemIn", EXAMPLES, several=True), **query_parameters(SubmitQuery)},
 )
@@ -104,6 +106,7 @@ async def submit_job(
     prefer: Annotated[
         str | None, Header(description="`wait=S`: wait up to S ≤ 60 seconds for the job to finish.")
     ] = None,
+    idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Check a problem and queue it; if an equal problem was solved before, reuse its solution.
 
@@ -115,13 +118,18 @@ async def submit_job(
     if none is accepted. `Prefer: wait` does not apply to a list.
     """
     check_priority(holder, query.priority, "?priority")
-    found = await inside.reading.run(len(content), _checked, content, inside.settings)
-    seconds = wait_seconds(prefer)
-    if isinstance(found, list):
-        work = _submit_list(found, inside, holder, query.priority)
-    else:
-        work = _submit_one(found, inside, holder, query.priority, seconds)
-    return await while_connected(request, work)
+    given = read_key(idempotency_key, request, content, holder)
+    terms, seconds = _Terms(holder, query.priority, given), wait_seconds(prefer)
+
+    async def work() -> Response:
+        found = await inside.reading.run(len(content), _checked, content, inside.settings)
+        if isinstance(found, list):
+            submitting = _submit_list(found, inside, terms)
+        else:
+            submitting = _submit_one(found, inside, terms, seconds)
+        return await while_connected(request, submitting)
+
+    return await inside.idempotency.once(given, work)
 
 
 def _checked(content: bytes, settings: Settings) -> Checked | list[Checked | ApiError]:
@@ -129,11 +137,22 @@ def _checked(content: bytes, settings: Settings) -> Checked | list[Checked | Api
     return check_each(document, settings) if isinstance(document, list) else check(document, settings)
 
 
-async def _submit_one(
-    problem: Checked, inside: Resources, holder: ApiKey | None, priority: int, seconds: int | None
-) -> Response:
-    examined = await accept(inside, problem, holder)
-    job = await run_in_threadpool(_queue, examined, inside, holder, priority)
+@dataclass(frozen=True, slots=True)
+class _Terms:
+    """Who submits, how urgently, and under which Idempotency-Key."""
+
+    holder: ApiKey | None
+    priority: int
+    given: GivenKey | None
+
+    @property
+    def key_id(self) -> str | None:
+        return None if self.holder is None else self.holder.id
+
+
+async def _submit_one(problem: Checked, inside: Resources, terms: _Terms, seconds: int | None) -> Response:
+    examined = await accept(inside, problem, terms.holder)
+    job = await run_in_threadpool(_queue, examined, inside, terms)
     # No waiting if the limit of waiting clients is reached.
     if seconds is None or not inside.waiting.acquire(blocking=False):
         return await run_in_threadpool(_submitted, job)
@@ -141,16 +160,19 @@ async def _submit_one(
         await _finish(job, inside, seconds)
     finally:
         inside.waiting.release()
-    return await run_in_threadpool(_waited, job.id, inside, seconds)
+    answer = await run_in_threadpool(_waited, job.id, inside, seconds)
+    await run_in_threadpool(inside.idempotency.keep, terms.given, answer)
+    return answer
 
 
-def _queue(examined: JudgedDocument, inside: Resources, holder: ApiKey | None, priority: int) -> Job:
-    problem, key_id = examined.accepted(), None if holder is None else holder.id
+def _queue(examined: JudgedDocument, inside: Resources, terms: _Terms) -> Job:
+    problem = examined.accepted()
     job = inside.jobs.submit(
         problem.document,
         problem.digest,
-        priority=priority,
-        key_id=key_id,
+        priority=terms.priority,
+        key_id=terms.key_id,
+        receipt=receipt_of(terms.given, lambda jobs: _submitted(*jobs)),
         examination=problem.windows,
         found=problem.entries,
     )
@@ -184,32 +206,32 @@ def _location(job_id: str) -> dict[str, str]:
     return {"Location": f"/v1/jobs/{job_id}"}
 
 
-async def _submit_list(
-    problems: list[Checked | ApiError], inside: Resources, holder: ApiKey | None, priority: int
-) -> Response:
-    examined = await accept_many(inside, problems, holder)
-    return await run_in_threadpool(_queue_list, examined, inside, holder, priority)
+async def _submit_list(problems: list[Checked | ApiError], inside: Resources, terms: _Terms) -> Response:
+    examined = await accept_many(inside, problems, terms.holder)
+    return await run_in_threadpool(_queue_list, examined, inside, terms)
 
 
-def _queue_list(
-    examined: Sequence[JudgedDocument | ApiError], inside: Resources, holder: ApiKey | None, priority: int
-) -> Response:
+def _queue_list(examined: Sequence[JudgedDocument | ApiError], inside: Resources, terms: _Terms) -> Response:
     answers = [each if isinstance(each, ApiError) else each.accepted_or_refusal() for each in examined]
     accepted = [answer for answer in answers if isinstance(answer, Accepted)]
     if not accepted:
         raise _nothing_accepted(answers)
-    jobs = iter(
-        inside.jobs.submit_many(
-            [(problem.document, problem.digest) for problem in accepted],
-            priority=priority,
-            key_id=None if holder is None else holder.id,
-            # A list of one problem waits in the lane of single problems.
-            lane=Lane.SINGLE if len(accepted) == 1 else Lane.LIST,
-            examinations=[problem.windows for problem in accepted],
-            found=[entry for problem in accepted for entry in problem.entries],
-        )
+    jobs = inside.jobs.submit_many(
+        [(problem.document, problem.digest) for problem in accepted],
+        priority=terms.priority,
+        key_id=terms.key_id,
+        # A list of one problem waits in the lane of single problems.
+        lane=Lane.SINGLE if len(accepted) == 1 else Lane.LIST,
+        receipt=receipt_of(terms.given, lambda made: _list_submitted(answers, made)),
+        examinations=[problem.windows for problem in accepted],
+        found=[entry for problem in accepted for entry in problem.entries],
     )
     inside.doorbell.ring()
+    return _list_submitted(answers, jobs)
+
+
+def _list_submitted(answers: Sequence[Accepted | ApiError], made: Sequence[Job]) -> Response:
+    jobs = iter(made)
     items = [
         _refused(answer)
         if isinstance(answer, ApiError)

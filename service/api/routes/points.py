@@ -1,7 +1,8 @@
 """GET /v1/sweeps/{id}/points: the computed points, as a page of JSON or a stream."""
 
 import math
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice
 from typing import Annotated
@@ -11,8 +12,10 @@ from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import StreamingResponse
 
 from service.api.dependencies import Inside
-from service.api.formats.negotiation import Accept, preferred
-from service.api.formats.points import CSV, JSON, STREAMS, rows
+from service.api.formats.metadata import metadata, units_of
+from service.api.formats.negotiation import CSV, JSON, NPZ, PARQUET, Accept, chosen, named_file
+from service.api.formats.points import STREAMS, rows
+from service.api.middleware.methods import is_head
 from service.api.queries.cursors import cursor_of
 from service.api.queries.lists import link_to, next_page
 from service.api.queries.points import (
@@ -25,6 +28,7 @@ from service.api.queries.points import (
     read_wish,
 )
 from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any
+from service.api.replies.conditional import IMMUTABLE, REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.errors import invalid_request
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
@@ -34,9 +38,14 @@ from service.schemas.replies.sweep import PointPageOut
 from service.schemas.sweep.reading import read_sweep
 from service.storage.sweeps.point_query import PointQuery
 from service.storage.sweeps.point_reader import PointBlock, PointReader
+from service.versions import version_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
+MOST_ARRAY_NUMBERS = 10_000_000
+"""Numbers in an answer of arrays: 80 MB, and as much again while it is written."""
+ERROR = "error"
+"""The kept number that bounds the errors of the samples; NAME.error bounds that of NAME."""
 POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
 """Headers with the number of points of the sweep, and of those computed; only these are in the answer."""
 
@@ -47,7 +56,7 @@ POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
     responses={
         200: {
             "model": PointPageOut,
-            "description": "The points that are done, as a page of JSON. NDJSON, CSV and Arrow have all of"
+            "description": "The points that are done, as a page of JSON. All other formats have all of"
             f" them, or `limit`, and the headers {POINTS_HEADER} and {DONE_HEADER}; CSV has no series.",
             "content": {name: {"schema": {"type": "string", "format": "binary"}} for name in STREAMS},
         },
@@ -63,26 +72,61 @@ def get_points(
     accept: Accept = None,
 ) -> Response:
     """Return the computed points, filtered, sorted, and with only the requested columns."""
-    media_type = preferred([JSON, *STREAMS], accept)
+    media_type = chosen(asked.parameters.format, accept)
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     wish = read_wish(asked, record.id, sweep, has_lists=media_type != CSV)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
-    if media_type == JSON:
-        refuse_if_any([*wish.faults, *_faults_of_page(wish.query.limit, reader)])
-        return _page(request, asked.parameters, record, wish, reader)
-    refuse_if_any(wish.faults)
+    is_page = media_type == JSON
+    refuse_if_any([*wish.faults, *(_faults_of_page(wish.query.limit, reader) if is_page else ())])
+    # Chunks are only ever added, so the number of points that are done says which there are.
+    tag = tag_of_thing(request, media_type, record.id, record.done, record.refused)
+    keeping = REVALIDATE if record.finished_at is None else IMMUTABLE
+    if known := unchanged(request, tag, keeping, Vary="Accept"):
+        return known
+    told = {**validators(tag, keeping), "Vary": "Accept", **named_file(f"points-{record.id}", media_type)}
+    if is_page:
+        return _page(request, asked.parameters, record, wish, reader, told)
     _check_size_of_sort(wish, reader)
-    told = {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
+    if media_type == NPZ:
+        _check_size_of_arrays(wish, reader)
+    told |= {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
+    if is_head(request):
+        return Response(media_type=media_type, headers=told)
     # Read the first block now, while an error can still be answered with a status.
     blocks = reader.blocks(wish.query)
     first = list(islice(blocks, 1))
-    content = STREAMS[media_type](wish, chain(first, blocks), {"sweep": record.id, **told})
-    return StreamingResponse(content, media_type=media_type, headers={**told, "Vary": "Accept"})
+    about = {"sweep": record.id, **{name: told[name] for name in (POINTS_HEADER, DONE_HEADER)}}
+    if media_type == PARQUET:
+        about = _about(record, wish)
+    content = STREAMS[media_type](wish, chain(first, blocks), about)
+    return StreamingResponse(content, media_type=media_type, headers=told)
+
+
+def _about(record: SweepRecord, wish: Wish) -> dict[str, str]:
+    """Return what a file says of the sweep that it is from."""
+    columns = wish.columns
+    errors = {name: f"{name}.{ERROR}" for name in columns if f"{name}.{ERROR}" in columns}
+    errors |= {name: ERROR for name in wish.series if ERROR in columns}
+    return metadata(
+        {
+            "sweep": record.id,
+            "document": dict(record.document),
+            "provenance": {"version": version_of("polhode"), "points": record.points, "done": record.done},
+            "units": units_of(wish.columns),
+            # The columns that hold the bounds of others.
+            "errors": errors,
+        }
+    )
 
 
 def _page(
-    request: Request, asked: PointsQuery, record: SweepRecord, wish: Wish, reader: PointReader
+    request: Request,
+    asked: PointsQuery,
+    record: SweepRecord,
+    wish: Wish,
+    reader: PointReader,
+    headers: Mapping[str, str],
 ) -> Response:
     limit = _page_rows(wish.query.limit, reader)
     # One more than the page has tells whether there is another one.
@@ -105,7 +149,7 @@ def _page(
         },
         option=orjson.OPT_SERIALIZE_NUMPY,
     )
-    return Response(content, media_type=JSON, headers={"Vary": "Accept", **link_to(following)})
+    return Response(content, media_type=JSON, headers={**headers, **link_to(following)})
 
 
 def _place(query: PointQuery, blocks: Sequence[PointBlock], row: int) -> list[float | None]:
@@ -131,6 +175,15 @@ def _faults_of_page(asked: int | None, reader: PointReader) -> Iterator[Fault]:
     if asked is not None and asked > most:
         message = f"{asked} points on a page; 1 to {most} are accepted. NDJSON and Arrow have no limit"
         yield Fault("?limit", "out_of_range", message)
+
+
+def _check_size_of_arrays(wish: Wish, reader: PointReader) -> None:
+    """Refuse arrays that would take much memory: unlike the other formats they are made at once."""
+    points = min(reader.count(wish.query), wish.query.limit or sys.maxsize)
+    if points * reader.row_numbers > MOST_ARRAY_NUMBERS:
+        most = MOST_ARRAY_NUMBERS // reader.row_numbers
+        message = f"{points} points as npz; at most {most} are accepted. Arrow and Parquet have no limit"
+        raise invalid_request([Fault("?limit", "out_of_range", message)])
 
 
 def _check_size_of_sort(wish: Wish, reader: PointReader) -> None:

@@ -11,8 +11,9 @@ from pydantic import Field
 from service.api.dependencies import Inside, Resources
 from service.api.queries.lists import AskingQuery, link_to, read_listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
+from service.api.replies.conditional import REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.places import SolutionId
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import JSON, json_response, refusals
 from service.dynamics.motion import SolvedBy
 from service.dynamics.problem import Tier
 from service.schemas.problem.potentials import FamilyName
@@ -25,6 +26,7 @@ from service.schemas.replies.solution import SolutionOut, SolutionPageOut
 from service.storage.database.ids import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.solutions.solution_store import Solution
+from service.storage.solutions.standing import SolutionStanding, standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 by_problem = APIRouter(prefix="/v1/problems", tags=["solutions"])
@@ -109,9 +111,17 @@ def _listed(
 @router.get(
     "/{solution_id}", response_model=SolutionOut, responses=refusals(404), dependencies=[without_query]
 )
-def get_solution(solution_id: SolutionId, inside: Inside) -> Response:
+def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Show a solution without its arrays."""
-    return json_response(_out(inside.solutions.get(solution_id)))
+    tag = solution_tag(request, standing_of(inside.database, solution_id))
+    if known := unchanged(request, tag, REVALIDATE):
+        return known
+    return json_response(_out(inside.solutions.get(solution_id)), headers=validators(tag, REVALIDATE))
+
+
+def solution_tag(request: Request, standing: SolutionStanding, *changeable: object) -> str:
+    """Return the tag of a solution's summary; ``changeable`` is the version of what can change in it."""
+    return tag_of_thing(request, JSON, standing.id, standing.digest, *changeable)
 
 
 def _filters(query: SolutionsQuery) -> Iterator[Condition]:

@@ -11,12 +11,14 @@ from starlette.concurrency import run_in_threadpool
 from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
+from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import PageQuery, link_to, read_listing
 from service.api.queries.queries import Asked, asked_of, query_parameters, without_query
 from service.api.replies.places import SweepId
 from service.api.replies.responses import json_response, refusals
 from service.jobs.chunking import largest_chunk
+from service.jobs.idempotency import GivenKey
 from service.jobs.keys import ApiKey
 from service.jobs.states import JobState
 from service.jobs.sweeps import SweepProgress, SweepRecord
@@ -66,18 +68,29 @@ class SweepsQuery(PageQuery):
     "",
     response_model=SweepOut,
     status_code=HTTPStatus.ACCEPTED,
-    responses=refusals(400, 408, 413, 415, 503),
+    responses=refusals(400, 408, 409, 413, 415, 503),
     openapi_extra=request_body("SweepIn", EXAMPLES),
     dependencies=[without_query],
 )
-async def submit_sweep(content: Body, inside: Inside, holder: Holder) -> Response:
+async def submit_sweep(
+    request: Request,
+    content: Body,
+    inside: Inside,
+    holder: Holder,
+    idempotency_key: IdempotencyKey = None,
+) -> Response:
     """Check a sweep and queue its first points; the others follow as those are done.
 
     The base must be a problem with the first value of each axis. Whether a
     point has a motion is told by the point.
     """
-    document, sweep = await inside.reading.run(len(content), _checked, content, inside.settings)
-    return await run_in_threadpool(_submit, document, sweep, inside, holder)
+    given = read_key(idempotency_key, request, content, holder)
+
+    async def work() -> Response:
+        document, sweep = await inside.reading.run(len(content), _checked, content, inside.settings)
+        return await run_in_threadpool(_submit, document, sweep, inside, holder, given)
+
+    return await inside.idempotency.once(given, work)
 
 
 def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Sweep]:
@@ -90,7 +103,13 @@ def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Swe
     return document, sweep
 
 
-def _submit(document: dict[str, object], sweep: Sweep, inside: Resources, holder: ApiKey | None) -> Response:
+def _submit(
+    document: dict[str, object],
+    sweep: Sweep,
+    inside: Resources,
+    holder: ApiKey | None,
+    given: GivenKey | None,
+) -> Response:
     priority = _priority(document)
     check_priority(holder, priority, "/priority")
     inside.limits.reserve_points(holder, sweep.points)
@@ -100,8 +119,13 @@ def _submit(document: dict[str, object], sweep: Sweep, inside: Resources, holder
         most=largest_chunk(sweep.samples, len(sweep.series_columns)),
         priority=priority,
         key_id=None if holder is None else holder.id,
+        receipt=receipt_of(given, _submitted),
     )
     inside.doorbell.ring()
+    return _submitted(record)
+
+
+def _submitted(record: SweepRecord) -> Response:
     headers = {"Location": f"/v1/sweeps/{record.id}"}
     return json_response(_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
 

@@ -7,15 +7,17 @@ from http import HTTPStatus
 from typing import Annotated, Literal
 
 import numpy as np
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Depends, Request, Response
 from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, WithJsonSchema
 
 from service.api.dependencies import Inside, Resources
-from service.api.formats.negotiation import Accept
-from service.api.formats.trajectories import Trajectory, choose_format, media_types
+from service.api.formats.negotiation import PARQUET, Accept, chosen, named_file
+from service.api.formats.trajectories import Trajectory, media_types, write
 from service.api.keys.limits import query_samples_faults
+from service.api.queries.format_names import FORMAT_HELP, FormatName
 from service.api.queries.queries import Asked, QueryModel, asked_of, query_parameters, refuse_if_any
+from service.api.replies.conditional import IMMUTABLE, tag_of_thing, unchanged, validators
 from service.api.replies.errors import ApiError
 from service.api.replies.places import SolutionId
 from service.api.replies.responses import refusals
@@ -39,6 +41,8 @@ from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
 from service.schemas.replies.solution import TrajectoryOut
 from service.settings import Settings
 from service.storage.codecs.arrays import decode_arrays, decode_dense
+from service.storage.solutions.solution_store import Solution
+from service.storage.solutions.standing import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
@@ -63,6 +67,7 @@ class TrajectoryQuery(QueryModel):
         default=None, ge=1, le=MAX_SAMPLES, description="Equidistant from start to stop, both included."
     )
     columns: str | None = Field(default=None, description="Names with commas between, such as t,g1,g3.")
+    format: FormatName | None = Field(default=None, description=FORMAT_HELP)
 
 
 @router.get(
@@ -71,7 +76,8 @@ class TrajectoryQuery(QueryModel):
     responses={
         200: {
             "model": TrajectoryOut,
-            "description": "The columns. CSV, NPZ and Arrow carry the error in the header Polhode-Error."
+            "description": "The columns. All but JSON carry the error in the header Polhode-Error; Parquet"
+            " has the problem, the provenance, units and errors in its metadata."
             " Polhode-Samples says `stored`, or `evaluated` if made from the dense output just now.",
             "content": media_types(),
         },
@@ -80,6 +86,7 @@ class TrajectoryQuery(QueryModel):
     openapi_extra=query_parameters(TrajectoryQuery),
 )
 def get_trajectory(
+    request: Request,
     solution_id: SolutionId,
     asked: Annotated[Asked[TrajectoryQuery], Depends(asked_of(TrajectoryQuery))],
     inside: Inside,
@@ -89,11 +96,14 @@ def get_trajectory(
 
     Samples that are no longer stored are recomputed from the dense output.
     """
-    write = choose_format(accept)
+    media_type = chosen(asked.parameters.format, accept)
     query, is_stored = asked.parameters, asked.sent.isdisjoint(TIMES)
     faults = [*asked.faults, *([] if is_stored else _faults_of_times(asked, inside.settings))]
     if faults:
         refuse_if_any([*faults, *_faults_of_columns(inside, solution_id, query.columns)])
+    tag = tag_of_thing(request, media_type, standing_of(inside.database, solution_id))
+    if known := unchanged(request, tag, IMMUTABLE, Vary="Accept"):
+        return known
     if is_stored:
         packet = inside.solutions.samples_if_kept(solution_id)
         samples = _remade(inside, solution_id) if packet is None else _stored(inside, solution_id, packet)
@@ -102,9 +112,19 @@ def get_trajectory(
         _require_series(dense.columns)
         alone = dense if query.columns is None else evaluated_alone(dense, _names(query.columns))
         samples = _evaluated(alone, _times(query))
-    response = write(_selected(samples, query.columns))
-    response.headers[SOURCE_HEADER] = samples.source
-    return response
+    file = named_file(f"trajectory-{solution_id}", media_type)
+    headers = {**validators(tag, IMMUTABLE), **file, SOURCE_HEADER: samples.source}
+    about = _about(inside.solutions.get(solution_id)) if media_type == PARQUET else {}
+    return write(_selected(samples, query.columns), media_type, headers, about)
+
+
+def _about(solution: Solution) -> dict[str, object]:
+    """Return what a file says of the solution that it is from."""
+    return {
+        "solution": solution.id,
+        "problem": solution.problem,
+        "provenance": solution.summary.get("provenance"),
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,5 +226,5 @@ def _selected(samples: _Samples, names: str | None) -> Trajectory:
     wanted = list(samples.columns) if names is None else _names(names)
     refuse_if_any(_unknown_columns(wanted, list(samples.columns)))
     errors = {**samples.orientation, **dict.fromkeys(COLUMNS, samples.error), "t": 0.0}
-    error = max(errors.get(name, samples.error) for name in wanted)
-    return Trajectory({name: samples.columns[name] for name in wanted}, error)
+    own = {name: errors.get(name, samples.error) for name in wanted}
+    return Trajectory({name: samples.columns[name] for name in wanted}, max(own.values()), own)

@@ -40,5 +40,6 @@ class ProblemDetailsOut(ResponseModel):
         description="With `no_problem_accepted`: the refusal of each problem of the list, in its order."
     )
     checks: dict[str, str] = Field(description="With `not_ready`.")
+    referrers: list[str] = Field(description="With `in_use`: paths of what refers to it, 100 at most.")
     needed_role: str = Field(description="With `role_insufficient`.")
     request_id: str = Field(description="Also in the header X-Request-ID, and in the log of the service.")

@@ -121,7 +121,7 @@ def _claim(
         ]
         if attempts:
             connection.execute(_BEGIN, attempts)
-        solutions = solved(connection, sorted({row.digest for row in rows}))
+        solutions = solved(connection, sorted({row.digest for row in rows}), hold=True)
     places = {job_id: place for place, job_id in enumerate(ids)}
     claims = [
         Claim(

@@ -52,6 +52,8 @@ _SOLVED = (
     .where(_SOLUTIONS.c.digest.in_(bindparam("digests", expanding=True)))
     .order_by(_SOLUTIONS.c.id.desc())
 )
+_HELD = _SOLVED.with_for_update(read=True, key_share=True)
+"""The same, and nobody can delete them before this transaction has ended. SQLite has one writer anyway."""
 _DIGESTS = 500
 """Digests looked up by one statement: databases limit its parameters."""
 
@@ -93,14 +95,18 @@ def succeed(connection: Connection, claim: Claim, solution_id: str, *, reused: b
     return True
 
 
-def solved(connection: Connection, digests: Sequence[str]) -> dict[str, str]:
-    """Return the first solution of each digest that has one: then a job of it succeeded."""
+def solved(connection: Connection, digests: Sequence[str], *, hold: bool) -> dict[str, str]:
+    """Return the first solution of each digest that has one: then a job of it succeeded.
+
+    ``hold`` them if this transaction is going to refer to them: nobody deletes them before its end.
+    """
+    statement = _HELD if hold else _SOLVED
     found: dict[str, str] = {}
     for start in range(0, len(digests), _DIGESTS):
         # In descending order, so that the first solution is the one that is kept.
         found.update(
             (row.digest, row.id)
-            for row in connection.execute(_SOLVED, {"digests": digests[start : start + _DIGESTS]})
+            for row in connection.execute(statement, {"digests": digests[start : start + _DIGESTS]})
         )
     return found
 

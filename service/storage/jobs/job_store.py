@@ -7,6 +7,7 @@ from sqlalchemy.orm import Session
 
 from service.jobs.dispatch import Dispatcher
 from service.jobs.errors import JobFinishedError, JobNotFoundError
+from service.jobs.idempotency import Receipt
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
 from service.jobs.outcome import ChunkOutcome, Outcome, Refused, Solved
@@ -24,6 +25,7 @@ from service.storage.jobs.moves import end_attempt, fence, history, lose, move
 from service.storage.jobs.records import delivery_of, job_of
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
+from service.storage.keys.idempotency_store import write_key
 from service.storage.keys.key_store import charge
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_JOB_ROWS, Source, chunks_of
@@ -55,10 +57,16 @@ class SqlJobStore:
         key_id: str | None = None,
         examination: str | None = None,
         found: Sequence[Entry] = (),
+        receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> Job:
         """Store a job; it has succeeded already if an equal problem has been solved."""
         (job,) = self.submit_many(
-            [(problem, digest)], priority=priority, key_id=key_id, examinations=[examination], found=found
+            [(problem, digest)],
+            priority=priority,
+            key_id=key_id,
+            examinations=[examination],
+            found=found,
+            receipt=receipt,
         )
         return job
 
@@ -71,15 +79,19 @@ class SqlJobStore:
         lane: Lane = Lane.SINGLE,
         examinations: Sequence[str | None] = (),
         found: Sequence[Entry] = (),
+        receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> tuple[Job, ...]:
-        """Store a job for each problem and its digest, all of them or none."""
+        """Store a job for each problem and its digest, all of them or none, and the answer of a receipt."""
         with self._database.write() as session:
             keep_rows(session.connection(), found)
             rows = insert_jobs(
                 session, problems, lane=lane, priority=priority, key_id=key_id, examinations=examinations
             )
             self._deliver(session, [row for row in rows if row.state == JobState.QUEUED.value])
-            return tuple(job_of(row) for row in rows)
+            jobs = tuple(job_of(row) for row in rows)
+            if receipt is not None:
+                write_key(session.connection(), receipt.given, receipt.answer(jobs))
+            return jobs
 
     def get(self, job_id: str) -> Job:
         """Return a job, or raise :class:`JobNotFoundError`."""

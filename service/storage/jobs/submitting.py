@@ -34,7 +34,7 @@ def insert_jobs(
     """
     now = database_now(session)
     connection = session.connection()
-    solutions = solved(connection, sorted({digest for _, digest in problems}))
+    solutions = solved(connection, sorted({digest for _, digest in problems}), hold=True)
     waiting = [digest for _, digest in problems if digest not in solutions]
     given = next_turns(connection, lane=lane, priority=priority, key_id=key_id, seconds=[None] * len(waiting))
     turns = iter(given)

@@ -67,7 +67,7 @@ class SolutionStore:
     def of_problem(self, digest: str) -> str | None:
         """Return the id of the first solution of the problem with this digest, None if there is none."""
         with self._database.read() as session:
-            return solved(session.connection(), [digest]).get(digest)
+            return solved(session.connection(), [digest], hold=False).get(digest)
 
     def find(self, query: ListQuery) -> SolutionPage:
         """Return one page of the solutions that match; only the wanted columns, if there are any."""

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session, defer
 from service.jobs.chunking import PILOT_POINTS, Range
 from service.jobs.dispatch import Dispatcher
 from service.jobs.estimates import remaining_seconds
+from service.jobs.idempotency import Receipt
 from service.jobs.states import JobState
 from service.jobs.sweeps import (
     SweepFinishedError,
@@ -26,6 +27,7 @@ from service.storage.database.paging import rows_of_page
 from service.storage.jobs import chunks
 from service.storage.jobs.records import delivery_of
 from service.storage.jobs.table_dispatcher import TableDispatcher
+from service.storage.keys.idempotency_store import write_key
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SWEEP_ROWS
 from service.storage.sweeps.recent_chunks import chunk_runs, complete_since
@@ -55,9 +57,16 @@ class SweepStore:
         self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
 
     def submit(
-        self, document: Document, *, points: int, most: int, priority: int = 0, key_id: str | None = None
+        self,
+        document: Document,
+        *,
+        points: int,
+        most: int,
+        priority: int = 0,
+        key_id: str | None = None,
+        receipt: Receipt[SweepRecord] | None = None,
     ) -> SweepRecord:
-        """Store a sweep and its first chunk only, however many points it has.
+        """Store a sweep and its first chunk only, however many points it has, and the answer of a receipt.
 
         ``most`` is the largest chunk that may be made of it.
         """
@@ -82,7 +91,10 @@ class SweepStore:
             jobs = chunks.queue_chunks(session, row, [pilot], most)
             session.flush()
             self._dispatcher.dispatch(session.connection(), [delivery_of(job) for job in jobs])
-            return _record(session, row)
+            record = _record(session, row)
+            if receipt is not None:
+                write_key(session.connection(), receipt.given, receipt.answer(record))
+            return record
 
     def get(self, sweep_id: str) -> SweepRecord:
         """Return a sweep, or raise :class:`SweepNotFoundError`."""

@@ -1,4 +1,4 @@
-"""The tables of the installation: API keys, live workers and services, calibrations."""
+"""The tables of the installation: API keys, answers kept, live workers and services, calibrations."""
 
 from sqlalchemy import BigInteger, CheckConstraint, String, Uuid, true
 from sqlalchemy.orm import Mapped, mapped_column
@@ -45,6 +45,21 @@ class WorkerRow(Base):
     seen_at: Mapped[float]
     is_warm: Mapped[bool] = mapped_column(default=True, server_default=true())
     """It takes jobs: it has loaded its compiled code, or has told in its log why it could not."""
+
+
+class IdempotencyKeyRow(Base):
+    """The answer to a request that a client may send twice, written with what the request made."""
+
+    __tablename__ = "idempotency_keys"
+
+    principal: Mapped[str] = mapped_column(primary_key=True)
+    """Id of the API key that sent it, empty without keys; no reference, so that API keys can be removed."""
+    key: Mapped[str] = mapped_column(String(255), primary_key=True)
+    fingerprint: Mapped[str]
+    status: Mapped[int]
+    headers: Mapped[Document]
+    body: Mapped[bytes]
+    created_at: Mapped[float] = mapped_column(index=True)
 
 
 class CalibrationRow(Base):

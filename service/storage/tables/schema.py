@@ -3,12 +3,13 @@
 from service.storage.tables.base import Base
 from service.storage.tables.examinations import ExaminationRow
 from service.storage.tables.jobs import AttemptRow, JobRow
-from service.storage.tables.operations import ApiKeyRow, CalibrationRow, WorkerRow
+from service.storage.tables.operations import ApiKeyRow, CalibrationRow, IdempotencyKeyRow, WorkerRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
 TABLES: tuple[type[Base], ...] = (
     ApiKeyRow,
+    IdempotencyKeyRow,
     WorkerRow,
     CalibrationRow,
     ExaminationRow,

@@ -95,12 +95,12 @@ def test_a_parameter_of_the_content_type_does_no_harm(client, media_type):
 
 
 @pytest.mark.parametrize("path", ["/v1/jobs", "/v1/sweeps", "/v1/validations"])
-@pytest.mark.parametrize("encoding", ["gzip", "zstd", "br", "identity, gzip", "GZIP"])
-def test_a_compressed_body_is_refused_with_what_would_be_accepted(client, path, encoding):
+@pytest.mark.parametrize("encoding", ["br", "gzip, zstd", "gzip, gzip", "x-gzip", "deflate"])
+def test_a_body_in_another_coding_is_refused_with_what_would_be_accepted(client, path, encoding):
     content = gzip.compress(json.dumps(STATE).encode())
     response = client.post(path, content=content, headers={**JSON, "Content-Encoding": encoding})
     refusal(response, 415, "unsupported_content_encoding")
-    assert response.headers["Accept-Encoding"] == "identity"
+    assert response.headers["Accept-Encoding"] == "zstd, gzip"
 
 
 @pytest.mark.parametrize("encoding", ["identity", "Identity", ""])

@@ -218,7 +218,7 @@ def test_a_page_that_is_too_long_is_told_with_the_other_faults(points):
 
 
 def test_other_formats_are_not_acceptable(points):
-    answer = points("application/x-npz")
+    answer = points("image/png")
     assert answer.status_code == 406
     assert NDJSON in answer.json()["detail"]
 

@@ -1,0 +1,94 @@
+"""Conditional requests (RFC 9110, 13; RFC 9111): strong entity tags, and what caches may keep."""
+
+import hashlib
+import re
+from collections.abc import Iterator, Mapping
+from functools import cache
+from http import HTTPStatus
+
+from fastapi import Request, Response
+
+from service.dynamics.numerics import NUMERICS
+from service.versions import version_of
+
+IMMUTABLE = "private, immutable, max-age=31536000"
+"""Of what never changes: caches need not ask again for a year."""
+REVALIDATE = "no-cache"
+"""Of what may change: caches keep it, and ask each time whether it has changed."""
+NO_STORE = "no-store"
+"""Of errors, and of what is different each time."""
+
+VOLATILE = ("/livez", "/readyz", "/metrics")
+"""Paths whose answers are different each time: nobody should keep them, and they have no tags."""
+
+REPRESENTATION = 1
+"""Grows whenever the same thing is written differently and the version of the package stays."""
+CODINGS = ("gzip", "zstd")
+"""Content codings of answers; each makes another representation, whose tag ends in its name."""
+_TAG_BYTES = 16
+_TAGS = re.compile(r'\s*(?:W/)?("[\x21\x23-\x7e\x80-\xff]*")\s*(?:,|\Z)')
+_CODED = re.compile(rf"-(?:{'|'.join(CODINGS)})\"\Z")
+
+
+def tag_of_thing(request: Request, media_type: str, *identity: object) -> str:
+    """Return the tag of an answer by what it is, known before the answer is made.
+
+    Parameters
+    ----------
+    request
+        Its path and query say what is asked for; the order of different parameters does not matter.
+    identity
+        What the stored thing is, and the version of everything in it that can change.
+    """
+    query = sorted(request.query_params.multi_items(), key=lambda pair: pair[0])
+    return _tag(repr((_ours(), request.url.path, query, media_type, identity)).encode())
+
+
+def tag_of_content(content: bytes) -> str:
+    """Return the tag of an answer by its bytes."""
+    return _tag(content)
+
+
+def coded(tag: str, coding: str) -> str:
+    """Return the tag of the same answer in a content coding: other bytes need another strong tag."""
+    return f'{tag[:-1]}-{coding}"'
+
+
+def matching_tag(header: str | None, tag: str) -> str | None:
+    """Return the tag of an If-None-Match header that names the current answer, in any coding; else None.
+
+    ``*`` names no tag: it matches whatever turns out to be there.
+    """
+    return next((each for each in _tags(header or "") if _CODED.sub('"', each) == tag), None)
+
+
+def unchanged(request: Request, tag: str, cache_control: str, **headers: str) -> Response | None:
+    """Return 304 if the client has the current answer already, before anything is read for it."""
+    known = matching_tag(request.headers.get("if-none-match"), tag)
+    if known is None:
+        return None
+    return Response(
+        status_code=HTTPStatus.NOT_MODIFIED, headers={**validators(known, cache_control), **headers}
+    )
+
+
+def validators(tag: str, cache_control: str) -> Mapping[str, str]:
+    """Return the headers by which a client can ask again."""
+    return {"ETag": tag, "Cache-Control": cache_control}
+
+
+def _tag(content: bytes) -> str:
+    return f'"{hashlib.blake2b(content, digest_size=_TAG_BYTES).hexdigest()}"'
+
+
+def _tags(header: str) -> Iterator[str]:
+    """Yield the tags of a list; weak ones too, since If-None-Match compares weakly."""
+    position = 0
+    while found := _TAGS.match(header, position):
+        yield found[1]
+        position = found.end()
+
+
+@cache
+def _ours() -> tuple[object, ...]:
+    return version_of("polhode"), REPRESENTATION, NUMERICS

@@ -1,0 +1,39 @@
+"""Tells what a stored solution is without reading its documents or arrays."""
+
+from dataclasses import dataclass
+
+from sqlalchemy import exists, select
+
+from service.jobs.errors import SolutionNotFoundError
+from service.storage.database.database import Database
+from service.storage.database.ids import is_id
+from service.storage.tables.base import table_of
+from service.storage.tables.solutions import SamplesRow, SolutionRow
+
+_SOLUTIONS, _SAMPLES = table_of(SolutionRow), table_of(SamplesRow)
+
+
+@dataclass(frozen=True, slots=True)
+class SolutionStanding:
+    """What decides which bytes an answer about a solution has."""
+
+    id: str
+    digest: str
+    """Of the problem and the numerics version that solved it."""
+    has_samples: bool
+    """False once retention has deleted them: made again, they may differ in their last digits."""
+
+
+def standing_of(database: Database, solution_id: str) -> SolutionStanding:
+    """Return what a solution is, or raise :class:`SolutionNotFoundError`."""
+    if not is_id(solution_id):
+        raise SolutionNotFoundError(solution_id)
+    has_samples = exists().where(_SAMPLES.c.solution_id == _SOLUTIONS.c.id)
+    statement = select(_SOLUTIONS.c.id, _SOLUTIONS.c.digest, has_samples).where(
+        _SOLUTIONS.c.id == solution_id
+    )
+    with database.read() as session:
+        found = session.execute(statement).one_or_none()
+    if found is None:
+        raise SolutionNotFoundError(solution_id)
+    return SolutionStanding(str(found[0]), found[1], bool(found[2]))

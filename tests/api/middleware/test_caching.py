@@ -1,0 +1,186 @@
+"""Asking again is free: each GET has a strong tag, and 304 exactly when nothing has changed."""
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from service.api.keys.access import ACCESS
+from service.api.replies.conditional import (
+    IMMUTABLE,
+    NO_STORE,
+    REVALIDATE,
+    VOLATILE,
+    coded,
+    matching_tag,
+    tag_of_content,
+)
+from service.storage.solutions.solution_store import SolutionStore
+from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.upkeep.retention import prune_samples
+from tests.support.api import PLANAR, STATE, finish, solve_job
+from tests.support.sweeps import SWEEP, finish_sweep
+
+STRONG = re.compile(r'"[0-9a-f]{32}(-gzip|-zstd)?"')
+CERTIFIED = {
+    **PLANAR,
+    "time": {"stop": 1, "samples": 3},
+    "accuracy": {"tier": "certified"},
+}
+ARRAYS = ("dense", "samples", "samples_if_kept")
+
+
+@pytest.fixture
+def places(client, jobs):
+    """A path of every route that GET has, for things that exist."""
+    certified = solve_job(client, jobs, CERTIFIED)
+    sweep = client.post("/v1/sweeps", json=SWEEP).json()
+    finish_sweep(jobs)
+    ids = {"job_id": certified["job"], "solution_id": certified["id"], "sweep_id": sweep["id"]}
+    return {path: path.format(**ids) for path, roles in ACCESS.items() if "GET" in roles}
+
+
+def ask_again(client, path, answer, **headers):
+    return client.get(path, headers={"If-None-Match": answer.headers["etag"], **headers})
+
+
+def test_every_get_answers_304_to_its_own_tag_and_to_no_other(client, places):
+    for template, path in places.items():
+        answer = client.get(path)
+        assert answer.status_code == 200, path
+        if template in VOLATILE:
+            assert answer.headers["cache-control"] == NO_STORE
+            assert "etag" not in answer.headers
+            continue
+        assert STRONG.fullmatch(answer.headers["etag"]), path
+        again = ask_again(client, path, answer)
+        assert (again.status_code, again.content) == (304, b""), path
+        for name in ("etag", "cache-control", "vary"):
+            assert again.headers.get(name) == answer.headers.get(name), (path, name)
+        assert client.get(path, headers={"If-None-Match": "*"}).status_code == 304
+        other = client.get(path, headers={"If-None-Match": '"another", W/"one"'})
+        assert (other.status_code, other.content) == (200, answer.content), path
+
+
+def test_every_get_has_a_head_with_the_same_headers_and_no_body(client, places):
+    for template, path in places.items():
+        answer, head = client.get(path), client.head(path)
+        assert (head.status_code, head.content) == (200, b""), path
+        if template not in VOLATILE:
+            changing = {"x-request-id", "content-length", "date"}
+            assert set(head.headers) - changing == set(answer.headers) - changing, path
+            assert head.headers["etag"] == answer.headers["etag"], path
+    missing = client.head("/v1/jobs/none")
+    assert (missing.status_code, missing.content) == (404, b"")
+
+
+def test_every_path_says_its_methods(client, places):
+    for template, path in {**places, "/v1/validations": "/v1/validations"}.items():
+        allowed = set(ACCESS[template]) | {"OPTIONS"} | ({"HEAD"} if "GET" in ACCESS[template] else set())
+        told = client.options(path)
+        assert (told.status_code, told.content) == (204, b"")
+        assert set(told.headers["allow"].split(", ")) == allowed, path
+        refused = client.request("TRACE", path)
+        assert refused.status_code == 405
+        assert set(refused.headers["allow"].split(", ")) == allowed, path
+    assert client.options("/v1/nothing").status_code == 404
+
+
+def test_what_never_changes_is_kept_and_what_may_change_is_asked_for(client, places, jobs):
+    immutable = {path for path in places if path.endswith(("/trajectory", "/enclosures", "/points"))}
+    assert len(immutable) == 3
+    for template, path in places.items():
+        if template not in VOLATILE and not template.startswith("/docs"):
+            expected = IMMUTABLE if template in immutable else REVALIDATE
+            assert client.get(path).headers["cache-control"] == expected, path
+    missing = client.get("/v1/jobs/none")
+    assert (missing.status_code, missing.headers["cache-control"]) == (404, NO_STORE)
+    assert "etag" not in missing.headers
+
+
+def test_304_reads_no_arrays(client, places, monkeypatch):
+    paths = [places[f"/v1/solutions/{{solution_id}}{part}"] for part in ("/trajectory", "/enclosures", "")]
+    paths += [f"{paths[0]}?stop=1&samples=5&columns=t,g1", places["/v1/sweeps/{sweep_id}/points"]]
+    answers = {path: client.get(path) for path in paths}
+    for store, names in ((SolutionStore, (*ARRAYS, "get")), (SweepStore, ("chunks", "data"))):
+        for name in names:
+            monkeypatch.setattr(store, name, None)  # whoever calls it, fails
+    for path, answer in answers.items():
+        assert ask_again(client, path, answer).status_code == 304, path
+        assert client.get(path).status_code == 500, path
+
+
+def test_another_format_query_or_solution_has_another_tag(client, stored, jobs):
+    path = f"/v1/solutions/{stored.solution_id}/trajectory"
+    assert client.post("/v1/jobs", json={**STATE, "time": {"stop": 3, "samples": 2}}).status_code == 202
+    other = finish(jobs)
+    answers = [
+        client.get(path),
+        client.get(path, headers={"Accept": "text/csv"}),
+        client.get(path, params={"columns": "t,g1"}),
+        client.get(path, params={"columns": "g1,t"}),
+        client.get(path, params={"stop": 3, "samples": 2}),
+        client.get(path, params={"stop": 3, "samples": 3}),
+        client.get(f"/v1/solutions/{other.solution_id}/trajectory"),
+    ]
+    tags = [answer.headers["etag"] for answer in answers]
+    assert len(set(tags)) == len(tags)
+    same = client.get(path, params={"samples": 2, "stop": 3}).headers["etag"]
+    assert same == answers[4].headers["etag"]
+    # A tag of JSON does not keep CSV from being sent.
+    assert ask_again(client, path, answers[0], Accept="text/csv").status_code == 200
+
+
+def test_samples_that_are_made_again_have_another_tag(client, stored, database):
+    path = f"/v1/solutions/{stored.solution_id}/trajectory"
+    first = client.get(path)
+    assert prune_samples(database, older_than_seconds=-60.0).solutions == 1
+    again = ask_again(client, path, first)
+    assert (again.status_code, again.headers["polhode-samples"]) == (200, "evaluated")
+    assert again.headers["etag"] != first.headers["etag"]
+
+
+def test_a_tag_changes_with_each_change_of_a_job_and_of_a_sweep(client, jobs):
+    job = client.post("/v1/jobs", json=STATE).json()
+    sweep = client.post("/v1/sweeps", json=SWEEP).json()
+    paths = [
+        f"/v1/jobs/{job['id']}",
+        "/v1/jobs",
+        f"/v1/sweeps/{sweep['id']}",
+        "/v1/sweeps",
+        f"/v1/sweeps/{sweep['id']}/points",
+    ]
+    answers = {path: client.get(path) for path in paths}
+    for path, answer in answers.items():
+        assert answer.headers["cache-control"] == REVALIDATE
+        assert ask_again(client, path, answer).status_code == 304, path
+    finish(jobs)
+    finish_sweep(jobs, chunks=1)
+    for path, answer in answers.items():
+        again = ask_again(client, path, answer)
+        assert (again.status_code, again.headers["etag"] != answer.headers["etag"]) == (200, True), path
+
+
+def test_a_bad_query_is_refused_although_a_tag_is_sent(client, stored):
+    path = f"/v1/solutions/{stored.solution_id}/trajectory"
+    for known in ("*", client.get(path).headers["etag"]):
+        refused = client.get(path, params={"columns": "t,x"}, headers={"If-None-Match": known})
+        assert refused.status_code == 422
+
+
+TAGS = st.binary(max_size=8).map(tag_of_content)
+
+
+@given(tag=TAGS, others=st.lists(TAGS), place=st.integers(0, 9), coding=st.sampled_from(["", "gzip", "zstd"]))
+def test_a_tag_is_found_anywhere_in_a_list(tag, others, place, coding):
+    own = coded(tag, coding) if coding else tag
+    rest = [other for other in others if other != tag]
+    assert matching_tag(", ".join(rest), tag) is None
+    listed = [*rest[:place], f"W/{own}", *rest[place:]]
+    assert matching_tag(" ,".join(listed), tag) == own
+
+
+@pytest.mark.parametrize("header", [None, "", "*", "x", '"', "W/", '"a" "b"', 'w/"a"', '"a'])
+def test_what_is_no_list_of_tags_matches_nothing(header):
+    assert matching_tag(header, '"b"') is None

@@ -1,0 +1,137 @@
+"""What every answer says of itself, and which pages may read it."""
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from service.api.keys.limits import TokenBucket
+from service.app import create_app
+from service.jobs.keys import Role
+from service.settings import Settings
+from service.storage.jobs.job_store import SqlJobStore
+from service.versions import version_of
+from tests.support.api import STATE, TestClient
+from tests.support.keys import make
+
+pytestmark = pytest.mark.any_database
+
+PAGE = {"Origin": "https://plots.example"}
+RATE = re.compile(r'"requests";r=(\d+);t=(\d+)')
+POLICY = re.compile(r'"requests";q=(\d+);w=(\d+)')
+
+
+@pytest.fixture
+def shared(sqlite_url, verdicts):
+    """A client of a service that lets pages of one origin read."""
+    settings = Settings(database_url=sqlite_url, cors_origins="https://a.example, https://plots.example")
+    with TestClient(create_app(settings, sandbox=verdicts)) as client:
+        yield client
+
+
+def test_every_answer_says_who_gives_it_and_to_which_request(client, monkeypatch):
+    monkeypatch.setattr(SqlJobStore, "cancel", None)  # whoever calls it, fails
+    job = client.post("/v1/jobs", json=STATE).json()
+    answers = [
+        client.get("/v1/jobs"),
+        client.post("/v1/jobs", json=STATE),
+        client.post("/v1/jobs", json={}),
+        client.post("/v1/jobs", content=b"{", headers={"Content-Type": "application/json"}),
+        client.get("/v1/nothing"),
+        client.delete("/v1/families"),
+        client.head("/v1/jobs"),
+        client.options("/v1/jobs"),
+        client.get("/v1/jobs", headers={"If-None-Match": "*"}),
+        client.get("/v1/jobs", headers={"Host": "evil.example"}),
+        client.get("/livez"),
+        client.post(f"/v1/jobs/{job['id']}/cancel"),
+    ]
+    statuses = [200, 202, 422, 400, 404, 405, 200, 204, 304, 403, 200, 500]
+    assert [answer.status_code for answer in answers] == statuses
+    for answer in answers:
+        assert answer.headers["server"] == f"polhode/{version_of('polhode')}"
+        assert answer.headers["x-request-id"]
+    ids = [answer.headers["x-request-id"] for answer in answers]
+    assert len(set(ids)) == len(ids)
+    assert client.get("/livez", headers={"X-Request-ID": "mine"}).headers["x-request-id"] == "mine"
+
+
+def test_as_many_requests_are_accepted_as_is_told(client, database, monkeypatch):
+    monkeypatch.setattr(client.app.state.resources.limits, "_clock", lambda: 1000.0)
+    header = make(database, Role.READ, requests_per_second=4.0)[1]
+    first = client.get("/v1/jobs", headers=header)
+    quota, window = map(int, POLICY.fullmatch(first.headers["ratelimit-policy"]).groups())
+    left, seconds = map(int, RATE.fullmatch(first.headers["ratelimit"]).groups())
+    assert (quota, window, left, seconds) == (4, 1, 3, 1)
+    answers = [client.get("/v1/jobs", headers=header) for _ in range(left + 1)]
+    assert [answer.status_code for answer in answers] == [200] * left + [429]
+    assert [answer.headers["ratelimit"] for answer in answers] == [
+        f'"requests";r={rest};t=1' for rest in (2, 1, 0, 0)
+    ]
+    assert "ratelimit" not in client.get("/livez").headers
+
+
+@given(rate=st.floats(0.01, 1e4), taken=st.integers(0, 40))
+def test_what_a_bucket_tells_is_what_it_gives(rate, taken):
+    bucket = TokenBucket(rate, 0.0)
+    for _ in range(taken):
+        bucket.take(0.0)
+    left, seconds = map(int, RATE.fullmatch(bucket.told()["RateLimit"]).groups())
+    quota = int(POLICY.fullmatch(bucket.told()["RateLimit-Policy"])[1])
+    assert [bucket.take(0.0) == 0.0 for _ in range(left + 1)] == [True] * left + [False]
+    fresh = TokenBucket(rate, 0.0)
+    for _ in range(taken):
+        fresh.take(0.0)
+    # After that time all are there again, but for a rounding of the sum.
+    later = seconds * (1 + 1e-9)
+    assert all(fresh.take(later) == 0.0 for _ in range(quota))
+
+
+def test_pages_of_other_origins_may_read_nothing_by_default(client):
+    preflight = {**PAGE, "Access-Control-Request-Method": "GET"}
+    for answer in (client.get("/v1/jobs", headers=PAGE), client.options("/v1/jobs", headers=preflight)):
+        assert not [name for name in answer.headers if name.startswith("access-control")]
+    assert client.post("/v1/jobs", json=STATE, headers=PAGE).status_code == 403
+
+
+def test_pages_of_chosen_origins_may_read_and_change(shared):
+    preflight = {
+        **PAGE,
+        "Access-Control-Request-Method": "POST",
+        "Access-Control-Request-Headers": "authorization",
+    }
+    asked = shared.options("/v1/jobs", headers=preflight)
+    assert (asked.status_code, asked.headers["access-control-allow-origin"]) == (204, PAGE["Origin"])
+    assert "POST" in asked.headers["access-control-allow-methods"].split(", ")
+    sent = asked.headers["access-control-allow-headers"].split(", ")
+    assert {"Authorization", "Content-Type", "Idempotency-Key", "If-None-Match"} <= set(sent)
+    cross = {**PAGE, "Sec-Fetch-Site": "cross-site"}
+    for answer in (shared.post("/v1/jobs", json=STATE, headers=cross), shared.get("/v1/none", headers=PAGE)):
+        assert answer.headers["access-control-allow-origin"] == PAGE["Origin"]
+        assert "access-control-allow-credentials" not in answer.headers
+        assert "ETag" in answer.headers["access-control-expose-headers"].split(", ")
+        assert "Origin" in answer.headers["vary"]
+
+
+@pytest.mark.parametrize("origin", ["https://evil.example", "null", "https://plots.example.evil.example", ""])
+def test_pages_of_no_other_origin_may(shared, origin):
+    preflight = {"Origin": origin, "Access-Control-Request-Method": "GET"}
+    for answer in (
+        shared.get("/v1/jobs", headers={"Origin": origin}),
+        shared.options("/v1/jobs", headers=preflight),
+        shared.get("/v1/jobs"),
+    ):
+        assert "access-control-allow-origin" not in answer.headers
+        assert "Origin" in answer.headers["vary"]
+    cross = {"Origin": origin, "Sec-Fetch-Site": "cross-site"}
+    assert shared.post("/v1/jobs", json=STATE, headers=cross).status_code == 403
+
+
+@pytest.mark.parametrize(
+    "text", ["*", "plots.example", "https://plots.example/", "https://A.example", "null"]
+)
+def test_what_is_no_origin_is_refused_as_a_setting(text):
+    with pytest.raises(ValidationError, match="is not an origin"):
+        Settings(cors_origins=text)
