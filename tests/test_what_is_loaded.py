@@ -96,7 +96,14 @@ def test_help_and_usage_of_a_worker_load_no_solver_and_no_database(arguments, co
 
 def test_the_parent_of_a_child_that_solves_loads_no_solver(tmp_path):
     loaded = modules_of("import workers.cli.solve, workers.process.tasks", tmp_path)
-    assert not loaded & (SOLVERS | WEB | {"alembic"})
+    assert loaded & (SOLVERS | WEB | STORE) == set()
+
+
+def test_the_children_of_a_worker_load_no_database(tmp_path):
+    loaded = modules_of(
+        "from workers.process import tasks\nfor name in tasks.PRELOAD: __import__(name)", tmp_path
+    )
+    assert loaded & (STORE | WEB | {"matplotlib", "rich", "pyarrow"}) == set()
 
 
 SERVING = """

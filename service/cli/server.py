@@ -28,7 +28,7 @@ def run_service(settings: Settings) -> None:
             from service.cli.http_server import serve_http  # noqa: PLC0415
         except BaseException:
             if workers is not None:
-                workers.kill()
+                workers.forgo()
             doorbell.close()
             raise
         serve_http(settings, listener, doorbell, workers)

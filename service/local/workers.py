@@ -56,11 +56,14 @@ class LocalWorkers:
             self._process.kill()
             self._keeper.join()
 
-    def kill(self) -> None:
-        """Kill the process now: for a worker that was not told yet that it may use the database."""
+    def forgo(self) -> None:
+        """Let a worker end that was not told yet that it may use the database, without a word of its own."""
         self._stopping.set()
-        self._process.kill()
-        self._keeper.join()
+        self._doorbell.close()
+        self._keeper.join(self._settings.grace_seconds + 5.0)
+        if self._keeper.is_alive():
+            self._process.kill()
+            self._keeper.join()
 
     def _start(self) -> "subprocess.Popen[bytes]":
         line = self._doorbell.new_line()

@@ -41,7 +41,7 @@ ROWS = (
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("commands", nargs="+", type=Path, metavar="POLHODE")
+    parser.add_argument("commands", nargs="+", type=absolute, metavar="POLHODE")
     parser.add_argument("--rounds", type=int, default=5)
     asked = parser.parse_args()
     measured = [measure(command) for _ in range(asked.rounds) for command in asked.commands]
@@ -50,6 +50,11 @@ def main() -> None:
         medians = [median(each[row] for each in measured[k::count]) for k in range(count)]
         ratios = " ".join(f"{value / medians[0]:.2f}x" for value in medians[1:])
         print(f"{name:<40}", *(f"{value:8.3f} s" for value in medians), ratios)  # noqa: T201
+
+
+def absolute(text: str) -> Path:
+    """Return the path; each run has a working folder of its own."""
+    return Path(text).absolute()
 
 
 def measure(command: Path) -> list[float]:

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from service.schemas.replies.accuracy import AccuracyTableModel
-from service.storage.solutions.accuracy_store import SHIPPED
+from service.storage.solutions.shipped_accuracy import SHIPPED
 from workers.calibration.measurement import FULL, calibrate
 from workers.calibration.whole_jobs import whole_jobs
 

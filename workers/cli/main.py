@@ -52,9 +52,6 @@ def run(
     wake_fd: Annotated[int | None, typer.Option(help="descriptor of the service's wake-up socket")] = None,
 ) -> None:
     """Compute queued jobs until stopped."""
-    from service.local.hosts import OtherHostError  # noqa: PLC0415
-    from service.storage.database.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
-    from service.storage.database.revisions import NewerSchemaError  # noqa: PLC0415
     from workers.process.tasks import COMPUTATIONS, PRELOAD, warm_up  # noqa: PLC0415
     from workers.process.worker import WorkerTasks, run_worker  # noqa: PLC0415
 
@@ -64,11 +61,22 @@ def run(
     try:
         if wake_fd is None:
             # Started alone. A service that starts workers migrates, and tells them when it has.
+            from service.storage.database.migration import migrate_or_explain  # noqa: PLC0415
+
             migrate_or_explain(settings.database_url, engine_name=settings.engine)
         run_worker(WorkerTasks(COMPUTATIONS, PRELOAD, warm_up), settings, slots=slots, wake_fd=wake_fd)
-    except (MigrationError, NewerSchemaError, OtherHostError) as fault:
+    except _reasons_to_end() as fault:
         say(str(fault))
         raise typer.Exit(_FAILED) from fault
+
+
+def _reasons_to_end() -> tuple[type[Exception], ...]:
+    """Return the faults that a message explains; asked, and loaded, only after a fault."""
+    from service.local.hosts import OtherHostError  # noqa: PLC0415
+    from service.storage.database.migration import MigrationError  # noqa: PLC0415
+    from service.storage.database.revisions import NewerSchemaError  # noqa: PLC0415
+
+    return MigrationError, NewerSchemaError, OtherHostError
 
 
 @app.command()

@@ -20,7 +20,7 @@ from service.jobs.outcome import Refused, Solved, SolveOutcome
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
 from service.storage.codecs.arrays import encode_arrays, encode_dense
-from service.storage.solutions.accuracy_store import shipped_table
+from service.storage.solutions.shipped_accuracy import shipped_table
 from service.verdicts.examination import Examined, examine_document
 from service.verdicts.kept_windows import read_windows
 from workers.computation.certification import beside_enclosures, certified_samples, with_tolerance_kept

@@ -5,9 +5,13 @@ once for all children; the worker, which only manages leases and children, start
 and restarts quickly after it was killed.
 """
 
+from typing import TYPE_CHECKING
+
 from service.jobs.outcome import ChunkOutcome, SolveOutcome
 from service.jobs.states import JobKind
-from workers.process.runner import Computations
+
+if TYPE_CHECKING:  # the children that load this module need no database
+    from workers.process.runner import Computations
 
 PRELOAD = ("workers.computation.compute", "workers.sweeping.warming", "workers.process.preloaded")
 """Modules for the fork server: what the functions here import, and at last one that loads compiled code."""
@@ -41,4 +45,4 @@ def warm_up() -> None:
     solve_problems()
 
 
-COMPUTATIONS: Computations = {JobKind.SOLVE: solve_problem, JobKind.CHUNK: solve_chunk}
+COMPUTATIONS: "Computations" = {JobKind.SOLVE: solve_problem, JobKind.CHUNK: solve_chunk}

@@ -2,7 +2,6 @@
 
 import logging
 from functools import cache
-from pathlib import Path
 
 from sqlalchemy import select
 
@@ -12,11 +11,10 @@ from service.schemas.replies.accuracy import AccuracyTableModel
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database
 from service.storage.database.ids import new_id
+from service.storage.solutions.shipped_accuracy import shipped_table
 from service.storage.tables.operations import CalibrationRow
 
 logger = logging.getLogger(__name__)
-
-SHIPPED = Path(__file__).with_name("shipped_accuracy.json")
 
 
 class AccuracyStore:
@@ -64,9 +62,3 @@ def _warn_outdated(date: str, numerics: int) -> None:
         numerics,
         NUMERICS,
     )
-
-
-@cache
-def shipped_table() -> AccuracyTable:
-    """Return the table that is shipped with this version, measured on the developers' machine."""
-    return AccuracyTableModel.model_validate_json(SHIPPED.read_bytes()).to_domain()

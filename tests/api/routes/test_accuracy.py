@@ -3,7 +3,8 @@
 import pytest
 
 from service.dynamics.accuracy import TIER_TOLERANCES
-from service.storage.solutions.accuracy_store import AccuracyStore, shipped_table
+from service.storage.solutions.accuracy_store import AccuracyStore
+from service.storage.solutions.shipped_accuracy import shipped_table
 from tests.support.accuracy import row, table
 
 pytestmark = pytest.mark.any_database

@@ -9,7 +9,8 @@ from sqlalchemy import func, select
 from service.dynamics.numerics import NUMERICS
 from service.schemas.replies.accuracy import AccuracyTableModel
 from service.storage.solutions import accuracy_store
-from service.storage.solutions.accuracy_store import AccuracyStore, shipped_table
+from service.storage.solutions.accuracy_store import AccuracyStore
+from service.storage.solutions.shipped_accuracy import shipped_table
 from service.storage.tables.operations import CalibrationRow
 from tests.support.accuracy import row, table
 
