@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from service.cli import doctor, documents, keys, serving, storage, sweeps
+from service.cli import doctor, documents, families, keys, serving, storage, sweeps
 from service.cli.common import REFUSED
 from service.dynamics.numerics import NUMERICS
 from service.terminal import FileFaultError, answer, say
@@ -28,6 +28,7 @@ for _command in (
     serving.migrate,
     documents.validate,
     documents.solve,
+    families.families,
     sweeps.sweep,
     documents.calibrate,
     doctor.doctor,

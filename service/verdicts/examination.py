@@ -13,7 +13,7 @@ from flint import ctx
 
 from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.named import Named
-from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
+from service.dynamics.problem import PlanarMotion, Problem, TimePeriods
 from service.dynamics.reduction.ends import require_known_ends
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.window import Window
@@ -61,7 +61,7 @@ def examine_question(document_json: str) -> str:
 def examine_problem(document_json: str, *, explains: bool = True) -> str:
     """Answer whether a problem can be solved as asked: ``{"verdict": …}`` or ``{"error": …}``, as JSON.
 
-    The error is what its job would end with. A motion from any state has no verdict: null. If there is
+    The error is what its job would end with. A motion that is not planar has no verdict: null. If there is
     no motion and ``explains`` is true, the answer has the λ for which motions exist.
     """
     return json.dumps(examine_document(json.loads(document_json), explains=explains).answer, allow_nan=False)
@@ -113,7 +113,7 @@ def _answer(document_json: str, judge: Callable[[object], Answer]) -> str:
 
 def _judge_question(document: object) -> Answer:
     question = read_question(document)
-    if question.problem is not None and isinstance(question.motion, StateMotion):
+    if question.problem is not None and not isinstance(question.motion, PlanarMotion):
         return {"verdict": None}
     verdict = decide(question.body, question.potential, _verdict_deadline())
     answer = verdict_document(question.body, verdict, question.potential)
@@ -190,7 +190,7 @@ def _judge_problem(
     searches: Searches,
 ) -> Answer:
     """Judge a problem; ``known`` remembers the verdicts on potentials."""
-    if isinstance(problem.motion, StateMotion):
+    if not isinstance(problem.motion, PlanarMotion):
         return {"verdict": None}
     assert isinstance(document, dict)
     setting = json.dumps([document["body"], document["potential"]])
