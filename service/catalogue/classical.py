@@ -13,8 +13,8 @@ def classical() -> list[ClassicalOut]:
 def example_of(case: ClassicalCase) -> dict[str, object]:
     """Return a problem document: two periods, or ten units of time where the motion does not close."""
     given: dict[str, object] = dict(case.example)
-    body = {name: given.pop(name) for name in ("A", "B", "C") if name in given}
-    centre = {name: given.pop(name) for name in ("a", "b", "c") if name in given}
+    body = {name: given.pop(name) for name in "ABC" if name in given}
+    centre = {name: given.pop(name) for name in "abc" if name in given}
     potential: dict[str, object] = {"type": "gravity", **centre}
     motion: dict[str, object] = {"type": "classical", "case": case.name, **given}
     time: dict[str, object] = {"periods": 2} if case.form == "loop" else {"stop": 10}

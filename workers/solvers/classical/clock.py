@@ -68,10 +68,11 @@ class Clock:
             low, high = np.where(misses < 0.0, theta, low), np.where(misses < 0.0, high, theta)
             following = theta - misses / (mean + np.cos(phases) @ (k * self.doubles))
             # A step that leaves the bracket is one of bisection.
-            following = np.where((following > low) & (following < high), following, 0.5 * (low + high))
+            following = np.where((following >= low) & (following <= high), following, 0.5 * (low + high))
             change = np.abs(following - theta)
             theta = following
-            if np.all(change <= 4e-16 * (1.0 + np.abs(theta))):
+            # Rounding alone is left once every angle moves by a few ulp.
+            if np.all(change <= 2e-15 * (1.0 + np.abs(theta))):
                 break
         return theta
 
