@@ -27,6 +27,7 @@ from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.problem import Question, read_problem, read_question
+from service.verdicts.classification import classification_of
 from service.verdicts.documents import (
     NAMELESS,
     Document,
@@ -117,6 +118,7 @@ def _judge_question(document: object) -> Answer:
         return {"verdict": None}
     verdict = decide(question.body, question.potential, _verdict_deadline())
     answer = verdict_document(question.body, verdict, question.potential)
+    answer["classical"] = classification_of(question)
     accepts = question.problem is not None and question.problem.problem.accept == "undecided"
     refusal = None if question.problem is None else refusal_of_verdict(verdict, answer, accepts)
     if refusal is not None:

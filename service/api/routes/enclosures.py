@@ -14,6 +14,7 @@ from service.api.replies.places import SolutionId
 from service.api.replies.responses import json_response, refusals
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, as_decimals, join
+from service.schemas.reading.balls import ONE_AT_A_TIME
 from service.schemas.replies.solution import EnclosureOut, EnclosuresOut
 from service.storage.codecs.arrays import decode_arrays
 
@@ -36,8 +37,9 @@ def get_enclosures(solution_id: SolutionId, inside: Inside) -> Response:
         raise ApiError(
             HTTPStatus.NOT_FOUND, "no_enclosures", "only solutions of the tier certified have enclosures"
         )
-    columns = {name: _enclosures(stored, name) for name in names}
-    times = _enclosures(stored, "t")
+    with ONE_AT_A_TIME:
+        columns = {name: _enclosures(stored, name) for name in names}
+        times = _enclosures(stored, "t")
     return json_response(EnclosuresOut(t=stored["t"].tolist(), times=times, columns=columns))
 
 

@@ -78,7 +78,7 @@ def _of_loop(placed: Placed) -> Residuals:
         columns = list(states.T)
         own = placed.own_state(columns[:3], columns[3:], speed, strength)
         found = dict(reduced.relations(reduced.constants, own))
-        return found | ({} if len(found) > 4 else {"|gamma|^2 - 1": _unit(states)})
+        return found | ({} if len(found) > 4 else {"|gamma|^2 - 1": unit_length(states)})
 
     return residuals
 
@@ -92,7 +92,7 @@ def _of_hess(placed: Placed) -> Residuals:
     def residuals(states: NDArray[np.complex128]) -> Mapping[str, NDArray[np.complex128]]:
         p, _, r = frame.axial(list(states.T)[:3])
         along = hess.momentum_along(A, C, a / G, c / G, p, r)
-        return {"momentum along the centre": along, "|gamma|^2 - 1": _unit(states)}
+        return {"momentum along the centre": along, "|gamma|^2 - 1": unit_length(states)}
 
     return residuals
 
@@ -104,11 +104,12 @@ def _of_staude(placed: Placed) -> Residuals:
     def residuals(states: NDArray[np.complex128]) -> Mapping[str, NDArray[np.complex128]]:
         columns = list(states.T)
         found = dict(staude.relations(moments, centre, columns[:3], columns[3:]))
-        return {**found, "|gamma|^2 - 1": _unit(states)}
+        return {**found, "|gamma|^2 - 1": unit_length(states)}
 
     return residuals
 
 
-def _unit(states: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def unit_length(states: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return |γ|² − 1, shape (n,)."""
     lengths: NDArray[np.complex128] = (states[:, 3:] ** 2).sum(axis=1) - 1.0
     return lengths

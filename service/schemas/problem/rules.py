@@ -4,6 +4,7 @@ Each rule reads as little as it needs, so that a fault elsewhere does not hide i
 """
 
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 
 from service.dynamics.body import RigidBody
 from service.dynamics.classical.catalogue import CASES
@@ -11,11 +12,13 @@ from service.dynamics.classical.place import place
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
 from service.schemas.problem.classical_motion import ClassicalMotionIn
+from service.schemas.problem.general_potential import GeneralIn
 from service.schemas.problem.motions import CURVE_FIELDS, curve_faults
 from service.schemas.problem.potential_model import PotentialModel
 from service.schemas.problem.potentials import MODELS, GravityIn
 from service.schemas.problem.sections import BodyIn, TimePeriodsIn
 from service.schemas.problem.tiers import TierIn
+from service.schemas.reading.balls import ONE_AT_A_TIME
 from service.schemas.reading.faults import Fault, fault_of
 
 
@@ -47,7 +50,9 @@ def read_setting(
         faults += map(fault_of, potential_in.text_errors())
     else:
         try:
-            potential = potential_in.to_domain(moments)
+            # The reference angle of the general solution is looked at in balls.
+            with ONE_AT_A_TIME if isinstance(potential_in, GeneralIn) else nullcontext():
+                potential = potential_in.to_domain(moments)
         except DynamicsError:
             faults += map(fault_of, potential_in.errors(moments))
     return body, potential
@@ -63,9 +68,10 @@ def _body_of_case(body: BodyIn, parts: Mapping[str, object], faults: list[Fault]
         return None
     centre = (potential.a, potential.b, potential.c)
     try:
-        placed = place(
-            motion.to_domain(centre), (body.A, body.B, body.C), allow_unphysical=body.allow_unphysical
-        )
+        with ONE_AT_A_TIME:
+            placed = place(
+                motion.to_domain(centre), (body.A, body.B, body.C), allow_unphysical=body.allow_unphysical
+            )
     except DynamicsError as error:
         faults.append(fault_of(error))
         return None

@@ -52,3 +52,26 @@ def test_a_planar_motion_still_needs_both_moments(client):
     document = {**EXAMPLES["goriatchev"], "motion": {"type": "planar", "lambda": 1}, "body": {"B": 1}}
     answer = client.post("/v1/jobs", json=document)
     assert {fault["pointer"] for fault in answer.json()["errors"]} >= {"/body/A", "/body/C"}
+
+
+@pytest.mark.parametrize("time", [{}, {"time": {"stop": 1, "samples": 2}}])
+def test_a_validation_tells_on_which_case_a_state_lies(client, time):
+    # q = 0 and a g3 = C p r, with p = 2/5 and r = 3/2: the motion of Bobylev and Steklov, of any areas.
+    document = {
+        "body": {"A": 2, "B": "3/2", "C": 1},
+        "potential": {"type": "gravity", "a": 1},
+        "motion": {"type": "state", "omega": ["2/5", 0, "3/2"], "gamma": [0, "4/5", "3/5"]},
+        **time,
+    }
+    answer = client.post("/v1/validations", json=document)
+    assert answer.status_code == 200, answer.json()
+    found = answer.json()["classical"]
+    assert found["on"] == ["bobylev_steklov"]
+    assert found["nearest"]["case"] == "bobylev_steklov"
+    assert found["nearest"]["distance"] <= 1e-15
+    assert [each["case"] for each in found["integrable"]] == [
+        "euler",
+        "lagrange",
+        "kovalevskaya",
+        "goriachev_chaplygin",
+    ]
