@@ -31,3 +31,9 @@ class CaseParameterError(DynamicsError):
     """A parameter is missing, or is none of this case."""
 
     code = "case_parameter"
+
+
+class NearSeparatrixError(DynamicsError):
+    """The motion is too close to a separatrix for its quadrature."""
+
+    code = "near_separatrix"

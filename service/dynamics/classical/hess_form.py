@@ -55,7 +55,9 @@ def place_hess(fitting: Fitting, motion: ClassicalMotion) -> Placed:
     reduced = hess.reduced(MB, G, h, areas if abs(areas) > ZERO_AREAS else arb(0))
     square = MA * MA * p * p + MB * MB * q * q + MC * MC * r * r
     place = square if len(reduced.V) == 4 else square.sqrt()
-    loop = next((each for each in loops(reduced) if _holds(each, place)), None)
+    # At rest the momentum has no angle to begin with: such a motion is integrated.
+    is_at_rest = bool(place == 0)
+    loop = None if is_at_rest else next((each for each in loops(reduced) if _holds(each, place)), None)
     return Placed(fitting, motion, start, reduced, loop, arb(1), arb(1))
 
 

@@ -13,6 +13,7 @@ from itertools import pairwise
 
 from flint import acb_poly, arb, ctx, fmpq
 
+from service.dynamics.classical.errors import NearSeparatrixError
 from service.dynamics.classical.reduced import Coefficients, Number, Reduced, State, divided, value
 
 BITS = 256
@@ -21,7 +22,7 @@ ROOT_BITS = 220
 """To which the ends are known."""
 SETTLED = arb(2) ** -100
 """Change of the period, relative, at which its sum has converged."""
-MOST_NODES = 2**14
+MOST_NODES = 2**11
 """Of the sum; a motion so close to a separatrix is not computed."""
 
 
@@ -78,6 +79,11 @@ class ReducedLoop:
         """Return dt/dθ at equidistant θ from 0 to 2π, the latter left out, and the error of their mean.
 
         The mean converges geometrically: nodes are doubled until it has settled.
+
+        Raises
+        ------
+        NearSeparatrixError
+            It has not with as many as there may be.
         """
         count, before, values = 16, None, dict[Fraction, arb]()
         while True:
@@ -92,8 +98,14 @@ class ReducedLoop:
             mean = sum(series, arb(0)) / count
             if before is not None:
                 change = abs(mean - before)
-                if change < SETTLED * mean or count >= MOST_NODES:
+                if change < SETTLED * mean:
                     return series, arb(change.abs_upper())
+                if count >= MOST_NODES:
+                    raise NearSeparatrixError(
+                        f"the motion is so close to a separatrix that {MOST_NODES} nodes do not give its "
+                        'period; accepted is the method "integration", with times',
+                        pointer="/motion",
+                    )
             before, count = mean, 2 * count
 
 
@@ -121,6 +133,10 @@ def _real_roots(coefficients: Coefficients) -> list[arb]:
     """Return the simple real roots; roots in pairs that cannot be told apart are none."""
     if len(coefficients) < 2:
         return []
-    found = acb_poly([arb(c) for c in coefficients]).roots(tol=arb(2) ** -ROOT_BITS, maxprec=4 * BITS)
+    try:
+        found = acb_poly([arb(c) for c in coefficients]).roots(tol=arb(2) ** -ROOT_BITS, maxprec=4 * BITS)
+    except ValueError:
+        # Two roots that are one, or nearly: a separatrix or an equilibrium, which no motion goes round.
+        return []
     # Isolated balls: one that meets the real axis holds a root and no other, hence not its conjugate.
     return [root.real for root in found if root.imag.contains(0)]

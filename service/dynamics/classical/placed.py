@@ -35,7 +35,7 @@ class Placed:
     reduced: Reduced | None
     """Of the forms ``loop`` and ``hess``; in balls."""
     loop: ReducedLoop | None
-    """None for steady rotations, and for motions of Hess whose momentum keeps its length."""
+    """None for steady rotations, and for Hess if the momentum keeps its length or is zero at first."""
     speed: arb
     """The client's angular velocities over those of the reduced motion."""
     strength: arb

@@ -81,6 +81,8 @@ class ClassicalCase:
     parameters: Mapping[str, str] = field(default_factory=dict)
     """Free parameters beside signs and phase, and their real ranges."""
     form: Form = "loop"
+    solutions: int = 1
+    """Bodies among which a field of the motion chooses."""
     is_scaled: bool = True
     """The motion is reduced in a unit of time of its own, and fitted to the centre."""
     is_descending: bool = False
@@ -99,7 +101,7 @@ class ClassicalCase:
             own |= {"phase": PHASE}
             own |= {} if self.name == "bobylev_steklov" else {"direction": DIRECTION}
             own |= {"sign": SIGN} if self.centre == "axis" else {}
-        if self.ratios is not None and len(self.ratios()) > 1:
+        if self.solutions > 1:
             own |= {"solution": "1 or 2: which of the bodies, if more than one moment is left out"}
         return own
 

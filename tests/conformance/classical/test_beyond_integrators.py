@@ -75,3 +75,10 @@ def test_hess_is_followed_with_any_areas_integral(omega: list[object]):
     assert found.cross_check.horizon > 5.0
     # Errors of the start grow by some hundred in so long.
     assert found.cross_check.disagreement < 1e-10
+
+
+def test_a_body_of_hess_that_starts_at_rest_is_integrated():
+    motion = {"omega": [0, 0, 0], "gamma": ["3/5", 0, "4/5"]}
+    found = solve(read_problem(document("hess", {"A": 3, "B": 2, "C": "3/2"}, {"a": 1, "c": 1}, motion)))
+    assert found.method == "integration"
+    assert found.error <= 1e-10

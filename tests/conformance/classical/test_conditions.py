@@ -224,3 +224,10 @@ def test_a_momentum_along_the_centre_is_refused_for_hess():
     assert [each[:2] for each in refusals(statement)] == [("/motion/omega", "case_parameter")]
     statement["motion"]["omega"][2] = "-3/5"
     assert placed(statement).start == placed(example("hess")).start
+
+
+@pytest.mark.parametrize("e", ["1", "-1"])
+def test_a_separatrix_and_an_equilibrium_are_not_real_motions_of_bobylev_and_steklov(e: str):
+    motion = {"p": "2/5", "energy": str(Fraction(e) + Fraction(4, 25))}
+    statement = document("bobylev_steklov", {"A": 2, "B": "3/2", "C": 1}, {"a": 1}, motion)
+    assert [each[:2] for each in refusals(statement)] == [("/motion/energy", "case_not_real")]

@@ -6,6 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from service.dynamics.classical.errors import NearSeparatrixError
 from service.dynamics.classical.relations import relations_of
 from service.dynamics.equations.euler_poisson import areas_integral, energy_integral
 from service.schemas.problem.problem import read_problem
@@ -174,3 +175,12 @@ def test_bobylev_and_steklov_have_any_areas_integral(h: str, areas: float):
     # 2 C p (h - C p^2)/a, along the motion.
     np.testing.assert_allclose(found, areas, atol=1e-13)
     assert Fraction(h) == read_problem(statement).motion.energy
+
+
+def test_next_to_a_separatrix_the_quadrature_is_refused_and_the_integration_is_not():
+    statement = example("bobylev_steklov")
+    energy = str(Fraction(4, 25) + 1 - Fraction(1, 10**12))
+    statement["motion"] = {**statement["motion"], "energy": energy}
+    with pytest.raises(NearSeparatrixError):
+        motion_of(statement)
+    assert motion_of(statement, method="integration").error <= 1e-10

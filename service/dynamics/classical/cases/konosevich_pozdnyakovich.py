@@ -85,6 +85,7 @@ CASE = ClassicalCase(
     centre="axis",
     condition=None,
     ratios=moments,
+    solutions=2,
     reduce=_reduce,
     example={"A": 1, "a": 1, "solution": 1},
     about=About(
