@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from service.cli import doctor, documents, keys, serving, storage, sweeps
+from service.cli import doctor, documents, families, keys, serving, storage, sweeps
 from service.cli.common import REFUSED, Command
 from service.dynamics.numerics import NUMERICS
 from service.terminal import FileFaultError, answer, say
@@ -30,6 +30,7 @@ for _command in (
     documents.validate,
     documents.solve,
     documents.atlas,
+    families.families,
     sweeps.sweep,
     documents.calibrate,
     doctor.doctor,

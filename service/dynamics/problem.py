@@ -80,6 +80,28 @@ class StateMotion:
     gamma: tuple[Fraction, Fraction, Fraction]
 
 
+Partial = tuple[Fraction | None, Fraction | None, Fraction | None]
+"""A vector of which one component may follow from the others."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClassicalMotion:
+    """A motion of the catalogue of classical cases; what a case does not take has its default."""
+
+    case: str
+    centre: tuple[Fraction, Fraction, Fraction]
+    """(a, b, c) of the potential a g1 + b g2 + c g3."""
+    phase: Fraction = Fraction(0)
+    direction: Sign = 1
+    sign: Sign = 1
+    solution: int | None = None
+    p: Fraction | None = None
+    energy: Fraction | None = None
+    spin: Fraction | None = None
+    omega: Partial | None = None
+    gamma: Partial | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class TimeSpan:
     """``samples`` equidistant times from ``start`` to ``stop``, both included."""
@@ -126,7 +148,7 @@ class Problem:
 
     body: RigidBody
     potential: Potential
-    motion: PlanarMotion | StateMotion
+    motion: PlanarMotion | StateMotion | ClassicalMotion
     time: Times
     accuracy: Accuracy
     method: Method

@@ -54,6 +54,7 @@ def verdict_document(body: RigidBody, verdict: Verdict, potential: Potential) ->
         "existence": None,
         "plan": None,
         "formulas": None,
+        "classical": None,
         "warnings": [asdict(notice) for notice in potential.notices],
     }
 

@@ -14,7 +14,7 @@ from flint import ctx
 
 from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.named import Named
-from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
+from service.dynamics.problem import PlanarMotion, Problem, TimePeriods
 from service.dynamics.reduction.ends import require_known_ends
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.window import Window
@@ -28,6 +28,7 @@ from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.problem import Question, read_problem, read_question
+from service.verdicts.classification import classification_of
 from service.verdicts.documents import (
     NAMELESS,
     Document,
@@ -61,7 +62,7 @@ def examine_question(document_json: str) -> str:
 def examine_problem(document_json: str, *, explains: bool = True) -> str:
     """Answer whether a problem can be solved as asked: ``{"verdict": …}`` or ``{"error": …}``, as JSON.
 
-    The error is what its job would end with. A motion from any state has no verdict: null. If there is
+    The error is what its job would end with. A motion that is not planar has no verdict: null. If there is
     no motion and ``explains`` is true, the answer has the λ for which motions exist.
     """
     return json.dumps(examine_document(json.loads(document_json), explains=explains).answer, allow_nan=False)
@@ -118,10 +119,11 @@ def answer_ping() -> str:
 
 def _judge_question(document: object) -> Answer:
     question = read_question(document)
-    if question.problem is not None and isinstance(question.motion, StateMotion):
+    if question.problem is not None and not isinstance(question.motion, PlanarMotion):
         return {"verdict": None}
     verdict = decide(question.body, question.potential, verdict_deadline())
     answer = verdict_document(question.body, verdict, question.potential)
+    answer["classical"] = classification_of(question)
     accepts = question.problem is not None and question.problem.problem.accept == "undecided"
     refusal = None if question.problem is None else refusal_of_verdict(verdict, answer, accepts)
     if refusal is not None:
@@ -186,7 +188,7 @@ def _require_asked(question: Question, motion: PlanarMotion, windows: tuple[Wind
 
 def _judge_problem(problem: Problem, kept: Kept, keys: Keys, searches: Searches) -> Answer:
     """Judge a problem, with what is ``kept`` under the keys of its verdict and of its windows."""
-    if isinstance(problem.motion, StateMotion):
+    if not isinstance(problem.motion, PlanarMotion):
         return {"verdict": None}
     of_verdict, of_windows = keys
     verdict = kept.verdict(of_verdict, problem.body, problem.potential)

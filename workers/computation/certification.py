@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from service.dynamics.bounds import is_within, largest
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS, Motion
-from service.dynamics.problem import Accuracy, Problem, StateMotion, TimePeriods
+from service.dynamics.problem import Accuracy, PlanarMotion, Problem, TimePeriods
 from service.dynamics.sampling import exact_instants
 from service.dynamics.solution.ball_columns import JOIN_BITS, RADIUS, parts_for, split
 from service.dynamics.solution.dense_output import Period
@@ -44,7 +44,7 @@ def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certifi
     CertifiedUnavailableError
         There is no enclosure of this kind of motion.
     """
-    if isinstance(problem.motion, StateMotion):
+    if not isinstance(problem.motion, PlanarMotion):
         raise DynamicsError("the certified tier is for planar motions", pointer="/accuracy/tier")
     found = _certify(problem, motion)
     parts = parts_for(problem.accuracy.bits)

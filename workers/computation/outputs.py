@@ -1,10 +1,12 @@
 """Computes the outputs beyond the six variables that a problem asks for."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from flint import ctx
 
+from service.dynamics.classical.relations import relations_of
 from service.dynamics.equations.euler_poisson import areas_integral
 from service.dynamics.further_integrals import (
     FurtherIntegral,
@@ -14,9 +16,10 @@ from service.dynamics.further_integrals import (
 from service.dynamics.motion import NO_CROSS_CHECK, Estimate, Motion
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.potentials.warning import Notice
-from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem
 from service.storage.codecs.summary import PROVEN_SAMPLES
 from workers.solvers.assembly.place import Place
+from workers.solvers.classical.solve import place_motion
 from workers.solvers.closed_form.lame import transverse_stability
 from workers.solvers.invariants import Drifts, measure_drifts
 from workers.solvers.orbits.orbit import make_orbit
@@ -51,13 +54,15 @@ class Findings:
     closed_trace: Estimate | None
     """The trace of the multipliers from Lamé's equation, where that is the one."""
     notices: tuple[Notice, ...]
+    relations: Mapping[str, float]
+    """Largest departure from each relation of a classical case, by its name."""
 
 
 def find_out(problem: Problem, motion: Motion) -> Findings:
     """Return what the problem's outputs ask for; raises what the solvers of its parts raise."""
     notices = list(problem.potential.notices)
     drifts, further, orientation = None, tuple[FurtherDrift, ...](), None
-    stability, closed_trace = None, None
+    stability, closed_trace, relations = None, None, dict[str, float]()
     if motion.enclosed_by is not None:
         between = motion.dense.error_at(motion.times)
         text = f"the samples are rounded from proven enclosures; between them errors are up to {between:.1e}"
@@ -67,6 +72,8 @@ def find_out(problem: Problem, motion: Motion) -> Findings:
     if "invariants" in problem.outputs:
         drifts = measure_drifts(problem.body, problem.potential, motion)
         further = _further(problem, motion)
+        if isinstance(problem.motion, ClassicalMotion):
+            relations = relations_of(place_motion(problem)).drifts(motion.samples)
     if "orientation" in problem.outputs:
         orientation = with_orientation(motion)
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
@@ -76,7 +83,7 @@ def find_out(problem: Problem, motion: Motion) -> Findings:
             closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
-    return Findings(drifts, further, orientation, stability, closed_trace, tuple(notices))
+    return Findings(drifts, further, orientation, stability, closed_trace, tuple(notices), relations)
 
 
 def _assess(problem: Problem, found: Place) -> Stability:

@@ -93,6 +93,7 @@ def _invariants(findings: Findings) -> Document | None:
     for found in findings.further:
         kind = found.integral.kind
         drifts[found.integral.name] = {"value": found.value, "drift": found.drift, "kind": kind}
+    drifts |= {f"relation: {name}": {"drift": drift} for name, drift in findings.relations.items()}
     return drifts
 
 

@@ -15,6 +15,7 @@ from service.api.replies.places import SolutionId
 from service.api.replies.responses import JSON, json_response, refusals
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, as_decimals, join
+from service.schemas.reading.balls import ONE_AT_A_TIME
 from service.schemas.replies.solution import EnclosureOut, EnclosuresOut
 from service.storage.codecs.arrays import decode_arrays
 from service.storage.solutions.standing import standing_of
@@ -41,8 +42,9 @@ def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) ->
         raise ApiError(
             HTTPStatus.NOT_FOUND, "no_enclosures", "only solutions of the tier certified have enclosures"
         )
-    columns = {name: _enclosures(stored, name) for name in names}
-    times = _enclosures(stored, "t")
+    with ONE_AT_A_TIME:
+        columns = {name: _enclosures(stored, name) for name in names}
+        times = _enclosures(stored, "t")
     document = EnclosuresOut(t=stored["t"].tolist(), times=times, columns=columns)
     return json_response(document, headers=validators(tag, IMMUTABLE))
 

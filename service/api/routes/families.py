@@ -5,6 +5,7 @@ from fastapi import APIRouter, Response
 from service.api.queries.queries import without_query
 from service.api.replies.responses import json_response, refusals
 from service.catalogue.cases import cases
+from service.catalogue.classical import classical
 from service.catalogue.families import families
 from service.schemas.replies.catalogue import FamiliesOut
 
@@ -13,5 +14,5 @@ router = APIRouter(prefix="/v1/families", tags=["families"])
 
 @router.get("", response_model=FamiliesOut, responses=refusals(), dependencies=[without_query])
 def list_families() -> Response:
-    """List the families and the named cases: conditions, parameters, sources, example problems."""
-    return json_response(FamiliesOut(items=families(), cases=cases()))
+    """List families, named and classical cases: conditions, parameters, sources, example problems."""
+    return json_response(FamiliesOut(items=families(), cases=cases(), classical=classical()))

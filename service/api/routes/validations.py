@@ -24,10 +24,12 @@ from service.api.verdicts.verdict_queue import Claimant
 from service.schemas.problem.budgets import seconds_of
 from service.schemas.problem.problem import CheckedProblem, Question, read_question
 from service.schemas.problem.sections import ProblemIn
+from service.schemas.reading.balls import ONE_AT_A_TIME
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.typesetting.equations import FORMATS, Format
+from service.verdicts.classification import classification_of
 from service.verdicts.documents import plan_document
 from service.verdicts.examination import examine_question
 
@@ -105,7 +107,7 @@ async def validate(
         verdict = await while_connected(request, _judged(inside, asked, query.formats, claimant))
     if whole is None:
         return json_response(VerdictOut.model_validate(verdict))
-    return await run_in_threadpool(_planned, inside, asked.document, whole, verdict)
+    return await run_in_threadpool(_planned, inside, asked, whole, verdict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,14 +137,16 @@ def _checked(content: bytes, settings: Settings) -> _Asked:
 
 def _planned(
     inside: Resources,
-    document: Mapping[str, object],
+    asked: _Asked,
     checked: CheckedProblem,
     verdict: Mapping[str, object] | None,
 ) -> Response:
     if verdict is None:
+        with ONE_AT_A_TIME:
+            found = classification_of(asked.question)
         plan = plan_document(checked.problem, None)
-        verdict = {**dict.fromkeys(VerdictOut.model_fields), "warnings": [], "plan": plan}
-    plan = _completed(inside, document, checked, verdict["plan"])
+        verdict = {**dict.fromkeys(VerdictOut.model_fields), "warnings": [], "plan": plan, "classical": found}
+    plan = _completed(inside, asked.document, checked, verdict["plan"])
     return json_response(VerdictOut.model_validate({**verdict, "plan": plan}))
 
 

@@ -3,11 +3,10 @@
 from pydantic import BaseModel
 
 from service.schemas.problem.motions import (
+    MOTIONS,
     EquatorStartIn,
-    PlanarMotionIn,
     PointStartIn,
     RestStartIn,
-    StateMotionIn,
 )
 from service.schemas.problem.potentials import MODELS
 from service.schemas.problem.sections import TimeListIn, TimePeriodsIn, TimeSpanIn
@@ -15,8 +14,7 @@ from service.schemas.problem.tiers import BudgetIn, TierIn, ToleranceIn
 
 MEMBERS: dict[str, type[BaseModel]] = {
     **MODELS,
-    "planar": PlanarMotionIn,
-    "state": StateMotionIn,
+    **MOTIONS,
     "equator": EquatorStartIn,
     "rest": RestStartIn,
     "point": PointStartIn,

@@ -1,11 +1,11 @@
-"""The `motion` of a problem document: planar on a curve, or from any initial state."""
+"""The `motion` of a problem document: planar on a curve, from any initial state, or a classical case."""
 
 from collections.abc import Iterator, Set
 from decimal import Context, Decimal
 from fractions import Fraction
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BaseModel, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from service.dynamics.problem import (
     PlanarMotion,
@@ -15,6 +15,7 @@ from service.dynamics.problem import (
     StartAtRest,
     StateMotion,
 )
+from service.schemas.problem.classical_motion import ClassicalMotionIn
 from service.schemas.reading.choices import TAG_MARK, WireModel, require_kind, tag_by_type
 from service.schemas.reading.numbers import Exact, Nonzero, Positive, Sign, WindowNumber, refuse
 
@@ -188,10 +189,17 @@ class StateMotionIn(WireModel):
         }
 
 
+MOTIONS: dict[str, type[BaseModel]] = {
+    "planar": PlanarMotionIn,
+    "state": StateMotionIn,
+    "classical": ClassicalMotionIn,
+}
+"""Classes of motions by their types."""
+
 MotionIn = Annotated[
-    Annotated[PlanarMotionIn, Tag(f"{TAG_MARK}planar")] | Annotated[StateMotionIn, Tag(f"{TAG_MARK}state")],
+    Annotated[PlanarMotionIn, Tag(f"{TAG_MARK}planar")]
+    | Annotated[StateMotionIn, Tag(f"{TAG_MARK}state")]
+    | Annotated[ClassicalMotionIn, Tag(f"{TAG_MARK}classical")],
     Discriminator(tag_by_type),
-    BeforeValidator(
-        require_kind(("planar", "state"), models={"planar": PlanarMotionIn, "state": StateMotionIn})
-    ),
+    BeforeValidator(require_kind(tuple(MOTIONS), models=MOTIONS)),
 ]

@@ -9,10 +9,12 @@ from functools import cached_property
 from service.dynamics.body import RigidBody
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.problem import PlanarMotion, Problem, StateMotion
+from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem, StateMotion
+from service.schemas.problem.classical_motion import ClassicalMotionIn
 from service.schemas.problem.members import MEMBERS
 from service.schemas.problem.motions import PlanarMotionIn, StateMotionIn
 from service.schemas.problem.potential_model import PotentialModel
+from service.schemas.problem.potentials import GravityIn
 from service.schemas.problem.rules import combination_faults, read_setting
 from service.schemas.problem.sections import (
     OUTPUTS,
@@ -56,7 +58,7 @@ class Question:
 
     body: RigidBody
     potential: Potential
-    motion: PlanarMotion | StateMotion | None
+    motion: PlanarMotion | StateMotion | ClassicalMotion | None
     problem: CheckedProblem | None = None
     """The whole problem, if motion and times are given."""
     stated: PotentialModel | None = None
@@ -110,8 +112,8 @@ def read_question(document: object) -> Question:
     if body is None or potential is None or reading.faults:
         raise InvalidProblemError(each_once(reading.faults))
     motion_in, points = reading.parts.get("motion"), reading.parts.get("points")
-    motion = motion_in.to_domain() if isinstance(motion_in, PlanarMotionIn | StateMotionIn) else None
     stated = reading.parts.get("potential")
+    motion = motion_of(motion_in, stated)
     question = Question(body, potential, motion, reading.problem())
     if isinstance(stated, PotentialModel):
         question = replace(question, stated=stated)
@@ -142,7 +144,7 @@ class _Reading:
                 {
                     "body": BodyIn() as body_in,
                     "potential": PotentialModel() as potential_in,
-                    "motion": (PlanarMotionIn() | StateMotionIn()) as motion_in,
+                    "motion": (PlanarMotionIn() | StateMotionIn() | ClassicalMotionIn()) as motion_in,
                     "time": (TimeSpanIn() | TimePeriodsIn() | TimeListIn()) as time_in,
                     "accuracy": (ToleranceIn() | TierIn() | BudgetIn()) as accuracy_in,
                     "method": ("auto" | "quadrature" | "integration" | "both") as method,
@@ -151,10 +153,13 @@ class _Reading:
                 },
             ):
                 outputs = tuple(name for name in OUTPUTS if name in wanted)
+                motion = motion_of(motion_in, potential_in)
+                if motion is None:
+                    return None
                 problem = Problem(
                     body,
                     potential,
-                    motion_in.to_domain(),
+                    motion,
                     time_in.to_domain(),
                     accuracy_in.to_domain(),
                     method,
@@ -179,6 +184,13 @@ class _Reading:
 
                 return CheckedProblem(problem, canonical)
         return None
+
+
+def motion_of(motion: object, potential: object) -> PlanarMotion | StateMotion | ClassicalMotion | None:
+    """Return the motion; that of a classical case knows the centre of its potential."""
+    if isinstance(motion, ClassicalMotionIn) and isinstance(potential, GravityIn):
+        return motion.to_domain((potential.a, potential.b, potential.c))
+    return motion.to_domain() if isinstance(motion, PlanarMotionIn | StateMotionIn) else None
 
 
 def _read(document: object, model: type[ProblemIn | ValidationIn]) -> _Reading:

@@ -4,15 +4,21 @@ Each rule reads as little as it needs, so that a fault elsewhere does not hide i
 """
 
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 
 from service.dynamics.body import RigidBody
+from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.place import place
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
+from service.schemas.problem.classical_motion import ClassicalMotionIn
+from service.schemas.problem.general_potential import GeneralIn
 from service.schemas.problem.motions import CURVE_FIELDS, curve_faults
 from service.schemas.problem.potential_model import PotentialModel
-from service.schemas.problem.potentials import MODELS
+from service.schemas.problem.potentials import MODELS, GravityIn
 from service.schemas.problem.sections import BodyIn, TimePeriodsIn
 from service.schemas.problem.tiers import TierIn
+from service.schemas.reading.balls import ONE_AT_A_TIME
 from service.schemas.reading.faults import Fault, fault_of
 
 
@@ -23,23 +29,65 @@ def read_setting(
     body, moments, potential = None, None, None
     body_in, potential_in = parts.get("body"), parts.get("potential")
     if isinstance(body_in, BodyIn):
-        # Rules between the parts are checked even if no body has the given moments.
-        moments = RigidBody(body_in.A, body_in.B, body_in.C, allow_unphysical=True)
-        faults += _motion_faults(moments, document, parts)
-        try:
-            body = body_in.to_domain()
-        except DynamicsError as error:
-            faults.append(fault_of(error))
+        if _motion_kind(document) == "classical":
+            # Without its motion, and the centre of the potential, a body that leaves moments out is none.
+            body = moments = _body_of_case(body_in, parts, faults)
+        elif body_in.A is None or body_in.C is None:
+            faults += _moments_missing(document)
+        else:
+            # Rules between the parts are checked even if no body has the given moments.
+            moments = RigidBody(body_in.A, body_in.B, body_in.C, allow_unphysical=True)
+            faults += _motion_faults(moments, document, parts)
+            try:
+                body = RigidBody(body_in.A, body_in.B, body_in.C, body_in.allow_unphysical)
+            except DynamicsError as error:
+                faults.append(fault_of(error))
+    else:
+        faults += _moments_missing(document)
     if not isinstance(potential_in, PotentialModel):
         faults += _faults_of_unread(document, moments)
     elif moments is None:
         faults += map(fault_of, potential_in.text_errors())
     else:
         try:
-            potential = potential_in.to_domain(moments)
+            # The reference angle of the general solution is looked at in balls.
+            with ONE_AT_A_TIME if isinstance(potential_in, GeneralIn) else nullcontext():
+                potential = potential_in.to_domain(moments)
         except DynamicsError:
             faults += map(fault_of, potential_in.errors(moments))
     return body, potential
+
+
+def _body_of_case(body: BodyIn, parts: Mapping[str, object], faults: list[Fault]) -> RigidBody | None:
+    """Return the body of a classical motion with all its moments; add the faults of both."""
+    motion, potential = parts.get("motion"), parts.get("potential")
+    if isinstance(potential, PotentialModel) and not isinstance(potential, GravityIn):
+        message = "a classical motion needs a potential of the type gravity: a*g1 + b*g2 + c*g3"
+        faults.append(Fault("/potential/type", "case_needs_gravity", message))
+    if not isinstance(motion, ClassicalMotionIn) or not isinstance(potential, GravityIn):
+        return None
+    centre = (potential.a, potential.b, potential.c)
+    try:
+        with ONE_AT_A_TIME:
+            placed = place(
+                motion.to_domain(centre), (body.A, body.B, body.C), allow_unphysical=body.allow_unphysical
+            )
+    except DynamicsError as error:
+        faults.append(fault_of(error))
+        return None
+    return placed.body
+
+
+def _moments_missing(document: object) -> Iterator[Fault]:
+    """Yield a fault for A and C where they were left out: only for a classical motion can they follow."""
+    match document:
+        case {"body": dict(body)} if _motion_kind(document) != "classical":
+            for name in ("A", "C"):
+                if name not in body:
+                    yield Fault(f"/body/{name}", "missing_field", f'"{name}" is missing')
+                elif body[name] is None:
+                    message = 'a number, or a string such as "17/10", is expected'
+                    yield Fault(f"/body/{name}", "invalid_number", message)
 
 
 def _faults_of_unread(document: object, moments: RigidBody | None) -> Iterator[Fault]:
@@ -92,7 +140,10 @@ def combination_faults(document: object, parts: Mapping[str, object]) -> Iterato
             'a state motion has no known period; accepted are {"start", "stop", "samples"} and {"times"}'
         )
         yield Fault("/time/periods", "period_needed", message)
-    if kind == "planar" and method == "integration" and in_periods:
+    if kind == "classical" and in_periods and not _closes(document):
+        message = 'this case does not close; accepted are {"start", "stop", "samples"} and {"times"}'
+        yield Fault("/time/periods", "period_needed", message)
+    if kind in ("planar", "classical") and method == "integration" and in_periods:
         message = (
             'an integration finds no period; accepted are {"start", "stop", "samples"}, {"times"} '
             "and the methods auto, quadrature and both"
@@ -104,14 +155,18 @@ def _planar_only(kind: str | None, parts: Mapping[str, object]) -> Iterator[Faul
     """Yield a fault for each request that only the quadrature of planar motions can meet."""
     accuracy, outputs = parts.get("accuracy"), parts.get("outputs")
     is_integrated = kind == "state" or parts.get("method") == "integration"
-    if is_integrated and isinstance(accuracy, TierIn) and accuracy.tier == "certified":
+    if (
+        (is_integrated or kind == "classical")
+        and isinstance(accuracy, TierIn)
+        and accuracy.tier == "certified"
+    ):
         message = (
             "the tier certified needs the quadrature of a planar motion; the most accurate one here is high"
         )
         yield Fault("/accuracy/tier", "tier_needs_quadrature", message)
     asked = outputs if isinstance(outputs, list) else []
-    if kind == "state" and "stability" in asked:
-        message = "stability is of planar motions; leave it out for a state motion"
+    if kind in ("state", "classical") and "stability" in asked:
+        message = f"stability is of planar motions; leave it out for a {kind} motion"
         yield Fault(f"/outputs/{asked.index('stability')}", "output_needs_planar_motion", message)
     if is_integrated and "period" in asked:
         message = (
@@ -126,6 +181,14 @@ def _motion_kind(document: object) -> str | None:
         case {"motion": {"type": str(kind)}}:
             return kind
     return None
+
+
+def _closes(document: object) -> bool:
+    """Tell whether the motion is of a classical case that is periodic."""
+    match document:
+        case {"motion": {"case": str(name)}} if name in CASES:
+            return CASES[name].form == "loop"
+    return True
 
 
 def _is_given(document: object, field: str) -> bool:

@@ -5,7 +5,6 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from service.dynamics.body import RigidBody
 from service.dynamics.problem import TimeList, TimePeriods, Times, TimeSpan
 from service.schemas.problem.motions import MotionIn
 from service.schemas.problem.potentials import PotentialIn
@@ -43,24 +42,26 @@ DEFAULT_OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega")
 class BodyIn(WireModel):
     """Principal moments of inertia at the fixed point."""
 
-    A: Moment = Field(description="About the first axis, > 0; any unit, the same for all three.")
+    A: Moment | None = Field(
+        default=None,
+        description="About the first axis, > 0; any unit, the same for all three. Only for classical motions"
+        " a moment that follows from the others may be left out.",
+    )
     B: Moment | None = Field(
         default=None,
         description="About the second axis, > 0. Needed for integration, stability and state motions.",
     )
-    C: Moment = Field(description="About the third axis, > 0. Planar motions need A ≠ C.")
+    C: Moment | None = Field(
+        default=None, description="About the third axis, > 0; as A. Planar motions need A ≠ C."
+    )
     allow_unphysical: bool = Field(default=False, description="Accept moments that no body can have.")
-
-    def to_domain(self) -> RigidBody:
-        """Return the body, or raise :class:`UnphysicalInertiaError`."""
-        return RigidBody(self.A, self.B, self.C, self.allow_unphysical)
 
     def canonical(self) -> dict[str, object]:
         """Return the document with every field."""
         return {
-            "A": str(self.A),
+            "A": None if self.A is None else str(self.A),
             "B": None if self.B is None else str(self.B),
-            "C": str(self.C),
+            "C": None if self.C is None else str(self.C),
             "allow_unphysical": self.allow_unphysical,
         }
 
@@ -90,7 +91,7 @@ class TimeSpanIn(WireModel):
 
 
 class TimePeriodsIn(WireModel):
-    """``samples`` equidistant times over ``periods`` periods from 0; planar motions only."""
+    """``samples`` equidistant times over ``periods`` periods from 0; planar and classical motions only."""
 
     periods: Periods = Field(description="Number of periods, > 0; a fraction is accepted.")
     samples: Samples = Field(description="Number of times.")

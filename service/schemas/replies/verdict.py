@@ -231,6 +231,39 @@ class ExistenceOut(ResponseModel):
     )
 
 
+class NearCaseOut(ResponseModel):
+    """A classical case that the body has, and a state."""
+
+    case: str = Field(description="As in the catalogue of `GET /v1/families`.")
+    distance: float | None = Field(
+        description="From the state of the case to which Newton's least steps onto its relations lead, in the"
+        " six variables: never less than the true distance. Null if they lead nowhere."
+    )
+    is_on: bool = Field(description="The distance is at most 1e-12 (of the state, if that is longer than 1).")
+    relations: dict[str, float | None] = Field(
+        description="What each relation leaves at the state; null where it has no value."
+    )
+
+
+class IntegrableOut(ResponseModel):
+    """An integrable case."""
+
+    case: Literal["euler", "lagrange", "kovalevskaya", "goriachev_chaplygin"] = Field(description="The case.")
+    holds: bool = Field(description="Whether all its conditions hold.")
+    residuals: dict[str, float] = Field(description="What is left of each condition, relative.")
+
+
+class ClassificationOut(ResponseModel):
+    """On which classical or integrable cases a state lies."""
+
+    on: list[str] = Field(description="Those on which it lies, classical ones first.")
+    nearest: NearCaseOut | None = Field(description="The nearest classical case of the body.")
+    cases: list[NearCaseOut] = Field(
+        description="Every classical case whose condition the body satisfies, the nearest first."
+    )
+    integrable: list[IntegrableOut] = Field(description="The integrable cases.")
+
+
 class VerdictOut(ResponseModel):
     """Whether a potential admits the planar motions, and how that is known."""
 
@@ -262,5 +295,9 @@ class VerdictOut(ResponseModel):
     )
     formulas: list[FormulaOut] | None = Field(
         description="With `?formulas=`: the formulas of this answer, ready to be shown; else null."
+    )
+    classical: ClassificationOut | None = Field(
+        description="Of a state (a motion of the type state, with all moments) in a potential of the type"
+        " gravity: the classical and integrable cases it lies on, or is near; else null."
     )
     warnings: list[NoticeOut] = Field(description="Warnings about the potential; often empty.")

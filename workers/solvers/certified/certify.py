@@ -13,7 +13,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.motion import EnclosureMethod
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.recognition.three_terms import recognise
-from service.dynamics.problem import PlanarMotion, StateMotion
+from service.dynamics.problem import ClassicalMotion, PlanarMotion, StateMotion
 from service.dynamics.reduction.geometry.loop import ball, make_loop
 from workers.solvers.assembly.description import SYMMETRIC_POLE_PASSAGE
 from workers.solvers.certified.by_integral import FindArc, motion_by_integral, periodic_window
@@ -64,7 +64,7 @@ class _Motion(Protocol):
 def certify(
     body: RigidBody,
     potential: Potential,
-    motion: PlanarMotion | StateMotion,
+    motion: PlanarMotion | StateMotion | ClassicalMotion,
     times: Sequence[Fraction],
     bits: int,
     *,

@@ -7,10 +7,11 @@ from typing import Literal
 from service.dynamics.body import RigidBody
 from service.dynamics.motion import EnclosureMethod, Motion
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.problem import PlanarMotion, Problem, StateMotion
+from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem, StateMotion
 from service.dynamics.sampling import sample_times
 from workers.solvers.assembly.place import Declined, Place, periodic_place
 from workers.solvers.certified.certify import Certified, certify
+from workers.solvers.classical.solve import solve_classical
 from workers.solvers.compiled.family import arc_in_doubles
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.solve import integrate_state
@@ -61,6 +62,8 @@ def find_motion(problem: Problem) -> Motion:
         One class per cause; the families name theirs.
     """
     motion = problem.motion
+    if isinstance(motion, ClassicalMotion):
+        return solve_classical(problem, integrates=problem.method == "integration")
     if isinstance(motion, StateMotion):
         return _integrate(problem, motion.omega, motion.gamma)
     if "integration" in choose(problem, "periodic").asked:
@@ -72,7 +75,7 @@ def find_motion(problem: Problem) -> Motion:
 def enclose(
     body: RigidBody,
     potential: Potential,
-    motion: PlanarMotion | StateMotion,
+    motion: PlanarMotion | StateMotion | ClassicalMotion,
     times: Sequence[Fraction],
     bits: int,
     *,

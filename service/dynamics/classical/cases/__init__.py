@@ -1,0 +1,1 @@
+"""The cases, one to a module: conditions, relations and reduced motion."""

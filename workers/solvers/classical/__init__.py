@@ -1,0 +1,1 @@
+"""Computes the classical motions by their reduced quadratures."""

@@ -1,0 +1,178 @@
+"""Computes a classical motion: by the quadrature of its case, or by integration from its state at time 0."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+from flint import ctx
+from numpy.typing import NDArray
+
+from service.dynamics.bounds import largest
+from service.dynamics.classical.loop import BITS
+from service.dynamics.classical.place import place
+from service.dynamics.classical.placed import Placed
+from service.dynamics.classical.relations import relations_of
+from service.dynamics.motion import COLUMNS, Asymptote, Estimate, Motion
+from service.dynamics.problem import ClassicalMotion, Problem
+from service.dynamics.sampling import SampleTimes, sample_times
+from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
+from workers.solvers.assembly.dense import nothing_resolved, resolve_motion
+from workers.solvers.classical.curve import Curve
+from workers.solvers.classical.momentum import Momentum, error_of
+from workers.solvers.classical.steady import constant
+from workers.solvers.evidence import with_claim_shown
+from workers.solvers.integration.solve import integrate_state
+
+FloatArray = NDArray[np.float64]
+
+RESOLVED = 1e-14
+"""Of the pieces of the function of time, unless the samples are known to less."""
+STATE_ROUNDING = 2.0**-180
+"""Of the state at time 0, relative."""
+DISTANCE = "distance_from_relations"
+"""Key of the evidence: the largest distance of a sample from the relations of the case, to first order."""
+
+
+def place_motion(problem: Problem) -> Placed:
+    """Return the classical motion of a problem, placed in its body."""
+    assert isinstance(problem.motion, ClassicalMotion)
+    body = problem.body
+    return place(problem.motion, (body.A, body.B, body.C), allow_unphysical=body.allow_unphysical)
+
+
+def solve_classical(problem: Problem, *, integrates: bool) -> Motion:
+    """Return the motion by its quadrature, or, if ``integrates`` or there is none, by integration.
+
+    Raises
+    ------
+    CaseError classes, AccuracyNotMetError, DynamicsError
+        As :func:`.place` and :func:`.integrate_state` do.
+    """
+    placed = place_motion(problem)
+    if integrates or (placed.loop is None and placed.case.form == "hess"):
+        motion = _integrated(problem, placed)
+    elif placed.case.form == "steady":
+        motion = _steady(problem, placed)
+    elif placed.case.form == "hess":
+        motion = _of_hess(problem, placed)
+    else:
+        motion = _of_loop(problem, placed)
+    return _with_relations(placed, motion)
+
+
+def _integrated(problem: Problem, placed: Placed) -> Motion:
+    times = sample_times(problem.time, None)
+    omega, gamma = placed.start.omega, placed.start.gamma
+    return integrate_state(
+        problem.body,
+        problem.potential,
+        omega,
+        gamma,
+        times.doubles,
+        tolerance=problem.tolerance,
+        rests=times.rests,
+    )
+
+
+def _steady(problem: Problem, placed: Placed) -> Motion:
+    times = _asked(problem, None)
+    motion = _motion(problem, placed, constant(placed, _span(times)), times)
+    g1, g2, g3 = (float(g) for g in placed.start.gamma)
+    limit = Asymptote("equilibrium", None, None, (g1, g2, g3))
+    return replace(motion, aperiodic="equilibrium", past=limit, future=limit)
+
+
+def _of_loop(problem: Problem, placed: Placed) -> Motion:
+    curve = Curve.of(placed)
+    with ctx.workprec(BITS):
+        length = curve.period
+        hi = float(length)
+        lo = float(length - hi)
+        turns = length / curve.clock.mean
+        error = float((curve.clock.error * turns).abs_upper()) + float(np.spacing(abs(lo)))
+    period: Period | None = Period(hi, lo, error)
+    own = curve.error()
+    if problem.wants_series:
+        found = resolve_motion(curve.sample, (0.0, hi), np.zeros(0), scale=hi, atol=max(RESOLVED, 0.25 * own))
+    else:
+        found = nothing_resolved(hi)
+    columns = COLUMNS[: found.coefficients.shape[2]]
+    asked = _asked(problem, period)
+    if "orientation" in problem.outputs:
+        # What the attitude gains in a period is known of planar motions alone: it needs all the asked times.
+        span = _span(asked)
+        found = resolve_motion(curve.sample, span, np.zeros(0), scale=hi, atol=max(RESOLVED, 0.25 * own))
+        period, own = None, own + found.moved(4.0 * EPSILON * max(map(abs, span)))
+    dense = DenseOutput(columns, found.breaks, found.coefficients, period, found.error + own)
+    motion = _motion(problem, placed, dense, asked)
+    nodes = float(len(curve.clock.doubles))
+    return replace(
+        motion, evidence={**motion.evidence, "terms_of_time": nodes, "pieces": len(found.breaks) - 1}
+    )
+
+
+def _of_hess(problem: Problem, placed: Placed) -> Motion:
+    times = _asked(problem, None)
+    span = _span(times)
+    momentum = Momentum.of(placed, span)
+    own = error_of(placed, momentum, span)
+    found = resolve_motion(
+        momentum.sample, span, np.zeros(0), scale=span[1] - span[0], atol=max(RESOLVED, 0.25 * own)
+    )
+    dense = DenseOutput(COLUMNS, found.breaks, found.coefficients, None, found.error + own)
+    motion = _motion(problem, placed, dense, times)
+    return replace(motion, evidence={**motion.evidence, "pieces": len(found.breaks) - 1})
+
+
+def _asked(problem: Problem, period: Period | None) -> SampleTimes:
+    if not problem.wants_series:
+        return SampleTimes(np.zeros(0), np.zeros(0))
+    return sample_times(problem.time, period)
+
+
+def _span(times: SampleTimes) -> tuple[float, float]:
+    first, last = float(times.doubles.min(initial=0.0)), float(times.doubles.max(initial=0.0))
+    return (first, last) if first < last else (first, first + 1.0)
+
+
+def _motion(problem: Problem, placed: Placed, dense: DenseOutput, asked: SampleTimes) -> Motion:
+    times, rests = asked.doubles, asked.rests
+    samples = dense(times, rests) if len(times) else np.zeros((0, len(COLUMNS)))
+    motion = Motion(
+        method="quadrature",
+        dense=dense,
+        times=times,
+        samples=samples,
+        error=dense.error_at(times) if len(times) else 0.0,
+        energy=_energy(problem, placed),
+        window=None,
+        aperiodic=None,
+        past=None,
+        future=None,
+        cross_check=None,
+        conventions=(),
+        evidence={"case": placed.case.name},
+        rests=rests,
+    )
+    return with_claim_shown(problem.body, problem.potential, motion)
+
+
+def _energy(problem: Problem, placed: Placed) -> Estimate:
+    """Return the energy of the state at time 0, exact and then rounded."""
+    body, motion = placed.body, problem.motion
+    assert isinstance(motion, ClassicalMotion)
+    assert body.B is not None
+    kinetic = sum(
+        (m * w * w for m, w in zip((body.A, body.B, body.C), placed.start.omega, strict=True)), Fraction(0)
+    )
+    potential = sum((c * g for c, g in zip(motion.centre, placed.start.gamma, strict=True)), Fraction(0))
+    h = kinetic / 2 + potential
+    # The state is rounded too, to some 70 digits: an energy of 0 is what that leaves.
+    return Estimate(float(h), float(np.spacing(abs(float(h))) + STATE_ROUNDING * kinetic))
+
+
+def _with_relations(placed: Placed, motion: Motion) -> Motion:
+    """Return ``motion`` with claims that are not below the distance of its samples from the relations."""
+    distance = relations_of(placed).distance(motion.samples)
+    evidence = {**motion.evidence, DISTANCE: distance}
+    return replace(motion, evidence=evidence, error=largest((motion.error, distance)))
