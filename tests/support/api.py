@@ -167,3 +167,14 @@ def solve_job(client, jobs, problem):
     response = client.get(f"/v1/solutions/{solution_id}")
     assert response.status_code == 200, response.json()
     return response.json()
+
+
+NEEDED_QUERY = {
+    "/v1/jobs/facets": "?by=state",
+    "/v1/jobs/statistics": "?of=attempt",
+    "/v1/solutions/facets": "?by=tier",
+    "/v1/solutions/statistics": "?of=period",
+    "/v1/sweeps/{sweep_id}/points/facets": "?by=outcome",
+    "/v1/sweeps/{sweep_id}/points/statistics": "?of=period",
+}
+"""Queries of the routes that need one."""

@@ -18,7 +18,7 @@ REVALIDATE = "no-cache"
 NO_STORE = "no-store"
 """Of errors, and of what is different each time."""
 
-VOLATILE = ("/livez", "/readyz", "/metrics")
+VOLATILE = ("/livez", "/readyz", "/metrics", "/v1/status")
 """Paths whose answers are different each time: nobody should keep them, and they have no tags."""
 
 REPRESENTATION = 1

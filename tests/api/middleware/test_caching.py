@@ -19,7 +19,7 @@ from service.api.replies.conditional import (
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.retention import prune_samples
-from tests.support.api import PLANAR, STATE, finish, solve_job
+from tests.support.api import NEEDED_QUERY, PLANAR, STATE, finish, solve_job
 from tests.support.sweeps import SWEEP, finish_sweep
 
 STRONG = re.compile(r'"[0-9a-f]{32}(-gzip|-zstd)?"')
@@ -37,8 +37,17 @@ def places(client, jobs):
     certified = solve_job(client, jobs, CERTIFIED)
     sweep = client.post("/v1/sweeps", json=SWEEP).json()
     finish_sweep(jobs)
-    ids = {"job_id": certified["job"], "solution_id": certified["id"], "sweep_id": sweep["id"]}
-    return {path: path.format(**ids) for path, roles in ACCESS.items() if "GET" in roles}
+    ids = {
+        "job_id": certified["job"],
+        "solution_id": certified["id"],
+        "sweep_id": sweep["id"],
+        "digest": "0" * 64,
+    }
+    return {
+        path: path.format(**ids) + NEEDED_QUERY.get(path, "")
+        for path, roles in ACCESS.items()
+        if "GET" in roles
+    }
 
 
 def ask_again(client, path, answer, **headers):

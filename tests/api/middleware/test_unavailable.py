@@ -20,7 +20,7 @@ from service.storage.database.availability import is_away
 from service.storage.database.database import Database
 from service.storage.database.ids import new_id
 from service.storage.jobs.job_store import SqlJobStore
-from tests.support.api import STATE, TestClient
+from tests.support.api import NEEDED_QUERY, STATE, TestClient
 from tests.support.lists import list_jobs
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until
@@ -30,17 +30,18 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 BODIES = {
     "/v1/jobs": STATE,
     "/v1/validations": {"body": {"A": 2, "C": 1}, "potential": {"type": "gravity", "a": -1}},
+    "/v1/atlases": json.loads((EXAMPLES / "atlas.json").read_text(encoding="utf-8")),
     "/v1/sweeps": json.loads((EXAMPLES / "sweep.json").read_text(encoding="utf-8")),
 }
 ROUTES = [(method, path) for path, roles in ACCESS.items() for method in roles if method != "HEAD"]
-WITHOUT_DATABASE = {"/livez", "/openapi.json", "/v1/families", "/v1/validations"}
+WITHOUT_DATABASE = {"/livez", "/openapi.json", "/v1/families", "/v1/validations", "/v1/atlases"}
 WITHOUT_DATABASE |= {path for _, path in ROUTES if path.startswith("/docs")}
 LIMITS = JobLimits(lease_seconds=60.0, job_seconds=60.0, memory_mb=500, max_attempts=3, retry_seconds=0.1)
 
 
 def ask(client, method, path):
     body = BODIES.get(path) if method == "POST" else None
-    return client.request(method, re.sub("{.*?}", new_id(), path), json=body)
+    return client.request(method, re.sub("{.*?}", new_id(), path) + NEEDED_QUERY.get(path, ""), json=body)
 
 
 def come_again(response):
