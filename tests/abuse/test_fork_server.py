@@ -22,6 +22,12 @@ def sandbox():
     sandbox.close()
 
 
+def stop_pools(sandbox: Sandbox) -> None:
+    """Leave the sandbox open, and without a pool."""
+    sandbox.close()
+    sandbox.is_closed = False
+
+
 def kill_fork_server() -> None:
     os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
 
@@ -74,7 +80,7 @@ def test_the_resource_tracker_may_die(sandbox):
 @pytest.mark.parametrize("place", ["_start_pool", "schedule"])
 def test_a_pool_that_cannot_start_or_take_a_call_is_made_anew(sandbox, monkeypatch, place, fault):
     pool_class = type(sandbox._seats[0].pool)
-    sandbox.close()
+    stop_pools(sandbox)
     right, failures = getattr(pool_class, place), [fault]
 
     def fail_once(self, *arguments, **options):
@@ -102,7 +108,7 @@ def test_processes_that_can_never_be_started_end_in_an_error(sandbox, monkeypatc
     def fail(*_):
         raise EOFError
 
-    sandbox.close()
+    stop_pools(sandbox)
     monkeypatch.setattr(type(sandbox._seats[0].pool), "_start_pool", fail)
     with pytest.raises(SandboxBrokenError, match="no child process can be started"):
         sandbox.run(abs, -1, seconds=10)

@@ -285,7 +285,9 @@ class Service:
             [POLHODE, "serve", "--port", "0"], stderr=subprocess.PIPE, text=True, env=environment, cwd=folder
         )
         assert self.process.stderr is not None
-        self.address = self.process.stderr.readline().split()[1].rstrip(",")
+        # Workers start beside it, and may log before it serves.
+        line = next(line for line in self.process.stderr if "http://" in line)
+        self.address = line.split()[1].rstrip(",")
 
     def call(self, path: str, document: object = None, **headers: str) -> tuple[int, dict]:
         body = None if document is None else json.dumps(document).encode()

@@ -15,7 +15,7 @@ from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.disconnects import while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import PageQuery, link_to, read_listing
+from service.api.queries.lists import Listing, PageQuery, link_to, read_listing
 from service.api.queries.prefer import wait_seconds
 from service.api.queries.queries import (
     Asked,
@@ -262,11 +262,16 @@ def _nothing_accepted(answers: Sequence[Accepted | ApiError]) -> ApiError:
 
 
 @router.get("", response_model=JobPageOut, responses=refusals(), openapi_extra=query_parameters(JobsQuery))
-def list_jobs(
+async def list_jobs(
     request: Request, asked: Annotated[Asked[JobsQuery], Depends(asked_of(JobsQuery))], inside: Inside
 ) -> Response:
     """List jobs, newest first or as asked."""
+    # What is wrong is told without a thread, of which a slow database may leave none.
     listing = read_listing(asked, OF_JOB_ROWS, conditions=in_state(asked.parameters.state))
+    return await run_in_threadpool(_page, request, listing, inside)
+
+
+def _page(request: Request, listing: Listing, inside: Resources) -> Response:
     page, query = inside.jobs.find(listing.query), listing.query
     items = listing.rows(page.values) if query.columns else [_out(job) for job in page.jobs]
     following = listing.next_page(request, page.next)

@@ -7,9 +7,10 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import Field
+from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import Inside, Resources
-from service.api.queries.lists import AskingQuery, link_to, read_listing
+from service.api.queries.lists import AskingQuery, Listing, link_to, read_listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
 from service.api.replies.conditional import REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.places import SolutionId
@@ -62,13 +63,13 @@ class SolutionsQuery(AskingQuery):
 @router.get(
     "", response_model=SolutionPageOut, responses=refusals(), openapi_extra=query_parameters(SolutionsQuery)
 )
-def list_solutions(
+async def list_solutions(
     request: Request,
     asked: Annotated[Asked[SolutionsQuery], Depends(asked_of(SolutionsQuery))],
     inside: Inside,
 ) -> Response:
     """Find solutions by their numbers; those without the number they are sorted by come last."""
-    return _listed(request, asked, inside, ())
+    return await run_in_threadpool(_page, request, _listing(asked, ()), inside)
 
 
 @by_problem.get(
@@ -77,7 +78,7 @@ def list_solutions(
     responses=refusals(),
     openapi_extra=query_parameters(SolutionsQuery),
 )
-def list_problem_solutions(
+async def list_problem_solutions(
     digest: Annotated[str, Path(description="Of the problem, the fact `digest` of its jobs and solutions.")],
     request: Request,
     asked: Annotated[Asked[SolutionsQuery], Depends(asked_of(SolutionsQuery))],
@@ -86,19 +87,21 @@ def list_problem_solutions(
     """Find the solutions of one problem, as in the list of all; a digest that nobody has, has none."""
     problem = Subject("fact", "digest", Kind.TEXT)
     values = (digest,) if _DIGEST.match(digest) else ()
-    return _listed(request, asked, inside, (Condition(problem, "in", values),))
+    listing = _listing(asked, (Condition(problem, "in", values),))
+    return await run_in_threadpool(_page, request, listing, inside)
 
 
-def _listed(
-    request: Request, asked: Asked[SolutionsQuery], inside: Resources, conditions: tuple[Condition, ...]
-) -> Response:
+def _listing(asked: Asked[SolutionsQuery], conditions: tuple[Condition, ...]) -> Listing:
     given = asked.parameters
     if {"sort", "order"} <= asked.sent:
         both = Fault("?sort", "conflicting_parameters", "sort and order; one of the two is accepted")
         asked = replace(asked, faults=(*asked.faults, both))
-    listing = read_listing(
+    return read_listing(
         asked, OF_SOLUTION_ROWS, conditions=(*conditions, *_filters(given)), order=(_order(given.sort),)
     )
+
+
+def _page(request: Request, listing: Listing, inside: Resources) -> Response:
     page, query = inside.solutions.find(listing.query), listing.query
     items = listing.rows(page.values) if query.columns else [_out(solution) for solution in page.solutions]
     following = listing.next_page(request, page.next)

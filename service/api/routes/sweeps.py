@@ -13,7 +13,7 @@ from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import PageQuery, link_to, read_listing
+from service.api.queries.lists import Listing, PageQuery, link_to, read_listing
 from service.api.queries.queries import Asked, asked_of, query_parameters, without_query
 from service.api.replies.places import SweepId
 from service.api.replies.responses import json_response, refusals
@@ -139,11 +139,15 @@ def _priority(document: Mapping[str, object]) -> int:
 @router.get(
     "", response_model=SweepPageOut, responses=refusals(), openapi_extra=query_parameters(SweepsQuery)
 )
-def list_sweeps(
+async def list_sweeps(
     request: Request, asked: Annotated[Asked[SweepsQuery], Depends(asked_of(SweepsQuery))], inside: Inside
 ) -> Response:
     """List sweeps without their documents, newest first or as asked."""
     listing = read_listing(asked, OF_SWEEP_ROWS, conditions=in_state(asked.parameters.state))
+    return await run_in_threadpool(_page, request, listing, inside)
+
+
+def _page(request: Request, listing: Listing, inside: Resources) -> Response:
     page, query = inside.sweeps.find(listing.query), listing.query
     items = (
         listing.rows(page.values)

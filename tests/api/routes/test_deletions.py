@@ -15,6 +15,7 @@ from service.storage.tables.operations import ApiKeyRow
 from service.storage.tables.schema import TABLES
 from tests.support.api import STATE, finish
 from tests.support.keys import make
+from tests.support.lists import list_jobs
 from tests.support.sweeps import SWEEP, finish_chunk, finish_sweep
 
 OTHER = {**STATE, "time": {"stop": 21, "samples": 3}}
@@ -158,7 +159,7 @@ def test_who_reuses_a_solution_while_it_is_deleted_computes_it_or_keeps_it(clien
     for _ in range(10):
         submit(client)
         solution_id = finish(jobs).solution_id
-        digest = jobs.list_jobs().jobs[0].digest
+        digest = list_jobs(jobs).jobs[0].digest
         others, ready = SqlJobStore(database), threading.Barrier(2)
         made = []
 

@@ -14,6 +14,7 @@ from service.storage.tables.jobs import JobRow
 from service.storage.tables.operations import IdempotencyKeyRow
 from tests.support.api import STATE, finish
 from tests.support.keys import make
+from tests.support.lists import list_jobs
 from tests.support.sweeps import SWEEP
 
 OTHER = {**STATE, "time": {"stop": 21, "samples": 3}}
@@ -72,7 +73,7 @@ def test_a_refused_request_leaves_its_key_free(client):
 def test_who_waits_gets_the_finished_job_again(client, app, jobs):
     def work():
         finish(jobs)
-        app.state.resources.doorbell.announce(jobs.list_jobs().jobs[0].id)
+        app.state.resources.doorbell.announce(list_jobs(jobs).jobs[0].id)
 
     worker = threading.Thread(target=work)
     app.state.resources.doorbell.ring = lambda: worker.start()
