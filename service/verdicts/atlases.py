@@ -7,7 +7,7 @@ from math import isfinite
 from flint import arb
 
 from service.dynamics.atlas.atlas import Atlas, AtlasPart, make_atlas
-from service.dynamics.atlas.bands import Band, Measured, Series
+from service.dynamics.atlas.bands import Band, Measured, WindowSeries
 from service.dynamics.atlas.changes import Change
 from service.dynamics.verdict.verdict import decide
 from service.schemas.atlas.reading import AtlasQuestion, read_atlas
@@ -59,7 +59,7 @@ def _part(part: AtlasPart, *, wants_period: bool) -> Document:
     }
 
 
-def _samples(series: Series, *, wants_period: bool) -> Document:
+def _samples(series: WindowSeries, *, wants_period: bool) -> Document:
     return {
         "lambda": series.lambda_.tolist(),
         "energy": _known(series.energy.value.tolist()),

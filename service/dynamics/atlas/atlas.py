@@ -7,10 +7,10 @@ from fractions import Fraction
 import numpy as np
 from flint import arb, ctx
 
-from service.dynamics.atlas.bands import Series, motion_value, series_of
+from service.dynamics.atlas.bands import WindowSeries, motion_value, series_of
 from service.dynamics.atlas.changes import Beside, Change, change_between
 from service.dynamics.atlas.curves import HalfCurves, Stretch, half_curves
-from service.dynamics.atlas.structures import Part, first_stretches, parts_of_range
+from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.parity import is_written_even
@@ -34,7 +34,7 @@ class AtlasNeedsFormulaError(DynamicsError):
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
+class LambdaRange:
     """lower ≤ λ ≤ upper, and the signs of g1 and g3."""
 
     lower: Fraction
@@ -49,7 +49,7 @@ class AtlasPart:
 
     lower: arb
     upper: arb
-    series: Series | None
+    series: WindowSeries | None
     """None, with ``reason``, where the kind of the windows is not settled at the λ that was looked at."""
     reason: DynamicsError | None
 
@@ -58,7 +58,7 @@ class AtlasPart:
 class Atlas:
     """All planar motions over a range of λ, in the order of growing λ of the client's axes."""
 
-    range: Range
+    range: LambdaRange
     parts: tuple[AtlasPart, ...]
     changes: tuple[Change, ...]
     """Outside of them and of ``undecided`` nothing changes."""
@@ -68,7 +68,7 @@ class Atlas:
 def make_atlas(
     body: RigidBody,
     potential: Potential,
-    over: Range,
+    over: LambdaRange,
     samples: int,
     is_late: Callable[[], bool] = lambda: False,
 ) -> Atlas:
@@ -96,7 +96,7 @@ def make_atlas(
         return _assembled(halves, parts, over, samples)
 
 
-def _halves(body: RigidBody, potential: Potential, over: Range) -> list[HalfCurves]:
+def _halves(body: RigidBody, potential: Potential, over: LambdaRange) -> list[HalfCurves]:
     """Return the half on which the motion is asked, and the other one where it has other zeros."""
     is_mirrored = body.A < body.C
     signs: list[tuple[Sign, Sign]] = [(over.g1_sign, over.g3_sign)]
@@ -109,7 +109,7 @@ def _halves(body: RigidBody, potential: Potential, over: Range) -> list[HalfCurv
     ]
 
 
-def _primed(half: HalfCurves, over: Range) -> tuple[float, float]:
+def _primed(half: HalfCurves, over: LambdaRange) -> tuple[float, float]:
     """Return the range of the primed λ, rounded outwards."""
     ends = [float(over.lower), float(over.upper)]
     if half.shape.is_mirrored:
@@ -118,7 +118,9 @@ def _primed(half: HalfCurves, over: Range) -> tuple[float, float]:
     return ends[0] * (1.0 - 1e-14), ends[1] * (1.0 + 1e-14)
 
 
-def _assembled(halves: Sequence[HalfCurves], parts: Sequence[Part], over: Range, samples: int) -> Atlas:
+def _assembled(
+    halves: Sequence[HalfCurves], parts: Sequence[LambdaPart], over: LambdaRange, samples: int
+) -> Atlas:
     found, changes, undecided = list[AtlasPart](), list[Change](), list[tuple[arb, arb]]()
     whole = float(np.log(float(over.upper) / float(over.lower)))
     for k, part in enumerate(parts):
@@ -136,7 +138,7 @@ def _assembled(halves: Sequence[HalfCurves], parts: Sequence[Part], over: Range,
     return Atlas(over, tuple(found), tuple(changes), tuple(undecided))
 
 
-def _ends(half: HalfCurves, part: Part, over: Range) -> tuple[arb, arb]:
+def _ends(half: HalfCurves, part: LambdaPart, over: LambdaRange) -> tuple[arb, arb]:
     ends = [*half.sent(part.stretches[0]), *half.sent(part.stretches[-1])]
     lower, upper = min(ends, key=lambda end: float(end.mid())), max(ends, key=lambda end: float(end.mid()))
     first, last = (arb(end.numerator) / end.denominator for end in (over.lower, over.upper))
@@ -144,7 +146,7 @@ def _ends(half: HalfCurves, part: Part, over: Range) -> tuple[arb, arb]:
 
 
 def _change(
-    halves: Sequence[HalfCurves], around: Sequence[Part | None], ends: tuple[arb, arb]
+    halves: Sequence[HalfCurves], around: Sequence[LambdaPart | None], ends: tuple[arb, arb]
 ) -> Change | None:
     before, after = around
     is_narrow = ends[1] - ends[0] < EVENT * ends[1]
@@ -166,7 +168,7 @@ def _at(beside: Beside, *, upper: bool) -> Beside:
     return Beside(beside.signatures, _at_logarithm(end - AWAY if upper else end + AWAY))
 
 
-def _part(halves: Sequence[HalfCurves], part: Part, lower: arb, upper: arb, count: int) -> AtlasPart:
+def _part(halves: Sequence[HalfCurves], part: LambdaPart, lower: arb, upper: arb, count: int) -> AtlasPart:
     assert part.signatures is not None
     single = _single(part, count)
     if halves[0].shape.is_mirrored:
@@ -183,7 +185,7 @@ def _part(halves: Sequence[HalfCurves], part: Part, lower: arb, upper: arb, coun
     return AtlasPart(lower, upper, series_of(halves, part.signatures, single, windows, row), None)
 
 
-def _single(part: Part, count: int) -> list[Stretch]:
+def _single(part: LambdaPart, count: int) -> list[Stretch]:
     """Return single λ of a part, denser towards its ends, where windows may grow like a root."""
     low, high = (_logarithm(part.stretches[k], upper=k != 0) for k in (0, -1))
     shares = 0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1))

@@ -53,7 +53,7 @@ class Band:
 
 
 @dataclass(frozen=True, slots=True)
-class Series:
+class WindowSeries:
     """The windows of a part at single λ, in the order of growing primed λ."""
 
     lambda_: FloatArray
@@ -68,13 +68,13 @@ def series_of(
     single: Sequence[Stretch],
     windows: Sequence[Window],
     row: int,
-) -> Series:
+) -> WindowSeries:
     """Return the windows at single λ of one part; ``windows`` are those at ``row``."""
     zeros = [zeros_of(half, single, signature) for half, signature in zip(halves, signatures, strict=True)]
     lambda_ = np.array([float(halves[0].sent(each)[0].mid()) for each in single])
     Z, G = equator_of(halves[0], single)
     bands = tuple(_band(halves[0], zeros, Z, G, window, row) for window in windows)
-    return Series(lambda_, Measured.between(*energies(halves[0], single)), bands)
+    return WindowSeries(lambda_, Measured.between(*energies(halves[0], single)), bands)
 
 
 @dataclass(frozen=True, slots=True)

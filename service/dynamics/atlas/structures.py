@@ -27,7 +27,7 @@ MOST_OPEN = 96
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class LambdaPart:
     """Neighbouring stretches with one signature for each half curve; None where that is not proved."""
 
     stretches: tuple[Stretch, ...]
@@ -48,7 +48,7 @@ class _Open:
 
 def parts_of_range(
     halves: Sequence[HalfCurves], first: Sequence[Stretch], is_late: Callable[[], bool]
-) -> list[Part]:
+) -> list[LambdaPart]:
     """Return the parts in the order of growing primed λ; what is open when it ``is_late`` stays open."""
     waiting = [_Open(stretch, (None,) * len(halves)) for stretch in first]
     done: list[tuple[Stretch, tuple[Signature, ...] | None]] = []
@@ -119,11 +119,11 @@ def _place(stretch: Stretch) -> tuple[bool, float]:
     return stretch.is_inverse, -stretch.high if stretch.is_inverse else stretch.low
 
 
-def _joined(pieces: Sequence[tuple[Stretch, tuple[Signature, ...] | None]]) -> list[Part]:
-    parts: list[Part] = []
+def _joined(pieces: Sequence[tuple[Stretch, tuple[Signature, ...] | None]]) -> list[LambdaPart]:
+    parts: list[LambdaPart] = []
     for stretch, signatures in pieces:
         if parts and parts[-1].signatures == signatures:
-            parts[-1] = Part((*parts[-1].stretches, stretch), signatures)
+            parts[-1] = LambdaPart((*parts[-1].stretches, stretch), signatures)
         else:
-            parts.append(Part((stretch,), signatures))
+            parts.append(LambdaPart((stretch,), signatures))
     return parts

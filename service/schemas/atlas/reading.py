@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from service.dynamics.atlas.atlas import Range
+from service.dynamics.atlas.atlas import LambdaRange
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
@@ -73,7 +73,7 @@ class AtlasQuestion:
 
     body: RigidBody
     potential: Potential
-    range: Range
+    range: LambdaRange
     samples: int
     wants_period: bool
     accepts_undecided: bool
@@ -103,6 +103,6 @@ def read_atlas(document: object) -> AtlasQuestion:
             "outputs": list(outputs),
             "accept": str(accept),
         } if body is not None and potential is not None and not faults:
-            over = Range(lower, upper, g1_sign, g3_sign)
+            over = LambdaRange(lower, upper, g1_sign, g3_sign)
             return AtlasQuestion(body, potential, over, samples, bool(outputs), accept == "undecided")
     raise InvalidProblemError(each_once(faults))

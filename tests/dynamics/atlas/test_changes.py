@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.dynamics.atlas.atlas import AtlasNeedsFormulaError, Range, make_atlas
+from service.dynamics.atlas.atlas import AtlasNeedsFormulaError, LambdaRange, make_atlas
 from service.dynamics.body import EqualMomentsError
 from service.dynamics.potentials.families.general import general_potential
 from tests.support.effort import examples
@@ -17,7 +17,7 @@ DOUBLE, MIRRORED = body(2, 1), body(1, 2)
 
 def drawn(rigid_body, text, lower, upper, **signs):
     potential = formula(text, rigid_body) if isinstance(text, str) else text
-    return make_atlas(rigid_body, potential, Range(Fraction(lower), Fraction(upper), **signs), 12)
+    return make_atlas(rigid_body, potential, LambdaRange(Fraction(lower), Fraction(upper), **signs), 12)
 
 
 def kinds(atlas):
@@ -157,7 +157,11 @@ def test_no_change_is_missed_or_invented(A, C, text):
 
 def test_what_is_not_proved_is_undecided():
     late = make_atlas(
-        DOUBLE, formula("-g1 + 1/(20*g3^2)", DOUBLE), Range(Fraction(1, 10), Fraction(2)), 12, lambda: True
+        DOUBLE,
+        formula("-g1 + 1/(20*g3^2)", DOUBLE),
+        LambdaRange(Fraction(1, 10), Fraction(2)),
+        12,
+        lambda: True,
     )
     assert late.changes == ()
     assert any(low < arb("0.58696") and high > arb("0.58697") for low, high in late.undecided)

@@ -7,7 +7,7 @@ import pytest
 from flint import arb
 from hypothesis import HealthCheck, given, settings
 
-from service.dynamics.atlas.atlas import Range, make_atlas
+from service.dynamics.atlas.atlas import LambdaRange, make_atlas
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
 from tests.support.admissible import cases
@@ -20,7 +20,7 @@ DOUBLE, MIRRORED = body(2, 1), body(1, 2)
 
 def drawn(rigid_body, text, lower, upper, samples=12, **signs):
     return make_atlas(
-        rigid_body, formula(text, rigid_body), Range(Fraction(lower), Fraction(upper), **signs), samples
+        rigid_body, formula(text, rigid_body), LambdaRange(Fraction(lower), Fraction(upper), **signs), samples
     )
 
 
@@ -79,7 +79,7 @@ def test_windows_are_those_of_single_motions(case):
     squared = own.lambda_squared
     centre = Fraction(float(squared) ** 0.5)
     potential = formula(case.text, rigid_body)
-    over = Range(centre * Fraction(2, 3), centre * Fraction(3, 2), own.sign_of_g1, own.g3_sign)
+    over = LambdaRange(centre * Fraction(2, 3), centre * Fraction(3, 2), own.sign_of_g1, own.g3_sign)
     atlas = make_atlas(rigid_body, potential, over, 9)
     for lambda_ in (centre, centre * Fraction(7, 10), centre * Fraction(14, 10)):
         value = arb(lambda_.numerator) / lambda_.denominator

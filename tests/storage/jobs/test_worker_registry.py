@@ -33,7 +33,7 @@ def let_pass(database, seconds):
 
 def test_a_worker_is_there_from_its_start_to_its_end(registry, database):
     registry.enter(worker(), alone=True)
-    registry.see(worker())
+    registry.see(worker(), is_warm=True)
     assert names(database) == {"worker"}
     registry.leave(worker())
     assert names(database) == set()
@@ -60,7 +60,7 @@ def test_the_silent_are_taken_to_be_gone_and_the_long_silent_forgotten(registry,
     registry.enter(worker(), alone=True)
     assert names(database) == {"worker", "other"}
     let_pass(database, FORGOTTEN_SECONDS + 1)
-    registry.see(worker())
+    registry.see(worker(), is_warm=True)
     assert names(database) == {"worker"}
 
 
