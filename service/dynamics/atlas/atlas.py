@@ -9,7 +9,7 @@ from flint import arb, ctx
 
 from service.dynamics.atlas.bands import WindowSeries, motion_value, series_of
 from service.dynamics.atlas.changes import Beside, Change, change_between
-from service.dynamics.atlas.curves import HalfCurves, Stretch, half_curves
+from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, half_curves
 from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
@@ -185,18 +185,18 @@ def _part(halves: Sequence[HalfCurves], part: LambdaPart, lower: arb, upper: arb
     return AtlasPart(lower, upper, series_of(halves, part.signatures, single, windows, row), None)
 
 
-def _single(part: LambdaPart, count: int) -> list[Stretch]:
+def _single(part: LambdaPart, count: int) -> list[LambdaStretch]:
     """Return single λ of a part, denser towards its ends, where windows may grow like a root."""
     low, high = (_logarithm(part.stretches[k], upper=k != 0) for k in (0, -1))
     shares = 0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1))
     return [_at_logarithm(float(low + (high - low) * share)) for share in shares]
 
 
-def _logarithm(stretch: Stretch, *, upper: bool) -> float:
+def _logarithm(stretch: LambdaStretch, *, upper: bool) -> float:
     k = stretch.high if upper != stretch.is_inverse else stretch.low
     return -float(np.log(k)) if stretch.is_inverse else float(np.log(k))
 
 
-def _at_logarithm(logarithm: float) -> Stretch:
+def _at_logarithm(logarithm: float) -> LambdaStretch:
     k = min(float(np.exp(-abs(logarithm))), 1.0)
-    return Stretch(logarithm > 0.0, k, k)
+    return LambdaStretch(logarithm > 0.0, k, k)

@@ -8,7 +8,7 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import HalfCurves, Stretch
+from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.atlas.energies import energies
 from service.dynamics.atlas.periods import periods
 from service.dynamics.atlas.pictures import Signature
@@ -65,7 +65,7 @@ class WindowSeries:
 def series_of(
     halves: Sequence[HalfCurves],
     signatures: Sequence[Signature],
-    single: Sequence[Stretch],
+    single: Sequence[LambdaStretch],
     windows: Sequence[Window],
     row: int,
 ) -> WindowSeries:
@@ -157,6 +157,6 @@ def _period(
     return Measured(*periods(half, Z, G, lower, upper, is_loop=arc.is_whole_loop))
 
 
-def motion_value(half: HalfCurves, single: Stretch) -> Fraction:
+def motion_value(half: HalfCurves, single: LambdaStretch) -> Fraction:
     """Return the λ of a motion as the exact value of the double that is told for it."""
     return Fraction(float(half.sent(single)[0].mid()))

@@ -9,7 +9,7 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.atlas.bands import Measured
-from service.dynamics.atlas.curves import HalfCurves, Stretch
+from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.atlas.pictures import EQUATOR, Signature
 from service.dynamics.atlas.zeros import Zeros, zeros_of
 
@@ -45,7 +45,7 @@ class Beside:
     """A part next to a change, as seen from it."""
 
     signatures: tuple[Signature, ...]
-    nearest: Stretch
+    nearest: LambdaStretch
     """The λ of the part next to the change."""
 
 
@@ -90,7 +90,7 @@ def _signs(signature: Signature) -> list[int]:
 
 
 def _meeting(
-    half: HalfCurves, signature: Signature, nearest: Stretch
+    half: HalfCurves, signature: Signature, nearest: LambdaStretch
 ) -> tuple[int, Measured | None, Measured | None]:
     """Return the sign of p² between the two neighbouring zeros that are closest, and where they are."""
     zeros = zeros_of(half, [nearest], signature)

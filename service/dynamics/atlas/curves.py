@@ -27,17 +27,19 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class LambdaStretch:
     """low ≤ k ≤ high ≤ 1, k being the primed λ or 1/λ; one λ where both ends are equal."""
 
     is_inverse: bool
     low: float
     high: float
 
-    def halves(self) -> "tuple[Stretch, Stretch]":
+    def halves(self) -> "tuple[LambdaStretch, LambdaStretch]":
         """Return both parts, with equal ratios of their ends, in the order of growing k."""
         middle = float(np.sqrt(self.low) * np.sqrt(self.high))
-        return Stretch(self.is_inverse, self.low, middle), Stretch(self.is_inverse, middle, self.high)
+        return LambdaStretch(self.is_inverse, self.low, middle), LambdaStretch(
+            self.is_inverse, middle, self.high
+        )
 
     @property
     def width(self) -> float:
@@ -56,7 +58,7 @@ class HalfCurves:
     shape: Shape
     tape: Tape
 
-    def over(self, stretches: Sequence[Stretch]) -> Curves:
+    def over(self, stretches: Sequence[LambdaStretch]) -> Curves:
         """Return the curves of each stretch, which all have the same ``is_inverse``."""
         low, high = (np.array([getattr(each, end) for each in stretches]) for end in ("low", "high"))
         # A loop of a stretch is open at its ends: the next doubles enclose them.
@@ -73,11 +75,11 @@ class HalfCurves:
         is_turned = (self.shape.first_sign * self.shape.third_sign < 0) != self.shape.is_mirrored
         return -1 if is_turned else 1
 
-    def loops(self, stretches: Sequence[Stretch]) -> Loops:
+    def loops(self, stretches: Sequence[LambdaStretch]) -> Loops:
         """Return bounds of Z and G on each stretch."""
         return self.over(stretches).loops
 
-    def sent(self, stretch: Stretch) -> tuple[arb, arb]:
+    def sent(self, stretch: LambdaStretch) -> tuple[arb, arb]:
         """Return the ends of a stretch as λ of the client's axes, the smaller first."""
         ends = [arb(end) for end in (stretch.low, stretch.high)]
         primed = [1 / end for end in ends] if stretch.is_inverse else ends
@@ -86,7 +88,7 @@ class HalfCurves:
         return (own[0], own[1]) if own[0].mid() <= own[1].mid() else (own[1], own[0])
 
 
-def grouped(single: Sequence[Stretch]) -> list[list[Stretch]]:
+def grouped(single: Sequence[LambdaStretch]) -> list[list[LambdaStretch]]:
     """Return neighbours with the same ``is_inverse`` together, in their order."""
     return [list(group) for _, group in groupby(single, key=lambda each: each.is_inverse)]
 

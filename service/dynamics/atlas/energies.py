@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import HalfCurves, Stretch, grouped
+from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, grouped
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER, Cells, axes, heights, scales
@@ -25,13 +25,13 @@ PLACES = ((1.0, 0.3), (1.0, 0.6), (1.0, 0.9), (1.0, 1.2), (1.0, QUARTER * 0.97),
 THIN = 1e-15
 
 
-def energies(half: HalfCurves, single: Sequence[Stretch]) -> tuple[FloatArray, FloatArray]:
+def energies(half: HalfCurves, single: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
     """Return bounds of h at single λ; NaN where there are none."""
     parts = [_energies(half, group) for group in grouped(single)]
     return np.concatenate([low for low, _ in parts]), np.concatenate([high for _, high in parts])
 
 
-def _energies(half: HalfCurves, single: Sequence[Stretch]) -> tuple[FloatArray, FloatArray]:
+def _energies(half: HalfCurves, single: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
     count, loops = len(single), half.loops(single)
     low, high = np.full(count, -np.inf), np.full(count, np.inf)
     for side, x in PLACES:

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import HalfCurves, Stretch
+from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.reduction.geometry.height import log_sine_real, numerator_real
 
 FloatArray = NDArray[np.float64]
 
 
-def equator_of(half: HalfCurves, stretches: Sequence[Stretch]) -> tuple[FloatArray, FloatArray]:
+def equator_of(half: HalfCurves, stretches: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
     """Return Z and G for a λ inside each stretch, shape (stretches, 1)."""
     found: list[tuple[int, float, float]] = []
     for inverse in (False, True):

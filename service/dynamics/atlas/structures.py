@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from service.dynamics.atlas.curves import HalfCurves, Stretch
+from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.atlas.pictures import Finest, Signature, signature_of
 from service.dynamics.atlas.turns import settled_pictures
 from service.dynamics.reduction.sign_proofs.signs import Picture
@@ -30,7 +30,7 @@ MOST_OPEN = 96
 class LambdaPart:
     """Neighbouring stretches with one signature for each half curve; None where that is not proved."""
 
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[LambdaStretch, ...]
     """In the order of growing primed λ."""
     signatures: tuple[Signature, ...] | None
 
@@ -39,7 +39,7 @@ class LambdaPart:
 class _Open:
     """A stretch, and what is known of each half curve of a stretch that contains it."""
 
-    stretch: Stretch
+    stretch: LambdaStretch
     pictures: tuple[Picture | None, ...]
 
     def halves(self) -> "list[_Open]":
@@ -47,11 +47,11 @@ class _Open:
 
 
 def parts_of_range(
-    halves: Sequence[HalfCurves], first: Sequence[Stretch], is_late: Callable[[], bool]
+    halves: Sequence[HalfCurves], first: Sequence[LambdaStretch], is_late: Callable[[], bool]
 ) -> list[LambdaPart]:
     """Return the parts in the order of growing primed λ; what is open when it ``is_late`` stays open."""
     waiting = [_Open(stretch, (None,) * len(halves)) for stretch in first]
-    done: list[tuple[Stretch, tuple[Signature, ...] | None]] = []
+    done: list[tuple[LambdaStretch, tuple[Signature, ...] | None]] = []
     while waiting:
         following: list[_Open] = []
         for inverse in (False, True):
@@ -93,19 +93,19 @@ def _look_again(
     return found
 
 
-def first_stretches(low: float, high: float) -> list[Stretch]:
+def first_stretches(low: float, high: float) -> list[LambdaStretch]:
     """Return stretches with ends of the ratio 2 or less that cover ``low`` ≤ λ ≤ ``high`` (primed λ > 0)."""
-    found: list[Stretch] = []
+    found: list[LambdaStretch] = []
     if low < 1.0:
         top = min(high, 1.0)
         ends = _geometric(low, top)
-        found.extend(Stretch(False, a, b) for a, b in pairwise(ends))
+        found.extend(LambdaStretch(False, a, b) for a, b in pairwise(ends))
     if high > 1.0:
         # 1/λ is rounded: the stretches cover a little more.
         ends = _geometric(
             float(np.nextafter(1.0 / high, 0.0)), min(float(np.nextafter(1.0 / max(low, 1.0), 2.0)), 1.0)
         )
-        found.extend(Stretch(True, a, b) for a, b in pairwise(ends))
+        found.extend(LambdaStretch(True, a, b) for a, b in pairwise(ends))
     return found
 
 
@@ -115,11 +115,11 @@ def _geometric(low: float, high: float) -> list[float]:
     return [low, *inner, high]
 
 
-def _place(stretch: Stretch) -> tuple[bool, float]:
+def _place(stretch: LambdaStretch) -> tuple[bool, float]:
     return stretch.is_inverse, -stretch.high if stretch.is_inverse else stretch.low
 
 
-def _joined(pieces: Sequence[tuple[Stretch, tuple[Signature, ...] | None]]) -> list[LambdaPart]:
+def _joined(pieces: Sequence[tuple[LambdaStretch, tuple[Signature, ...] | None]]) -> list[LambdaPart]:
     parts: list[LambdaPart] = []
     for stretch, signatures in pieces:
         if parts and parts[-1].signatures == signatures:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import HalfCurves, Stretch
+from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.atlas.pictures import Finest, pictures_of
 from service.dynamics.atlas.radicands import d_on_curves, equator_of
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER, Cells
@@ -53,7 +53,10 @@ class _Gap:
 
 
 def settled_pictures(
-    half: HalfCurves, stretches: Sequence[Stretch], starts: Sequence[Picture | None], finest: Sequence[Finest]
+    half: HalfCurves,
+    stretches: Sequence[LambdaStretch],
+    starts: Sequence[Picture | None],
+    finest: Sequence[Finest],
 ) -> list[Picture]:
     """Return for each stretch, all with the same ``is_inverse``, what bounds say, with and without turns."""
     curves = half.over(stretches)
@@ -61,7 +64,7 @@ def settled_pictures(
 
 
 def _with_turns(
-    half: HalfCurves, curves: Curves, stretches: Sequence[Stretch], pictures: Sequence[Picture]
+    half: HalfCurves, curves: Curves, stretches: Sequence[LambdaStretch], pictures: Sequence[Picture]
 ) -> list[Picture]:
     """Return the pictures, each gap on which X² D has one sign being settled, or made one cell."""
     found = list(pictures)
@@ -123,7 +126,7 @@ def _least_bends(curves: Curves, gaps: Sequence[_Gap]) -> FloatArray:
     return found
 
 
-def _turning_places(half: HalfCurves, stretches: Sequence[Stretch], gaps: Sequence[_Gap]) -> FloatArray:
+def _turning_places(half: HalfCurves, stretches: Sequence[LambdaStretch], gaps: Sequence[_Gap]) -> FloatArray:
     """Return where D turns in each gap for a λ inside the stretch, in doubles: a guess."""
     low, high = (np.array([getattr(gap, end) for gap in gaps])[:, None] for end in ("low", "high"))
     side = np.array([gap.hemisphere for gap in gaps])[:, None]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import HalfCurves, Stretch, grouped
+from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, grouped
 from service.dynamics.atlas.pictures import EQUATOR, Finest, Signature, brackets_of, signature_of
 from service.dynamics.atlas.radicands import d_on_curves, equator_of
 from service.dynamics.atlas.turns import settled_pictures
@@ -38,7 +38,7 @@ class Zeros:
     """Bounds of g2."""
 
 
-def zeros_of(half: HalfCurves, single: Sequence[Stretch], signature: Signature) -> Zeros:
+def zeros_of(half: HalfCurves, single: Sequence[LambdaStretch], signature: Signature) -> Zeros:
     """Return the zeros for single λ of a part with this signature."""
     parts = [_zeros_of(half, group, signature) for group in grouped(single)]
 
@@ -60,7 +60,7 @@ def _hemispheres(signature: Signature) -> list[int]:
     return [1] * (border - 1) + [-1] * (len(signature) - border - 2)
 
 
-def _zeros_of(half: HalfCurves, single: Sequence[Stretch], signature: Signature) -> Zeros:
+def _zeros_of(half: HalfCurves, single: Sequence[LambdaStretch], signature: Signature) -> Zeros:
     curves = half.over(single)
     pictures = settled_pictures(half, single, [None] * len(single), [Finest()] * len(single))
     brackets = [brackets_of(picture) if signature_of(picture) == signature else None for picture in pictures]
@@ -83,7 +83,7 @@ def _shaped(bounds: tuple[FloatArray, FloatArray], full: tuple[int, int]) -> tup
 
 
 def _bisected(
-    half: HalfCurves, single: Sequence[Stretch], hemisphere: IntArray, low: FloatArray, high: FloatArray
+    half: HalfCurves, single: Sequence[LambdaStretch], hemisphere: IntArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
     if not low.size:
         return low
