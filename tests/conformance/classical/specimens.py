@@ -9,6 +9,7 @@ from service.dynamics.classical.catalogue import CASES
 from service.dynamics.classical.place import place
 from service.dynamics.classical.placed import Placed
 from service.schemas.problem.problem import read_problem
+from service.schemas.reading.faults import InvalidProblemError
 
 Document = dict[str, object]
 NAMES = tuple(CASES)
@@ -168,13 +169,26 @@ def random_documents(name: str, seed: int, count: int) -> Iterator[Document]:
                 A, C = between(1.2, 2.0), between(0.6, 1.0)
                 body = {"A": str(A), "C": str(C)}
                 potential["c"] = str(sign(between(0.5, 2.0)))
-        made += 1
         if name == "hess":
             motion = _hess_state(random)
         elif name == "staude":
             body["B"], potential["b"] = str(between(1.0, 1.2)), str(sign(between(0.5, 2.0)))
             motion = {"gamma": [1, str(sign(between(0.2, 3.0))), None]}
-        yield document(name, body, potential, motion)
+        drawn = document(name, body, potential, motion)
+        if has_possible_body(drawn):
+            made += 1
+            yield drawn
+
+
+def has_possible_body(drawn: Document) -> bool:
+    """Tell whether a body can have the moments, those that the case computes included."""
+    try:
+        read_problem(drawn)
+    except InvalidProblemError as error:
+        if any(fault.code != "unphysical_inertia" for fault in error.faults):
+            raise
+        return False
+    return True
 
 
 def _hess_state(random: Random) -> Document:
