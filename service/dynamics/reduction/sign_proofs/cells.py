@@ -112,13 +112,9 @@ def half_of(loop: Loop, tape: Tape, g3_sign: int) -> Half:
 def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
     """Return what bounds say of the cells."""
     algebra = _DomainIntervals(scales(curves.loops, cells))
-    first, third = axes(algebra, curves.loops, cells)
-    g1, g3 = (third, first) if curves.loops.shape.is_mirrored else (first, third)
-    g2 = algebra.interval(*heights(curves.loops, cells))
+    g = _places(algebra, curves.loops, cells)
     with np.errstate(all="ignore"):
-        D, *slopes = derivatives_along(
-            algebra, curves.tape, curves.body, (g1, g2, g3), 1 if with_slope else 0
-        )
+        D, *slopes = derivatives_along(algebra, curves.tape, curves.body, g, 1 if with_slope else 0)
     shape = cells.low.shape
     slope = _signs(slopes[0], shape) * curves.turn if slopes else np.zeros(shape, dtype=np.int64)
     is_undefined = np.broadcast_to(algebra.is_undefined, shape)
@@ -128,16 +124,21 @@ def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
 def derivative_values(curves: Curves, cells: Cells, order: int) -> list[Bounds]:
     """Return bounds of D, X D, … up to this order on each cell, times the sign of P / D; NaN for none."""
     algebra = IntervalAlgebra(scales(curves.loops, cells))
-    first, third = axes(algebra, curves.loops, cells)
-    g1, g3 = (third, first) if curves.loops.shape.is_mirrored else (first, third)
-    g2 = algebra.interval(*heights(curves.loops, cells))
+    g = _places(algebra, curves.loops, cells)
     zero = algebra.constant(Fraction(0))
     with np.errstate(all="ignore"):
-        found = derivatives_along(algebra, curves.tape, curves.body, (g1, g2, g3), order)
+        found = derivatives_along(algebra, curves.tape, curves.body, g, order)
         values = [algebra.bounds(zero if each is None else each) for each in found]
     shape = cells.low.shape
     full = [(np.broadcast_to(lo, shape), np.broadcast_to(hi, shape)) for lo, hi in values]
     return full if curves.turn > 0 else [(-hi, -lo) for lo, hi in full]
+
+
+def _places(algebra: IntervalAlgebra, loops: Loops, cells: Cells) -> tuple[Interval, Interval, Interval]:
+    """Return g1, g2 and g3 on each cell, in the client's axes."""
+    first, third = axes(algebra, loops, cells)
+    g1, g3 = (third, first) if loops.shape.is_mirrored else (first, third)
+    return g1, algebra.interval(*heights(loops, cells)), g3
 
 
 def _signs(element: Interval | None, shape: tuple[int, ...]) -> IntArray:
