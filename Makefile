@@ -31,9 +31,10 @@ serve: $(READY)
 test: $(READY)
 	$(PYTEST) $(PYTEST_OPTIONS)
 
-# What takes long and finds seldom: storms, a calibration in earnest, random laws with many examples.
+# What takes long and finds seldom: storms, a calibration in earnest, random laws with many examples, or with some.
+EXAMPLES ?= many
 test-long: $(READY)
-	POLHODE_TEST_EXAMPLES=many $(PYTEST) $(PYTEST_OPTIONS) -m 'long or random_law'
+	POLHODE_TEST_EXAMPLES=$(EXAMPLES) $(PYTEST) $(PYTEST_OPTIONS) -m 'long or random_law'
 
 # The suites of numbers as on a processor with fewer features: docs/operations.md, "Unlike processors".
 test-portable: $(READY)

@@ -16,7 +16,7 @@ from tests.support.databases import (
     sqlite_url,
     url,
 )
-from tests.support.effort import DRAWS_MANY
+from tests.support.effort import EFFORT, examples
 from tests.support.forked_workers import IS_POSSIBLE, ForkedWorkers
 from tests.support.processor_time import ProcessorTime
 from workers.computation.compiled_code import keep_compiled_code
@@ -25,9 +25,8 @@ from workers.computation.compiled_code import keep_compiled_code
 # On CI the same examples are drawn each time, so that a red run is about the change and can be repeated;
 # who runs the tests at home, and the honesty run, draw others every time.
 SAME_EXAMPLES = os.environ.get("CI") == "true"
-settings.register_profile("fast", deadline=None, max_examples=20, derandomize=SAME_EXAMPLES)
-settings.register_profile("long", deadline=None, max_examples=100, derandomize=SAME_EXAMPLES)
-settings.load_profile("long" if DRAWS_MANY else "fast")
+settings.register_profile(EFFORT, deadline=None, max_examples=examples(20, 100), derandomize=SAME_EXAMPLES)
+settings.load_profile(EFFORT)
 
 __all__ = [
     "app",

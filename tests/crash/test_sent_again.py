@@ -10,6 +10,7 @@ from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
 from tests.crash.submitters import REQUESTS, Submitters, app_on, send
 from tests.support.api import TestClient
+from tests.support.effort import examples
 
 MADE = {"job": (1, 0), "list": (2, 0), "sweep": (1, 1)}
 """Jobs and sweeps that one request makes; a sweep begins with one chunk."""
@@ -27,10 +28,10 @@ def count(database):
         return tuple(session.scalar(select(func.count()).select_from(row)) for row in (JobRow, SweepRow))
 
 
-@pytest.mark.parametrize("kills", [3, pytest.param(200, marks=pytest.mark.long)])
-def test_what_was_committed_is_answered_again_and_not_made_again(killed, url, database, kills):
+@pytest.mark.random_law
+def test_what_was_committed_is_answered_again_and_not_made_again(killed, url, database):
     with TestClient(app_on(url)) as client:
-        for number in range(kills):
+        for number in range(examples(3, 200)):
             kind = list(REQUESTS)[number % 3]
             key, before = new_id(), count(database)
             assert killed(url, key, kind, "commit:after:1") == -signal.SIGKILL

@@ -4,6 +4,7 @@ import pytest
 
 from tests.crash.client import SWEEP_POINTS
 from tests.crash.storm import Figures, Plan, by_procrastinate, on_postgres, on_sqlite
+from tests.support.effort import examples
 
 
 def is_weathered(figures: Figures, plan: Plan) -> None:
@@ -28,7 +29,13 @@ def test_nothing_is_lost_or_doubled_in_a_short_storm(jobs):
 @pytest.mark.long
 @pytest.mark.parametrize("run", [on_sqlite, on_postgres])
 def test_nothing_is_lost_or_doubled_in_a_long_storm_under_load(run):
-    plan = Plan(seed=4, jobs=2000, seconds=120.0, kills=300, pause_seconds=0.2)
+    plan = Plan(
+        seed=4,
+        jobs=examples(200, 2000),
+        seconds=float(examples(12, 120)),
+        kills=examples(30, 300),
+        pause_seconds=0.2,
+    )
     is_weathered(run(plan), plan)
 
 

@@ -8,6 +8,7 @@ import json
 import pytest
 
 from tests.benchmarks.hostile_counts import TIERS, HostileRecord, Row, faults_of, measure_hostile
+from tests.support.effort import examples
 from tests.support.hostile_judgement import facts_of, judged_tier, judged_verdict
 
 COUNT = 20
@@ -15,7 +16,7 @@ SEED = 20
 """Of problems that the benchmark, with its own seed, does not ask."""
 MOVING = 4
 """So many of them are solved in every tier: narrow features take about a second of a processor."""
-MANY = 400
+MANY = examples(20, 400)
 
 
 @pytest.fixture(scope="module")

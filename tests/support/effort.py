@@ -5,23 +5,27 @@ take long and seldom find what the others do not.
 
 - ``examples``: random laws draw few examples or many. Such tests carry the
   marker ``random_law``, by which ``make test-long`` chooses them.
+  ``make test-long EXAMPLES=some`` draws as many as lie halfway between the
+  two in ratio: so a clean clone is tested, in a time one can wait for.
 - ``seldom``: cases beside others of the same table.
 - ``each_once``: of the combinations of several tables, ``make test`` takes so
   many that it meets every value of every table.
 """
 
 import itertools
+import math
 import os
 from collections.abc import Sequence
 
 import pytest
 
-DRAWS_MANY = os.environ.get("POLHODE_TEST_EXAMPLES") == "many"
+EFFORT = os.environ.get("POLHODE_TEST_EXAMPLES", "few")
+"""``few``, ``some`` or ``many``: how much is asked of the tests."""
 
 
 def examples(few: int, many: int) -> int:
     """Return how many to draw."""
-    return many if DRAWS_MANY else few
+    return {"few": few, "some": round(math.sqrt(few * many)), "many": many}[EFFORT]
 
 
 def seldom(*cases: object) -> list:
