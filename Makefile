@@ -14,7 +14,7 @@ NUMBERS := tests/golden tests/laws tests/conformance tests/workers/solvers \
 	tests/workers/cli/test_doctor.py $(addprefix tests/workers/computation/test_,outputs.py tiers.py) \
 	tests/workers/sweeping/test_sweeping.py tests/workers/sweeping/test_family.py
 
-.PHONY: demo serve test test-long test-portable test-container lint bench format clean
+.PHONY: demo serve test test-long test-portable test-container lint docs bench format clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -54,6 +54,11 @@ lint: $(READY)
 format: $(READY)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+# The documentation as pages in build/site, without a warning; pictures are drawn anew by FIGURES=1.
+docs: $(READY)
+	$(if $(FIGURES),for script in theorem gallery classical; do $(BIN)/python docs/figures/$$script.py || exit 1; done)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict -f docs/site/mkdocs.yml
 
 bench: $(READY)
 	$(BIN)/python -m tests.benchmarks

@@ -3,17 +3,13 @@
 Run it from the top folder of the repository: ``.venv/bin/python docs/figures/classical.py``.
 """
 
-from pathlib import Path
-
-import matplotlib as mpl
 import matplotlib.pyplot as plt
-import numpy as np
+from motions import path_in_body, path_on_sphere, save, use_files
 
 from service.catalogue.classical import classical
 from service.schemas.problem.problem import read_problem
 from workers.computation.compute import solve
 
-FOLDER = Path(__file__).parent
 SAMPLES = 1500
 APERIODIC = {"hess": 60, "staude": 1}
 """How long the cases that do not close are drawn."""
@@ -21,8 +17,7 @@ APERIODIC = {"hess": 60, "staude": 1}
 
 def main() -> None:
     """Write docs/figures/classical-CASE.png for every case that can be computed."""
-    mpl.use("Agg")
-    mpl.rcParams["savefig.dpi"] = 80
+    use_files()
     for row in classical():
         if row.example is not None:
             _draw(row.case, row.title, row.example)
@@ -33,28 +28,15 @@ def _draw(case: str, title: str, example: dict[str, object]) -> None:
     problem = read_problem({**example, "time": {**time, "samples": SAMPLES}, "outputs": ["gamma", "omega"]})
     samples = solve(problem).samples
     figure = plt.figure(figsize=(8, 4))
-    _path(figure, 1, samples[:, 3:], "γ on the sphere", is_on_sphere=True)
-    _path(figure, 2, samples[:, :3], "ω in the body", is_on_sphere=False)
+    sphere = figure.add_subplot(1, 2, 1, projection="3d")
+    path_on_sphere(sphere, samples[:, 3:])
+    sphere.set_title("γ on the sphere", fontsize=10)
+    body = figure.add_subplot(1, 2, 2, projection="3d")
+    path_in_body(body, samples[:, :3])
+    body.set_title("ω in the body", fontsize=10)
     figure.suptitle(title)
     figure.tight_layout()
-    # Without the version of the library the same motion gives the same file.
-    figure.savefig(FOLDER / f"classical-{case}.png", metadata={"Software": None})
-    plt.close(figure)
-
-
-def _path(figure: plt.Figure, place: int, points: np.ndarray, label: str, *, is_on_sphere: bool) -> None:
-    axes = figure.add_subplot(1, 2, place, projection="3d")
-    if is_on_sphere:
-        across, up = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
-        sphere = np.cos(across) * np.sin(up), np.sin(across) * np.sin(up), np.cos(up)
-        axes.plot_wireframe(*sphere, color="lightgrey", linewidth=0.4)
-    else:
-        axes.scatter(0, 0, 0, color="grey", s=12)
-    axes.plot(*points.T, color="tab:blue", linewidth=1.2)
-    axes.scatter(*points[0], color="tab:red", s=18)
-    axes.set_box_aspect((1, 1, 1))
-    axes.set_title(label, fontsize=10)
-    axes.tick_params(labelsize=6)
+    save(figure, f"classical-{case}")
 
 
 if __name__ == "__main__":

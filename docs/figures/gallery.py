@@ -1,0 +1,103 @@
+"""Draws the motions of docs/gallery.md: one picture for each problem in examples/.
+
+Run it from the top folder of the repository: ``.venv/bin/python docs/figures/gallery.py``.
+"""
+
+import json
+from decimal import ROUND_CEILING, Context
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+from motions import path_in_body, path_on_sphere, save, use_files
+
+from service.schemas.problem.problem import read_problem
+from workers.computation.compute import solve
+
+TOP = Path(__file__).parents[2]
+PAGE = TOP / "docs" / "gallery.md"
+SHOWN = {
+    "first": """Back and forth
+        Gravity along the first axis and a repelling wall at γ₃ = 0. γ crosses the equator, comes to rest on
+        both sides and returns.""",
+    "elliptic": """Three terms, by elliptic functions
+        The period is an elliptic integral, and the six variables are Jacobi's functions of time.""",
+    "rational": """The full rational potential
+        All eight terms of the paper (that of a₃ with its sign corrected): an integral of higher genus, and
+        still one integral.""",
+    "homogeneous": """Homogeneous potentials
+        Terms with fractional powers, for A = 3C: here the curves are |γ₃| = λ |γ₁|^(1/3).""",
+    "general": """The general solution
+        F(w) = exp(-w) and a polynomial G, A/C = 17/10. V itself is an integral that has no formula.""",
+    "small-first-moment": """A < C
+        The theorem does not need A > C; with A < C the first and the third axis change their parts.""",
+    "bobylev-steklov": """Bobylev and Steklov, 1896
+        The heavy body with A = 2C. p is constant, and γ passes both poles.""",
+    "unstable": """The same, with B = 3
+        B does not matter to a planar motion, but to its stability: here a small disturbance grows about
+        sevenfold in each period.""",
+    "collision": """A collision
+        The potential attracts to γ₃ = 0 so strongly that a pole is reached in finite time. The picture ends
+        shortly before.""",
+    "state": """From any state
+        q is not 0, and the theorem says nothing: the six equations are integrated.""",
+}
+"""The problems in examples/, each with a title and a text."""
+INTRODUCTION = """# A gallery of motions
+
+Each of these problems is a file in [examples/](../examples/); `polhode solve examples/NAME.json` runs it.
+Left: the path of the vertical γ on the unit sphere, as the body sees it. Middle: the path of the angular
+velocity ω in the body; the grey point is ω = 0. A red point is the start. Page and pictures are made by
+`docs/figures/gallery.py`. The motions of the heavy body that are known by names are in [the classical
+cases](classical.md).
+"""
+SAMPLES = 1200
+
+
+def main() -> None:
+    """Write docs/gallery.md, and docs/figures/gallery-NAME.png for each problem."""
+    use_files()
+    page = [INTRODUCTION]
+    for name, said in SHOWN.items():
+        title, _, text = said.partition("\n")
+        page += [f"## {title}", "", f"`examples/{name}.json`. {' '.join(text.split())}", "", _draw(name), ""]
+        page += [f"![γ on the sphere, ω in the body, and all six over time](figures/gallery-{name}.png)", ""]
+    PAGE.write_text("\n".join(page))
+
+
+def _draw(name: str) -> str:
+    """Write the picture, and return the facts as a sentence."""
+    document = json.loads((TOP / "examples" / f"{name}.json").read_text())
+    document["time"]["samples"] = SAMPLES
+    document |= {"outputs": ["gamma", "omega"], "method": "auto"}
+    solved = solve(read_problem(document))
+    times, samples = solved.times, solved.samples
+    figure = plt.figure(figsize=(11, 3.6), layout="constrained")
+    grid = figure.add_gridspec(2, 3)
+    sphere = figure.add_subplot(grid[:, 0], projection="3d")
+    path_on_sphere(sphere, samples[:, 3:])
+    sphere.set_title("γ on the sphere", fontsize=10)
+    body = figure.add_subplot(grid[:, 1], projection="3d")
+    path_in_body(body, samples[:, :3])
+    body.set_title("ω in the body", fontsize=10)
+    for row, (names, first) in enumerate((("γ₁ γ₂ γ₃", 3), ("p q r", 0))):
+        axes = figure.add_subplot(grid[row, 2])
+        for place, label in enumerate(names.split()):
+            axes.plot(times, samples[:, first + place], label=label, linewidth=1)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+        axes.tick_params(labelsize=7)
+        axes.grid(visible=True, alpha=0.3)
+    axes.set_xlabel("t", fontsize=8)
+    save(figure, f"gallery-{name}")
+    said = f"Error of the six variables: at most {_upwards(solved.error)}."
+    if (period := solved.dense.period) is None:
+        return said
+    return f"Period {period.hi} ± {_upwards(abs(period.lo) + period.error)}. {said}"
+
+
+def _upwards(bound: float) -> str:
+    """Return a bound with one digit, which is rounded up."""
+    return f"{Context(prec=1, rounding=ROUND_CEILING).create_decimal_from_float(bound):e}"
+
+
+if __name__ == "__main__":
+    main()
