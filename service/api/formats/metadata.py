@@ -1,10 +1,16 @@
 """What a Parquet file says of itself: the document, where the numbers come from, their units and errors."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+
+from service.jobs.sweeps import SweepRecord
+from service.versions import version_of
 
 PREFIX = "polhode."
 """Before every name, so that a file may have metadata of others too."""
+
+ERROR = "error"
+"""The kept number that bounds the errors of the samples; NAME.error bounds that of NAME."""
 
 _TIME = "the unit of time of the problem"
 _RATE = "radians per unit of time of the problem"
@@ -26,3 +32,27 @@ def units_of(columns: Iterable[str]) -> dict[str, str]:
 def metadata(about: Mapping[str, object]) -> dict[str, str]:
     """Return the metadata of a file: each thing as JSON."""
     return {PREFIX + name: json.dumps(thing, allow_nan=False) for name, thing in about.items()}
+
+
+def about_points(record: SweepRecord, columns: Sequence[str], series: Sequence[str]) -> dict[str, str]:
+    """Return what a file of points says of the sweep that it is from."""
+    return metadata(
+        {
+            "sweep": record.id,
+            "document": dict(record.document),
+            "provenance": provenance_of_points(record),
+            "units": units_of(columns),
+            "errors": errors_of_points(columns, series),
+        }
+    )
+
+
+def provenance_of_points(record: SweepRecord) -> dict[str, object]:
+    """Return what computed the points, and how many there are."""
+    return {"version": version_of("polhode"), "points": record.points, "done": record.done}
+
+
+def errors_of_points(columns: Sequence[str], series: Sequence[str]) -> dict[str, str]:
+    """Return for columns of points the ones that hold the bounds of their errors."""
+    errors = {name: f"{name}.{ERROR}" for name in columns if f"{name}.{ERROR}" in columns}
+    return errors | {name: ERROR for name in series if ERROR in columns}

@@ -42,12 +42,12 @@ def csv(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Itera
 
 def arrow(wish: Wish, blocks: Iterable[PointBlock], metadata: Mapping[str, str]) -> Iterator[bytes]:
     """Yield an Arrow stream with a record batch for each block."""
-    return arrow_batches(_kinds(wish), _batches(wish, blocks), metadata)
+    return arrow_batches(kinds_of(wish), _batches(wish, blocks), metadata)
 
 
 def parquet(wish: Wish, blocks: Iterable[PointBlock], metadata: Mapping[str, str]) -> Iterator[bytes]:
     """Yield a Parquet file with a row group for each block."""
-    return parquet_groups(_kinds(wish), _batches(wish, blocks), metadata)
+    return parquet_groups(kinds_of(wish), _batches(wish, blocks), metadata)
 
 
 def npz(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Iterator[bytes]:
@@ -72,7 +72,8 @@ STREAMS: Mapping[str, Writer] = {NDJSON: ndjson, CSV: csv, ARROW: arrow, PARQUET
 """The streaming formats, which have no pages."""
 
 
-def _kinds(wish: Wish) -> dict[str, ColumnKind]:
+def kinds_of(wish: Wish) -> dict[str, ColumnKind]:
+    """Return the columns that are asked for with their kinds."""
     return {name: _kind(wish, name) for name in wish.columns}
 
 

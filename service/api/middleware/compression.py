@@ -18,7 +18,13 @@ _SAMPLE_BYTES = 65536
 """What is tried first: of an answer that is larger, the rest is encoded only if this pays."""
 _INLINE_BYTES = 65536
 """More is encoded in a thread, not on the event loop."""
-_NEVER = ("text/event-stream", "application/vnd.apache.parquet", "application/x-npz", "image/png")
+_NEVER = (
+    "text/event-stream",
+    "application/vnd.apache.parquet",
+    "application/x-npz",
+    "application/zip",
+    "image/png",
+)
 """Events must not wait for others; the rest is encoded already, or hardly gets smaller."""
 
 

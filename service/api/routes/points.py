@@ -12,7 +12,7 @@ from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import StreamingResponse
 
 from service.api.dependencies import Inside
-from service.api.formats.metadata import metadata, units_of
+from service.api.formats.metadata import about_points
 from service.api.formats.negotiation import CSV, JSON, NPZ, PARQUET, Accept, chosen, named_file
 from service.api.formats.points import STREAMS, rows
 from service.api.middleware.methods import is_head
@@ -38,14 +38,11 @@ from service.schemas.replies.sweep import PointPageOut
 from service.schemas.sweep.reading import read_sweep
 from service.storage.sweeps.point_query import PointQuery
 from service.storage.sweeps.point_reader import PointBlock, PointReader
-from service.versions import version_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
 MOST_ARRAY_NUMBERS = 10_000_000
 """Numbers in an answer of arrays: 80 MB, and as much again while it is written."""
-ERROR = "error"
-"""The kept number that bounds the errors of the samples; NAME.error bounds that of NAME."""
 POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
 """Headers with the number of points of the sweep, and of those computed; only these are in the answer."""
 
@@ -98,26 +95,9 @@ def get_points(
     first = list(islice(blocks, 1))
     about = {"sweep": record.id, **{name: told[name] for name in (POINTS_HEADER, DONE_HEADER)}}
     if media_type == PARQUET:
-        about = _about(record, wish)
+        about = about_points(record, wish.columns, wish.series)
     content = STREAMS[media_type](wish, chain(first, blocks), about)
     return StreamingResponse(content, media_type=media_type, headers=told)
-
-
-def _about(record: SweepRecord, wish: Wish) -> dict[str, str]:
-    """Return what a file says of the sweep that it is from."""
-    columns = wish.columns
-    errors = {name: f"{name}.{ERROR}" for name in columns if f"{name}.{ERROR}" in columns}
-    errors |= {name: ERROR for name in wish.series if ERROR in columns}
-    return metadata(
-        {
-            "sweep": record.id,
-            "document": dict(record.document),
-            "provenance": {"version": version_of("polhode"), "points": record.points, "done": record.done},
-            "units": units_of(wish.columns),
-            # The columns that hold the bounds of others.
-            "errors": errors,
-        }
-    )
 
 
 def _page(

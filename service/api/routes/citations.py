@@ -1,0 +1,68 @@
+"""GET /v1/solutions/{id}/citation: how a solution is cited."""
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Depends, Request, Response
+from pydantic import Field
+
+from service.api.dependencies import Inside
+from service.api.formats.citation import Cited, bibtex, cff, title_of
+from service.api.formats.negotiation import Accept, preferred
+from service.api.queries.format_names import FORMAT_HELP
+from service.api.queries.queries import QueryModel, query_of, query_parameters
+from service.api.replies.conditional import IMMUTABLE, tag_of_thing, unchanged, validators
+from service.api.replies.places import SolutionId
+from service.api.replies.responses import refusals
+from service.storage.solutions.standing import standing_of
+
+router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
+
+FORMATS: Mapping[str, str] = {"bibtex": "application/x-bibtex", "cff": "application/yaml"}
+WRITERS: Mapping[str, Callable[[Cited], str]] = {FORMATS["bibtex"]: bibtex, FORMATS["cff"]: cff}
+
+
+class CitationQuery(QueryModel):
+    """How a citation is written."""
+
+    format: Literal["bibtex", "cff"] | None = Field(default=None, description=FORMAT_HELP)
+
+
+@router.get(
+    "/{solution_id}/citation",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "BibTeX, or a citation file (CFF 1.2.0).",
+            "content": {media_type: {"schema": {"type": "string"}} for media_type in WRITERS},
+        },
+        **refusals(404, 406),
+    },
+    openapi_extra=query_parameters(CitationQuery),
+)
+def get_citation(
+    request: Request,
+    solution_id: SolutionId,
+    query: Annotated[CitationQuery, Depends(query_of(CitationQuery))],
+    inside: Inside,
+    accept: Accept = None,
+) -> Response:
+    """Return how to cite a solution in a paper: what it is, what computed it, whose method it is."""
+    media_type = preferred(list(WRITERS), accept) if query.format is None else FORMATS[query.format]
+    standing = standing_of(inside.database, solution_id)
+    tag = tag_of_thing(request, media_type, standing.id, standing.digest)
+    if known := unchanged(request, tag, IMMUTABLE, Vary="Accept"):
+        return known
+    solution = inside.solutions.get(solution_id)
+    provenance = solution.summary["provenance"]
+    assert isinstance(provenance, Mapping)
+    cited = Cited(
+        solution.id,
+        standing.digest,
+        title_of(solution.problem),
+        solution.created_at.date(),
+        provenance["version"],
+        provenance["numerics"],
+    )
+    headers = {**validators(tag, IMMUTABLE), "Vary": "Accept"}
+    return Response(WRITERS[media_type](cited), media_type=media_type, headers=headers)
