@@ -14,6 +14,7 @@ from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.reading_threads import ReadingThreads
+from service.api.replies.kept_answers import KeptAnswers
 from service.api.routing import install
 from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
@@ -90,6 +91,7 @@ def create_app(
             keys=ring,
             limits=LimitGuard(settings, keys),
             idempotency=IdempotencyDesk(answers),
+            answers=KeptAnswers(),
             presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),
             local_worker=local_worker,
