@@ -14,6 +14,7 @@ from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.reading_threads import ReadingThreads
+from service.api.replies.kept_answers import KeptAnswers
 from service.api.routing import install
 from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
@@ -35,12 +36,11 @@ from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
 from service.verdicts.memory import KeptExaminations
+from service.verdicts.starting import VERDICT_WORKERS, VerdictChildren
 from service.versions import version_of
 
 logger = logging.getLogger(__name__)
 
-VERDICT_WORKERS = 3
-"""Child processes that compute verdicts; lists together, and each key, leave one of them free for others."""
 _CHECKS_AT_ONCE = 2
 """Threads for /readyz, so that probes are answered although all other threads are busy."""
 
@@ -64,7 +64,7 @@ def create_app(
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         database, dispatcher = Database(settings.database_url), dispatcher_of(settings)
-        children = sandbox or verdict_sandbox(settings)
+        children = sandbox or VerdictChildren(settings).ready()
         statistics = Statistics(database, seen_seconds=SILENT_LEASES * settings.lease_seconds)
         keys = KeyStore(database)
         days = settings.samples_days
@@ -91,6 +91,7 @@ def create_app(
             keys=ring,
             limits=LimitGuard(settings, keys),
             idempotency=IdempotencyDesk(answers),
+            answers=KeptAnswers(),
             presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),
             local_worker=local_worker,
@@ -117,12 +118,3 @@ def create_app(
     app = FastAPI(title="polhode", lifespan=lifespan, docs_url=None, redoc_url=None)
     install(app)
     return app
-
-
-def verdict_sandbox(settings: Settings) -> Sandbox:
-    """Return the started child processes that compute verdicts for an application."""
-    sandbox = Sandbox(
-        VERDICT_WORKERS, memory_mb=settings.job_memory_mb, preload=("service.verdicts.formulas",)
-    )
-    sandbox.start()
-    return sandbox

@@ -9,7 +9,6 @@ modules once, so that a killed child is replaced within milliseconds.
 import contextlib
 import multiprocessing
 import os
-import signal
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -22,6 +21,7 @@ from pebble import ProcessExpired, ProcessPool
 
 from service.confinement import confine_child
 from service.logs import current_logging
+from service.pools import BREAKAGES, cause_of_death, stop
 
 T = TypeVar("T")
 Arguments = TypeVarTuple("Arguments")
@@ -35,8 +35,6 @@ _RENEWALS = 3
 """How often a call is repeated because the processes around it died."""
 _FORK_SERVER_LOST = 255
 """Exit code that multiprocessing reports for children whose fork server was killed."""
-_BREAKAGES = (OSError, EOFError, RuntimeError, BrokenProcessPool)
-"""Raised by starting a child, or passing it a call, when the processes around it have died."""
 
 
 class SandboxTimeoutError(Exception):
@@ -80,13 +78,15 @@ class Sandbox:
         # "__main__" makes the fork server import the main module once, instead of every child.
         self._context.set_forkserver_preload(["__main__", *preload])
         self._seats = [_Seat(self._new_pool()) for _ in range(workers)]
+        self._leaving: list[ProcessPool] = []
+        """Children without a slot: not there yet, or with a last call."""
 
     def start(self) -> None:
         """Start the children now, so that the first call need not wait for them."""
         with self._lock:
             for seat in self._seats if not self.is_closed else ():
                 # If the pool cannot start now, the first call makes a new one.
-                with contextlib.suppress(*_BREAKAGES):
+                with contextlib.suppress(*BREAKAGES):
                     self._usable_pool(seat)
 
     def submit(
@@ -106,7 +106,7 @@ class Sandbox:
                     future: Future[T] = self._usable_pool(seat).schedule(
                         function, args=arguments, timeout=seconds
                     )
-                except _BREAKAGES as fault:
+                except BREAKAGES as fault:
                     cause = fault
                     self._replace_pool(seat)
                 else:
@@ -192,12 +192,41 @@ class Sandbox:
         with self._lock:
             return not any(seat.load() for seat in self._seats)
 
+    def replace(self, number: int, prepare: Callable[[], object], *, seconds: float) -> None:
+        """Replace the child of a slot by a new one that has called ``prepare``; wait for the old one's calls.
+
+        Raises what :func:`result_of` raises; then the old child stays.
+        """
+        with self._lock:
+            if self.is_closed:
+                raise SandboxBrokenError("the children have been stopped for good")
+            new = self._new_pool()
+            self._leaving.append(new)  # until it has a slot it is closed from here
+        try:
+            _prepare(new, prepare, seconds)
+        except BaseException:
+            with self._lock:
+                self._leaving.remove(new)
+            stop(new)
+            raise
+        with self._lock:
+            seat = self._seats[number]
+            old, calls = seat.pool, list(seat.calls)
+            if not self.is_closed:
+                seat.pool = new
+                self._leaving.remove(new)
+                self._leaving.append(old)
+        wait(calls)
+        stop(old)
+        with self._lock, contextlib.suppress(ValueError):
+            self._leaving.remove(old)
+
     def close(self) -> None:
         """Kill the children; no others are started."""
         with self._lock:
             self.is_closed = True
-            for seat in self._seats:
-                _stop(seat.pool)
+            for pool in (*(seat.pool for seat in self._seats), *self._leaving):
+                stop(pool)
 
     def _usable_pool(self, seat: "_Seat") -> ProcessPool:
         """Return the pool; a new one if it broke, as it does when an idle child is killed."""
@@ -206,7 +235,7 @@ class Sandbox:
         return seat.pool
 
     def _replace_pool(self, seat: "_Seat") -> None:
-        _stop(seat.pool)
+        stop(seat.pool)
         seat.pool = self._new_pool()
 
     def _new_pool(self) -> ProcessPool:
@@ -252,20 +281,19 @@ def result_of(future: Future[T]) -> T:
     except ProcessExpired as fault:
         if fault.exitcode == _FORK_SERVER_LOST:
             raise SandboxBrokenError("the fork server of the child process died") from fault
-        raise SandboxCrashError(f"the child process {_cause_of_death(fault.exitcode)}") from fault
+        raise SandboxCrashError(f"the child process {cause_of_death(fault.exitcode)}") from fault
     except BrokenProcessPool as fault:
         raise SandboxBrokenError("the pool of child processes broke") from fault
 
 
-def _cause_of_death(exit_code: int) -> str:
-    if exit_code >= 0:
-        return f"ended with code {exit_code}"
-    with contextlib.suppress(ValueError):
-        return f"died of {signal.Signals(-exit_code).name}"
-    return f"died of signal {-exit_code}"
-
-
-def _stop(pool: ProcessPool) -> None:
-    with contextlib.suppress(*_BREAKAGES):
-        pool.stop()  # type: ignore[no-untyped-call]
-        pool.join()
+def _prepare(pool: ProcessPool, prepare: Callable[[], object], seconds: float) -> None:
+    """Have the child of a new pool call ``prepare``."""
+    give_up_at = time.monotonic() + START_SECONDS + seconds
+    try:
+        future: Future[object] = pool.schedule(prepare, timeout=seconds)
+    except BREAKAGES as fault:
+        raise SandboxBrokenError("no child process can be started") from fault
+    while not wait([future], timeout=_LOOK_SECONDS).done:
+        if not pool.active or time.monotonic() > give_up_at:
+            raise SandboxBrokenError("the new child ended before it was ready")
+    result_of(future)

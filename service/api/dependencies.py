@@ -13,6 +13,7 @@ from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.reading_threads import ReadingThreads
+from service.api.replies.kept_answers import KeptAnswers
 from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.jobs.store import JobStore
@@ -44,6 +45,7 @@ class Resources:
     keys: KeyRing
     limits: LimitGuard
     idempotency: IdempotencyDesk
+    answers: KeptAnswers
     presence: ServicePresence
     """Keeps the presence row of this service, and knows whether the database can be written to."""
     waiting: threading.BoundedSemaphore

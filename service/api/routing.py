@@ -32,6 +32,7 @@ from service.api.routes import (
     trajectory,
     validations,
 )
+from service.api.switchboard import Switchboard
 
 
 def install(app: FastAPI) -> None:
@@ -62,11 +63,13 @@ def install(app: FastAPI) -> None:
     routers.append(solutions.by_problem)
     check_roles(routers)
     for router in routers:
-        app.include_router(router)
+        # As they are: routers inside routers would be searched twice for each request.
+        app.router.routes.extend(router.routes)
         for route in router.routes:
             if isinstance(route, APIRoute):
                 # Generated clients use these names: short, and independent of the path.
                 route.operation_id = route.name
+    app.router.middleware_stack = Switchboard(app.router)
     error_handlers.install(app)
     # From the inside out: each sees the answers of those before it.
     app.add_middleware(Guard)

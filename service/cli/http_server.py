@@ -13,12 +13,17 @@ from service.local.workers import LocalWorkers
 from service.logs import announce
 from service.settings import Settings
 from service.stopping import StopAsked
+from service.verdicts.starting import VerdictChildren
 
 
 def serve_http(
-    settings: Settings, listener: socket.socket, doorbell: Doorbell, workers: LocalWorkers | None
+    settings: Settings,
+    listener: socket.socket,
+    doorbell: Doorbell,
+    workers: LocalWorkers | None,
+    verdicts: VerdictChildren,
 ) -> None:
-    """Serve on a migrated database; at the end stop the workers, which no second signal interrupts."""
+    """Serve on a migrated database; at the end stop all children, which no second signal interrupts."""
 
     class _Server(uvicorn.Server):
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -35,10 +40,10 @@ def serve_http(
 
     # From here on the end needs a clean-up.
     with StopAsked() as stop:
-        doorbell.when_warm(lambda: announce("the workers are warm: they take jobs"))
+        doorbell.when_warm(lambda: announce("the workers are warm"))
         try:
             standing = None if workers is None else workers.standing
-            app = create_app(settings, doorbell=doorbell, local_worker=standing)
+            app = create_app(settings, doorbell=doorbell, sandbox=verdicts.ready(), local_worker=standing)
             config, listener = guarded(app, settings, listener)
             server = _Server(config)
             host, port = listener.getsockname()[:2]
@@ -54,4 +59,5 @@ def serve_http(
         finally:
             if workers is not None:
                 workers.stop()
+            verdicts.close()
             doorbell.close()

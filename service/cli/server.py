@@ -8,13 +8,15 @@ from service.local.wakeup import Doorbell
 from service.local.workers import LocalWorkers
 from service.logs import start_logging
 from service.settings import Settings
+from service.verdicts.starting import VerdictChildren
 
 
 def run_service(settings: Settings) -> None:
     """Serve until SIGTERM or SIGINT.
 
-    The worker process is started first. While it loads its solvers, this process migrates the database
-    and loads the web framework; the worker uses the database only when it is told that it is ready.
+    The worker process is started first, then the children for verdicts. While they load the mathematics, this
+    process migrates the database and loads the web framework; the worker uses the database only when it is
+    told that it is ready.
     """
     start_logging(settings.log_format, settings.log_level or "warning")
     if not settings.is_loopback:
@@ -22,6 +24,7 @@ def run_service(settings: Settings) -> None:
     with _listen(settings.host, settings.port) as listener:
         doorbell = Doorbell(is_database_ready=False)
         workers = LocalWorkers(settings, doorbell) if settings.workers else None
+        verdicts = VerdictChildren(settings)
         try:
             migrate_database(settings)
             # Not at the top: it loads the web framework.
@@ -29,9 +32,10 @@ def run_service(settings: Settings) -> None:
         except BaseException:
             if workers is not None:
                 workers.forgo()
+            verdicts.close()
             doorbell.close()
             raise
-        serve_http(settings, listener, doorbell, workers)
+        serve_http(settings, listener, doorbell, workers, verdicts)
 
 
 def _listen(host: str, port: int) -> socket.socket:

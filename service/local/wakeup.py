@@ -14,7 +14,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 
 WARM = "warm"
-"""What a worker sends in place of a job's id when it begins to take jobs."""
+"""What a worker sends in place of a job's id when it is warm."""
 _LOOK_SECONDS = 0.25
 """How often a waiting client's job is looked up without a message: another machine may finish it."""
 
@@ -39,7 +39,7 @@ class Doorbell:
         self._tell_warm: Callable[[], None] | None = None
 
     def when_warm(self, tell: Callable[[], None]) -> None:
-        """Call ``tell``, from another thread, whenever a worker begins to take jobs."""
+        """Call ``tell``, from another thread, whenever a worker is warm."""
         self._tell_warm = tell
 
     def tell_database_is_ready(self) -> None:

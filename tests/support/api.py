@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from fastapi import FastAPI
 
-from service.app import create_app, verdict_sandbox
+from service.app import create_app
 from service.dynamics.solution.dense_output import (
     DenseOutput,
     Period,
@@ -23,6 +23,7 @@ from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.codecs.arrays import encode_arrays, encode_dense
 from service.storage.jobs.job_store import SqlJobStore
+from service.verdicts.starting import VerdictChildren
 from tests.support.conformance import check_exchange
 from tests.support.finishing import finish_success
 from workers.computation.compute import solve_document
@@ -134,7 +135,7 @@ def finish(jobs: SqlJobStore, *, summary: dict = SUMMARY, spoil: bool = False) -
 @pytest.fixture(scope="session")
 def verdicts() -> Iterator[Sandbox]:
     """Children shared by the applications of all tests; starting them takes longer than most tests."""
-    sandbox = verdict_sandbox(Settings())
+    sandbox = VerdictChildren(Settings()).ready()
     yield sandbox
     sandbox.close()
 

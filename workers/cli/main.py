@@ -52,7 +52,7 @@ def run(
     wake_fd: Annotated[int | None, typer.Option(help="descriptor of the service's wake-up socket")] = None,
 ) -> None:
     """Compute queued jobs until stopped."""
-    from workers.process.tasks import COMPUTATIONS, PRELOAD, warm_up  # noqa: PLC0415
+    from workers.process.tasks import COMPUTATIONS, PRELOAD, WARM_UP  # noqa: PLC0415
     from workers.process.worker import WorkerTasks, run_worker  # noqa: PLC0415
 
     settings = read_settings(database_url=database_url)
@@ -64,7 +64,7 @@ def run(
             from service.storage.database.migration import migrate_or_explain  # noqa: PLC0415
 
             migrate_or_explain(settings.database_url, engine_name=settings.engine)
-        run_worker(WorkerTasks(COMPUTATIONS, PRELOAD, warm_up), settings, slots=slots, wake_fd=wake_fd)
+        run_worker(WorkerTasks(COMPUTATIONS, PRELOAD, WARM_UP), settings, slots=slots, wake_fd=wake_fd)
     except _reasons_to_end() as fault:
         say(str(fault))
         raise typer.Exit(_FAILED) from fault

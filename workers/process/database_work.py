@@ -98,6 +98,7 @@ def _loop(
         equipment.waker,
         line=equipment.line,
         announcements=notifications,
+        takes_jobs=equipment.warming.may_take_jobs,
         is_warm=equipment.warming.is_over,
         poll_seconds=settings.poll_seconds,
         grace_seconds=settings.grace_seconds,

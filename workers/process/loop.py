@@ -47,8 +47,10 @@ class EngineLoop:
         The wake-up socket of the service that started this worker, if any. When it closes, the loop stops.
     announcements
         Notifications of delivered jobs, if the engine has them.
+    takes_jobs
+        Whether jobs may be taken: the children have loaded what planar motions need. Once true it stays true.
     is_warm
-        Whether jobs may be taken: the children have loaded what they need. Once true it stays true.
+        Whether the children have loaded all that jobs need. Once true it stays true.
     poll_seconds
         How often to poll for jobs that were not announced.
     grace_seconds
@@ -63,6 +65,7 @@ class EngineLoop:
         *,
         line: WorkerLine | None,
         announcements: Announcements | None,
+        takes_jobs: Callable[[], bool],
         is_warm: Callable[[], bool],
         poll_seconds: float,
         grace_seconds: float,
@@ -72,6 +75,7 @@ class EngineLoop:
         self._waker = waker
         self._line = line
         self._announcements = announcements
+        self._takes_jobs = takes_jobs
         self._is_warm = is_warm
         self._poll_seconds = poll_seconds
         self._grace_seconds = grace_seconds
@@ -116,11 +120,13 @@ class EngineLoop:
         """Do all pending work, finished jobs first, since clients may wait for them."""
         self._tell(self._runner.collect(refill=self._stop_by is None))
         self._runner.keep_leases()
-        takes_jobs = self._is_warm()
-        self._presence.keep(is_warm=takes_jobs)
-        if takes_jobs and not self._has_told and self._line is not None:
+        # In this order: a worker that is warm takes jobs.
+        is_warm = self._is_warm()
+        takes_jobs = self._takes_jobs()
+        self._presence.keep(is_warm=is_warm)
+        if is_warm and not self._has_told and self._line is not None:
             self._line.tell(WARM)
-        self._has_told = takes_jobs
+        self._has_told = is_warm
         if self._stop_by is None:
             if takes_jobs and self._announcements is not None:
                 # Listen before looking, so that no later delivery is missed.

@@ -7,8 +7,10 @@ left to the children, which can be killed: a fork server that compiles for minut
 
 import logging
 
+from workers.process.template import accept_orders
 from workers.sweeping.warming import is_compiled, warm_up_before_forks
 
+accept_orders()
 try:
     if is_compiled():
         warm_up_before_forks()

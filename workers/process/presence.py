@@ -31,7 +31,7 @@ class Presence:
         self._due_at = time.monotonic() + self._seconds
 
     def keep(self, *, is_warm: bool) -> None:
-        """Renew the row if it is time, or if it is news that this worker takes jobs."""
+        """Renew the row if it is time, or if it is news that this worker is warm."""
         if self.seconds_left() == 0.0 or is_warm is not self._is_warm:
             self._registry.see(self._worker, is_warm=is_warm)
             self._is_warm = is_warm

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from service.jobs.outcome import ChunkOutcome, SolveOutcome
 from service.jobs.states import JobKind
+from workers.process.warming import WarmUp
 
 if TYPE_CHECKING:  # the children that load this module need no database
     from workers.process.runner import Computations
@@ -38,11 +39,24 @@ def solve_chunk(document_json: str) -> ChunkOutcome:
     return compute_chunk(document_json)
 
 
-def warm_up() -> None:
-    """Call :func:`workers.sweeping.warming.warm_up`."""
-    from workers.sweeping.warming import warm_up as solve_problems  # noqa: PLC0415
+def _warm_up_for_planar_motions() -> None:
+    from workers.sweeping.warming import warm_up_before_forks  # noqa: PLC0415
 
-    solve_problems()
+    warm_up_before_forks()
 
 
+def _ask_for_the_rest() -> None:
+    from workers.process.template import ask_for_the_rest  # noqa: PLC0415
+
+    ask_for_the_rest()
+
+
+def _warm_up_for_all() -> None:
+    from workers.sweeping.warming import warm_up  # noqa: PLC0415
+
+    warm_up()
+
+
+WARM_UP = WarmUp(_warm_up_for_planar_motions, _ask_for_the_rest, _warm_up_for_all)
+"""First what the fork server has loaded by then; then all, after it has loaded the integrators too."""
 COMPUTATIONS: "Computations" = {JobKind.SOLVE: solve_problem, JobKind.CHUNK: solve_chunk}

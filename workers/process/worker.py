@@ -2,7 +2,7 @@
 
 import os
 import selectors
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ from service.sandbox import Sandbox
 from service.settings import Settings
 from service.stopping import StopAsked
 from workers.process.waker import Waker
-from workers.process.warming import Warming
+from workers.process.warming import Warming, WarmUp
 
 if TYPE_CHECKING:
     from workers.process.runner import Computations
@@ -24,8 +24,8 @@ class WorkerTasks:
     computations: "Computations"
     preload: Sequence[str] = ()
     """Modules that the computations need, beside their own."""
-    warm_up: Callable[[], None] | None = None
-    """A module-level function that each child calls before the worker takes jobs."""
+    warm_up: WarmUp | None = None
+    """What its children call before and after it begins to take jobs."""
 
 
 def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: int | None) -> None:
@@ -58,6 +58,7 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
             from workers.process.database_work import Equipment, use_database  # noqa: PLC0415
 
             if line is None or _is_database_ready(line, waker, stop):
+                warming.go_on()
                 equipment = Equipment(sandbox, warming, waker, line, stop)
                 use_database(tasks.computations, settings, slots, equipment)
         finally:

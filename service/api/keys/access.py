@@ -8,6 +8,7 @@ from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 from starlette.routing import compile_path
 
+from service.api.keys.shapes import ByShape
 from service.jobs.keys import Role
 
 OPEN = None
@@ -69,7 +70,7 @@ class Access:
     """Finds the role that a request needs."""
 
     def __init__(self) -> None:
-        self._places = [(compile_path(path)[0], roles) for path, roles in ACCESS.items()]
+        self._places = ByShape((path, (compile_path(path)[0], roles)) for path, roles in ACCESS.items())
 
     def needed(self, method: str, path: str) -> Role | None:
         """Return the role, or OPEN; where several rows match, the highest of theirs.
@@ -98,7 +99,7 @@ class Access:
         if path in ACCESS:
             # Such as /v1/jobs/facets, which looks like the path of a job.
             return [ACCESS[path]]
-        found = [roles for pattern, roles in self._places if pattern.match(path)]
+        found = [roles for pattern, roles in self._places.of(path) if pattern.match(path)]
         if not found:
             raise HTTPException(HTTPStatus.NOT_FOUND)
         return found

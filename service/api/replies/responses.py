@@ -21,8 +21,12 @@ def json_response(
     Pydantic's and orjson's writers are not used: both silently turn NaN into null, and
     orjson refuses integers beyond 64 bits, which problems may hold.
     """
-    content = json.dumps(model.model_dump(by_alias=True), allow_nan=False, default=_instant)
-    return Response(content, status_code=status, media_type=JSON, headers=headers)
+    return Response(json_content(model), status_code=status, media_type=JSON, headers=headers)
+
+
+def json_content(model: ResponseModel) -> bytes:
+    """Return the bytes of a model as JSON."""
+    return json.dumps(model.model_dump(by_alias=True), allow_nan=False, default=_instant).encode()
 
 
 def _instant(value: object) -> str:

@@ -89,6 +89,7 @@ class SubmitQuery(QueryModel):
 
 @router.post(
     "",
+    operation_id="submit_job",  # it names the schema of the answer, too
     response_model=JobOut | JobListOut,
     status_code=HTTPStatus.ACCEPTED,
     responses={

@@ -14,7 +14,7 @@ from service.api.queries.lists import AskingQuery, Listing, link_to, read_listin
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
 from service.api.replies.conditional import REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.places import SolutionId
-from service.api.replies.responses import JSON, json_response, refusals
+from service.api.replies.responses import JSON, json_content, json_response, refusals
 from service.dynamics.motion import SolvedBy
 from service.dynamics.problem import Tier
 from service.schemas.problem.potentials import FamilyName
@@ -119,7 +119,8 @@ def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> R
     tag = solution_tag(request, standing_of(inside.database, solution_id))
     if known := unchanged(request, tag, REVALIDATE):
         return known
-    return json_response(_out(inside.solutions.get(solution_id)), headers=validators(tag, REVALIDATE))
+    content = inside.answers.get(tag, lambda: json_content(_out(inside.solutions.get(solution_id))))
+    return Response(content, media_type=JSON, headers=validators(tag, REVALIDATE))
 
 
 def solution_tag(request: Request, standing: SolutionStanding, *changeable: object) -> str:

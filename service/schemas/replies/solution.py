@@ -222,6 +222,7 @@ class ReadinessOut(HealthOut):
     """The service accepts jobs."""
 
     workers: Literal["warm", "starting", "none"] = Field(
-        description="`warm`: some worker takes jobs at once, with its code loaded. `starting`: the workers "
-        "that are there take jobs in a moment. `none`: jobs wait until a worker is started."
+        description="`warm`: some worker computes any job at once, with all code loaded. `starting`: the "
+        "workers that are there still load, and compute planar motions already or soon. "
+        "`none`: jobs wait until a worker is started."
     )

@@ -52,6 +52,12 @@ class Database:
             yield session
 
     @contextmanager
+    def read_rows(self) -> Iterator[Connection]:
+        """Open a transaction as :meth:`read` does, for statements on tables, without the ORM."""
+        with self.engine.connect() as connection:
+            yield connection
+
+    @contextmanager
     def write(self) -> Iterator[Session]:
         """Open a transaction that is committed at the end, or rolled back by any exception."""
         with Session(self._writer, expire_on_commit=False) as session, self._committed(session.begin()):

@@ -15,7 +15,7 @@ FORGOTTEN_SECONDS = 86_400.0
 """The row of a killed worker is removed after this silence."""
 
 WorkersState = Literal["warm", "starting", "none"]
-"""Some worker takes jobs; there are only workers that do not yet; there is no worker."""
+"""Some worker has loaded all its code; there are only workers that still load; there is no worker."""
 
 
 class WorkerRegistry:
@@ -69,7 +69,7 @@ class WorkerRegistry:
             session.execute(delete(WorkerRow).where(WorkerRow.seen_at < DatabaseNow() - FORGOTTEN_SECONDS))
 
     def state(self) -> WorkersState:
-        """Return whether some worker that is alive takes jobs."""
+        """Return whether some worker that is alive is warm."""
         with self._database.read() as session:
             alive = WorkerRow.seen_at >= database_now(session) - self._silent_seconds
             found = session.scalars(

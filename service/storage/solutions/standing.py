@@ -1,8 +1,10 @@
 """Tells what a stored solution is without reading its documents or arrays."""
 
 from dataclasses import dataclass
+from functools import cache
+from typing import Any  # the types of the columns of a table that is not mapped
 
-from sqlalchemy import exists, select
+from sqlalchemy import Select, bindparam, exists, select
 
 from service.jobs.errors import SolutionNotFoundError
 from service.storage.database.database import Database
@@ -28,12 +30,15 @@ def standing_of(database: Database, solution_id: str) -> SolutionStanding:
     """Return what a solution is, or raise :class:`SolutionNotFoundError`."""
     if not is_id(solution_id):
         raise SolutionNotFoundError(solution_id)
-    has_samples = exists().where(_SAMPLES.c.solution_id == _SOLUTIONS.c.id)
-    statement = select(_SOLUTIONS.c.id, _SOLUTIONS.c.digest, has_samples).where(
-        _SOLUTIONS.c.id == solution_id
-    )
-    with database.read() as session:
-        found = session.execute(statement).one_or_none()
+    with database.read_rows() as connection:
+        found = connection.execute(_statement(), {"id": solution_id}).one_or_none()
     if found is None:
         raise SolutionNotFoundError(solution_id)
     return SolutionStanding(str(found[0]), found[1], bool(found[2]))
+
+
+@cache
+def _statement() -> Select[Any]:
+    """Return the statement, which takes longer to build than to execute."""
+    has_samples = exists().where(_SAMPLES.c.solution_id == _SOLUTIONS.c.id)
+    return select(_SOLUTIONS.c.id, _SOLUTIONS.c.digest, has_samples).where(_SOLUTIONS.c.id == bindparam("id"))

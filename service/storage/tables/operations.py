@@ -44,7 +44,7 @@ class WorkerRow(Base):
     started_at: Mapped[float]
     seen_at: Mapped[float]
     is_warm: Mapped[bool] = mapped_column(default=True, server_default=true())
-    """It takes jobs: it has loaded its compiled code, or has told in its log why it could not."""
+    """It has loaded all that any job needs, or has told in its log why it could not."""
 
 
 class IdempotencyKeyRow(Base):

@@ -50,6 +50,7 @@ def test_it_is_told_once_and_once_that_it_is_over(monkeypatch, caplog):
         waker,
         line=None,
         announcements=None,
+        takes_jobs=lambda: True,
         is_warm=lambda: True,
         poll_seconds=0.0,
         grace_seconds=0.0,

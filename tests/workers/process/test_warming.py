@@ -1,4 +1,4 @@
-"""A worker takes no job before its children are warm; what cannot be warmed is told, and stops no job."""
+"""A worker takes no job before its children may work; what cannot be warmed is told, and stops no job."""
 
 import logging
 import os
@@ -18,7 +18,7 @@ from tests.support.databases import copy_of
 from workers.process.loop import EngineLoop
 from workers.process.presence import Presence
 from workers.process.waker import Waker
-from workers.process.warming import Warming
+from workers.process.warming import Warming, WarmUp
 
 
 def sign(folder):
@@ -36,6 +36,10 @@ def die_once(folder):
     sign(folder)
 
 
+def nothing(folder):
+    pass
+
+
 def die(folder):
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -49,13 +53,19 @@ def warm(tmp_path, caplog):
     """Warm the children of a sandbox; return which were, and the log."""
     sandboxes = []
 
-    def warmed(function, slots):
+    def warmed(function, slots, stage=None):
         sandboxes.append(Sandbox(slots, preload=[__name__]))
-        over = threading.Event()
-        warming = Warming(sandboxes[-1], partial(function, str(tmp_path)), slots=slots, wake=over.set)
+        woken = threading.Semaphore(0)
+        first, rest = ((function, sign) if stage == 1 else (nothing, function)) if stage else (function, None)
+        folder = str(tmp_path)
+        what = WarmUp(partial(first, folder), rest=None if rest is None else partial(rest, folder))
+        warming = Warming(sandboxes[-1], what, slots=slots, wake=woken.release)
         with caplog.at_level(logging.INFO, logger="workers"):
             warming.start()
-            assert over.wait(120.0)
+            assert woken.acquire(timeout=120.0)
+            assert warming.may_take_jobs()
+            warming.go_on()
+            assert woken.acquire(timeout=120.0)
         assert warming.is_over()
         calls = tmp_path / "calls"
         return (
@@ -75,16 +85,24 @@ def test_every_child_is_warmed_once(warm):
     assert said.startswith("warm after")
 
 
-def test_a_child_that_was_killed_is_replaced_and_warmed(warm):
-    calls, [(level, _)] = warm(die_once, 1)
+@pytest.mark.parametrize("stage", [None, 2])
+def test_a_child_that_was_killed_is_replaced_and_warmed(warm, stage):
+    calls, [(level, _)] = warm(die_once, 1, stage)
     assert (len(calls), level) == (1, "INFO")
+
+
+def test_in_the_second_stage_each_child_is_replaced_by_a_new_one(warm):
+    calls, [(level, _)] = warm(sign, 2, 1)
+    assert len(calls) == len(set(calls)) == 4
+    assert level == "INFO"
 
 
 @pytest.mark.parametrize(
     ("function", "reason"), [(refuse, "ValueError: no solver works here"), (die, "died of SIGKILL")]
 )
-def test_what_cannot_be_warmed_says_why_and_is_over_all_the_same(warm, function, reason):
-    _, [(level, said)] = warm(function, 1)
+@pytest.mark.parametrize("stage", [None, 2])
+def test_what_cannot_be_warmed_says_why_and_is_over_all_the_same(warm, function, reason, stage):
+    _, [(level, said)] = warm(function, 1, stage)
     assert level == "WARNING"
     assert "taking jobs all the same" in said
     assert reason in said
@@ -103,14 +121,21 @@ class Recorder:
 
     is_busy = False
 
-    def __init__(self, turns_cold):
+    def __init__(self, turns_cold, turns_half_warm):
         self.turns_cold = turns_cold
+        self.turns_half_warm = turns_half_warm
         self.asked = []
         self.loop = None
 
-    def is_warm(self):
+    def takes_jobs(self):
         self.turns_cold -= 1
         return self.turns_cold < 0
+
+    def is_warm(self):
+        if self.turns_cold > 0:
+            return False
+        self.turns_half_warm -= 1
+        return self.turns_half_warm < 0
 
     def collect(self, *, refill):
         return []
@@ -120,7 +145,7 @@ class Recorder:
 
     def fill(self):
         self.asked.append("fill")
-        if self.asked.count("fill") == 2:
+        if self.asked.count("fill") == 3:
             self.loop.stop()
         return []
 
@@ -142,14 +167,15 @@ class Recorder:
         self.asked.append(word)
 
 
-def test_no_job_is_taken_before_it_is_warm_and_the_row_is_kept_meanwhile():
-    recorder, waker = Recorder(turns_cold=2), Waker()
+def test_jobs_are_taken_after_the_first_stage_and_the_row_says_warm_after_the_second():
+    recorder, waker = Recorder(turns_cold=2, turns_half_warm=1), Waker()
     recorder.loop = EngineLoop(
         recorder,
         recorder,
         waker,
         line=recorder,
         announcements=None,
+        takes_jobs=recorder.takes_jobs,
         is_warm=recorder.is_warm,
         poll_seconds=0.0,
         grace_seconds=0.0,
@@ -160,12 +186,13 @@ def test_no_job_is_taken_before_it_is_warm_and_the_row_is_kept_meanwhile():
     assert recorder.asked == [
         *cold,
         *cold,
+        *[("keep", False), "reconcile", "fill"],
         *[("keep", True), WARM, "reconcile", "fill"],
         *[("keep", True), "reconcile", "fill"],
     ]
 
 
-def test_the_row_says_at_once_that_jobs_are_taken(tmp_path, sqlite_template):
+def test_the_row_says_at_once_that_it_is_warm(tmp_path, sqlite_template):
     database = Database(copy_of(sqlite_template, tmp_path))
     registry = WorkerRegistry(database, lease_seconds=3600.0)
     assert registry.state() == "none"

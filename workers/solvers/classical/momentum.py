@@ -9,11 +9,11 @@ time: errors of it die out. An integration of the six equations leaves the case 
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
-from scipy.integrate import DOP853, DenseOutput, OdeSolution
 
 from service.dynamics.classical.cases.hess import angle_rate
 from service.dynamics.classical.loop import BITS
@@ -22,6 +22,9 @@ from service.dynamics.classical.reduced import value
 from workers.solvers.classical.clock import Clock
 from workers.solvers.classical.curve import LoopInDoubles
 from workers.solvers.errors import PrecisionLostError
+
+if TYPE_CHECKING:
+    from scipy.integrate import DenseOutput, OdeSolution
 
 FloatArray = NDArray[np.float64]
 Slope = Callable[[float, FloatArray], FloatArray]
@@ -41,8 +44,8 @@ class Angle:
     """φ over the angle θ of the loop, on both sides of the start."""
 
     first: float
-    backward: OdeSolution | None
-    forward: OdeSolution | None
+    backward: "OdeSolution | None"
+    forward: "OdeSolution | None"
 
     def __call__(self, theta: FloatArray, start: float) -> FloatArray:
         """Return φ, shape (n,)."""
@@ -156,11 +159,14 @@ def _slope(loop: LoopInDoubles, k: dict[str, float], theta: float, phi: FloatArr
     return np.array([(-k["k"] * m * cos(phi.item()) - turned) / rate])
 
 
-def _follow(slope: Slope, start: float, first: float, end: float, longest: float) -> OdeSolution | None:
+def _follow(slope: Slope, start: float, first: float, end: float, longest: float) -> "OdeSolution | None":
     if hypot(end - start) == 0.0:
         return None
+    # Not at the top: it takes long to load, and few motions need it.
+    from scipy.integrate import DOP853, OdeSolution  # noqa: PLC0415
+
     solver = DOP853(slope, start, np.array([first]), end, rtol=TOLERANCE, atol=TOLERANCE, max_step=longest)
-    angles, pieces = [start], list[DenseOutput]()
+    angles, pieces = [start], list["DenseOutput"]()
     while solver.status == "running":
         solver.step()
         is_lost = angles[-1] == solver.t or len(pieces) > MOST_STEPS

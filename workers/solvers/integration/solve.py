@@ -16,11 +16,8 @@ from service.dynamics.motion import Estimate, Motion
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.evidence import with_claim_shown
-from workers.solvers.integration import taylor
-from workers.solvers.integration.dop853 import Dop853Integrator
 from workers.solvers.integration.errors import IntegratorMissingError, UnsupportedFormulaError
 from workers.solvers.integration.interface import Integrator, neighbour_of
-from workers.solvers.integration.taylor import TaylorIntegrator
 from workers.solvers.integration.twin import ROUNDING, Span, Twin, run_twin
 
 FloatArray = NDArray[np.float64]
@@ -107,16 +104,26 @@ def choose_integrator(body: RigidBody, potential: Potential, name: IntegratorNam
     UnsupportedFormulaError, IntegratorMissingError
         heyoka was asked for by name and cannot be used.
     """
+    # Not at the top: heyoka and SciPy take most of the time that a solver needs to start, and motions by
+    # quadrature need neither.
+    from workers.solvers.integration import taylor  # noqa: PLC0415
+
     if name == "dop853" or (name == "auto" and not taylor.AVAILABLE):
-        return Dop853Integrator(body, potential)
+        return _by_scipy(body, potential)
     if not taylor.AVAILABLE:
         raise IntegratorMissingError("heyoka is not installed here; ask for dop853, or for auto")
     try:
-        return TaylorIntegrator(body, potential)
+        return taylor.TaylorIntegrator(body, potential)
     except UnsupportedFormulaError:
         if name == "heyoka":
             raise
-        return Dop853Integrator(body, potential)
+        return _by_scipy(body, potential)
+
+
+def _by_scipy(body: RigidBody, potential: Potential) -> Integrator:
+    from workers.solvers.integration.dop853 import Dop853Integrator  # noqa: PLC0415
+
+    return Dop853Integrator(body, potential)
 
 
 def tolerances(integrator: Integrator, tolerance: float) -> list[float]:
