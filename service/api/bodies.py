@@ -8,18 +8,30 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
-from service.api.dependencies import Inside
+from service.api.dependencies import Inside, Resources
 from service.api.formats.codings import ACCEPTED, IDENTITY, CodingError, decoded
 from service.api.replies.errors import ApiError
 from service.schemas.reading.strict_json import InvalidJsonError, parse_json
 
 MAX_BODY_BYTES = 1_000_000
 JSON, UTF_8 = "application/json", "utf-8"
+MERGE_PATCH = "application/merge-patch+json"
+"""What RFC 7396 calls a change of a JSON document; plain JSON means the same here."""
 
 
 async def _read_body(request: Request, inside: Inside) -> bytes:
     """Return the body, which must be declared as JSON in UTF-8; never buffer or decode beyond the limit."""
-    _require_json(request.headers.get("content-type", ""))
+    return await _read(request, inside, "Accept", JSON)
+
+
+async def _read_patch(request: Request, inside: Inside) -> bytes:
+    """Return a change in the same way, which may be declared as a merge patch, too."""
+    # RFC 5789, 2.2: Accept-Patch in the refusal says what would be accepted.
+    return await _read(request, inside, "Accept-Patch", MERGE_PATCH, JSON)
+
+
+async def _read(request: Request, inside: Resources, asking: str, *accepted: str) -> bytes:
+    _require(accepted, request.headers.get("content-type", ""), asking)
     coding = _coding_of(request.headers.getlist("content-encoding"))
     content, seconds = bytearray(), inside.settings.body_seconds
     try:
@@ -50,19 +62,19 @@ def _too_large(when: str) -> ApiError:
     return ApiError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "body_too_large", detail)
 
 
-def _require_json(header: str) -> None:
-    """Refuse a Content-Type other than JSON, or another charset than UTF-8."""
+def _require(accepted: Sequence[str], header: str, asking: str) -> None:
+    """Refuse a Content-Type that is none of ``accepted``, or another charset than UTF-8."""
     message = Message()
     message["Content-Type"] = header or "none"
     media_type, charset = message.get_content_type(), message.get_content_charset(UTF_8)
-    if media_type == JSON and charset in (UTF_8, "utf8"):
+    if media_type in accepted and charset in (UTF_8, "utf8"):
         return
     said = f"the Content-Type is {header[:100]}" if header else "the Content-Type is missing"
     raise ApiError(
         HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
         "unsupported_media_type",
-        f"{said}; {JSON} in {UTF_8} is accepted",
-        headers={"Accept": JSON},
+        f"{said}; {' or '.join(accepted)} in {UTF_8} is accepted",
+        headers={asking: ", ".join(accepted)},
     )
 
 
@@ -88,6 +100,8 @@ def _coding_of(headers: Sequence[str]) -> str | None:
 
 Body = Annotated[bytes, Depends(_read_body)]
 """The type of an endpoint's parameter that receives the raw body."""
+Patch = Annotated[bytes, Depends(_read_patch)]
+"""The same of an endpoint of PATCH."""
 
 
 def read_json(content: bytes) -> object:

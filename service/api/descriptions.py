@@ -1,6 +1,6 @@
 """Adds request bodies, roles and refusals to the OpenAPI document, which FastAPI does not see."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
@@ -10,7 +10,9 @@ from service.api.keys.access import ACCESS, OPEN
 from service.api.replies.conditional import VOLATILE
 from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
-from service.schemas.problem.sections import ProblemIn, ValidationIn
+from service.schemas.problem.job import JobIn
+from service.schemas.problem.sections import ValidationIn
+from service.schemas.reading.marks_in import MarksPatchIn
 from service.schemas.replies.problem_details import ProblemDetailsOut
 from service.schemas.sweep.reading import SweepIn
 from service.versions import version_of
@@ -50,12 +52,18 @@ _REFUSAL = {
 }
 
 
-def request_body(model: str, examples: Mapping[str, object], *, several: bool = False) -> dict[str, object]:
+def request_body(
+    model: str,
+    examples: Mapping[str, object],
+    *,
+    several: bool = False,
+    media_types: Sequence[str] = ("application/json",),
+) -> dict[str, object]:
     """Return the OpenAPI extension of an endpoint whose JSON body is ``model``, or ``several`` of them."""
     schema: dict[str, object] = {"$ref": _TEMPLATE.format(model=model)}
     if several:
         schema = {"oneOf": [schema, {"type": "array", "items": schema}]}
-    content = {"application/json": {"schema": schema, "examples": dict(examples)}}
+    content = {name: {"schema": schema, "examples": dict(examples)} for name in media_types}
     return {"requestBody": {"required": True, "content": content}}
 
 
@@ -66,7 +74,8 @@ def describe(app: FastAPI) -> dict[str, object]:
     )
     _, definitions = models_json_schema(
         [
-            (ProblemIn, "validation"),
+            (JobIn, "validation"),
+            (MarksPatchIn, "validation"),
             (ValidationIn, "validation"),
             (AtlasIn, "validation"),
             (SweepIn, "validation"),

@@ -23,8 +23,10 @@ from service.dynamics.problem import PlanarMotion, Problem
 from service.jobs.keys import ApiKey
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
+from service.schemas.problem.job import JobIn
 from service.schemas.problem.problem import CheckedProblem, check_problem, problem_digest
 from service.schemas.reading.faults import Fault, InvalidProblemError, first_of
+from service.schemas.reading.marks import UNMARKED, Marks, split_marks
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.verdicts.entries import Entry, keys_of
@@ -54,6 +56,7 @@ class Checked:
     document: _Document
     to_examine: ToExamine | None
     """None for a motion from any state, which needs no verdict."""
+    marks: Marks = UNMARKED
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,7 @@ class Accepted:
     """Key of the windows of its curve."""
     entries: tuple[Entry, ...] = ()
     """What its examination found, to be stored with it."""
+    marks: Marks = UNMARKED
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +86,8 @@ class JudgedDocument:
         """Return the problem as it is queued: a budget is turned into a tier."""
         window, asked = window_of(self.verdict), self.problem.to_examine
         settled = settle(self.problem.document, self.problem.checked, window, self.table)
-        return replace(settled, windows=None if asked is None else asked.keys.windows, entries=self.entries)
+        windows = None if asked is None else asked.keys.windows
+        return replace(settled, windows=windows, entries=self.entries, marks=self.problem.marks)
 
     def accepted_or_refusal(self) -> Accepted | ApiError:
         """Return the same, or the refusal if no tier is expected to keep its budget."""
@@ -99,13 +104,14 @@ def needs_verdict(checked: CheckedProblem) -> bool:
 
 def check(document: object, settings: Settings) -> Checked:
     """Validate the document of one problem, which takes a while for a large one. Raises its refusal."""
-    checked = check_problem(document)
+    checked = check_problem(document, JobIn)
     check_problem_samples(checked.problem, settings)
     assert isinstance(document, dict)
+    stated, marks = split_marks(document)
     to_examine = None
     if needs_verdict(checked):
-        to_examine = ToExamine(json.dumps(document), keys_of(checked.canonical))
-    return Checked(checked, document, to_examine)
+        to_examine = ToExamine(json.dumps(stated), keys_of(checked.canonical))
+    return Checked(checked, stated, to_examine, marks)
 
 
 def check_each(documents: Sequence[object], settings: Settings) -> list[Checked | ApiError]:

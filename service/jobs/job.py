@@ -7,6 +7,7 @@ from datetime import datetime
 from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.schemas.query.conditions import Value
+from service.schemas.reading.marks import UNMARKED, Marks
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,7 @@ class Job:
     finished_at: datetime | None
     key_id: str | None
     """Of the key that submitted it; None if there were no keys."""
+    marks: Marks = UNMARKED
 
     @property
     def is_finished(self) -> bool:

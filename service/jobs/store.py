@@ -5,7 +5,7 @@ worker checks its claim (job, worker, attempt): it returns False and changes
 nothing if the claim was lost, by an expired lease or a cancellation.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from service.jobs.idempotency import Receipt
@@ -13,6 +13,7 @@ from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome
 from service.schemas.query.list_query import ListQuery
+from service.schemas.reading.marks import UNMARKED, Marks
 from service.verdicts.entries import Entry
 
 
@@ -29,6 +30,7 @@ class JobStore(Protocol):
         examination: str | None = None,
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
+        marks: Marks = UNMARKED,
     ) -> Job:
         """Store a job for a canonical problem document, on the account of a key.
 
@@ -50,10 +52,12 @@ class JobStore(Protocol):
         examinations: Sequence[str | None] = (),
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
+        marks: Sequence[Marks] = (),
     ) -> tuple[Job, ...]:
         """Do the same for several problems with their digests: all of them are stored, or none.
 
-        They wait in ``lane``. ``examinations`` has a key, or None, for each of them, or is empty.
+        They wait in ``lane``. ``examinations`` has a key, or None, for each of them, or is empty; so has
+        ``marks`` their labels and notes.
         """
         ...
 
@@ -71,6 +75,13 @@ class JobStore(Protocol):
 
     def attempts(self, job_id: str) -> tuple[Attempt, ...]:
         """Return the history of a job, oldest first."""
+        ...
+
+    def mark(self, job_id: str, change: Callable[[Job], Marks]) -> Job:
+        """Give a job the labels and the note that ``change`` makes of its present state.
+
+        Nothing is changed if it raises. Raises :class:`~service.jobs.errors.JobNotFoundError`.
+        """
         ...
 
     def cancel(self, job_id: str) -> Job:

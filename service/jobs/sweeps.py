@@ -6,6 +6,7 @@ from datetime import datetime
 
 from service.jobs.states import JobState
 from service.schemas.query.conditions import Value
+from service.schemas.reading.marks import Marks
 
 POINTS_PER_JOB = 100
 """So many unfinished points of a sweep count as one queued job, since they take about as long."""
@@ -38,6 +39,7 @@ class SweepProgress:
     started_at: datetime | None
     """When its first chunk was claimed."""
     finished_at: datetime | None
+    marks: Marks
 
 
 @dataclass(frozen=True, slots=True)

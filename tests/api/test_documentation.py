@@ -161,7 +161,7 @@ def is_something(response) -> bool:
         ("docs/sweeps.md", 6),
         ("docs/formulas.md", 1),
         ("docs/atlas.md", 1),
-        ("docs/queries.md", 7),
+        ("docs/queries.md", 8),
         ("docs/start.md", 4),
         ("docs/trust.md", 2),
         ("docs/how-to/accuracy.md", 1),

@@ -8,7 +8,8 @@ import pytest
 from service.api.descriptions import describe
 from service.api.replies.errors import TITLES
 from service.dynamics.errors import DynamicsError
-from service.schemas.problem.problem import read_problem, read_question
+from service.schemas.problem.job import JobIn
+from service.schemas.problem.problem import check_problem, read_question
 from service.settings import Settings
 from tests.support.api import TestClient, create_app
 
@@ -61,9 +62,13 @@ def test_every_operation_names_its_refusals_as_problem_documents(app):
                 assert expected in kinds, (path, status)
 
 
+def read_job(document):
+    return check_problem(document, JobIn)
+
+
 def test_the_examples_of_bodies_are_accepted(app):
     paths = app.openapi()["paths"]
-    for path, reader in (("/v1/jobs", read_problem), ("/v1/validations", read_question)):
+    for path, reader in (("/v1/jobs", read_job), ("/v1/validations", read_question)):
         examples = paths[path]["post"]["requestBody"]["content"]["application/json"]["examples"]
         for example in examples.values():
             reader(example["value"])

@@ -9,6 +9,7 @@ from sqlalchemy import func, select
 from service.jobs.states import JobKind
 from service.storage.inspection.inspect import inspect
 from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
 from service.storage.tables.operations import IdempotencyKeyRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
@@ -71,6 +72,14 @@ def census(stores: Stores) -> Counter[object]:
             counted.update({(table, *kind): count for count, *kind in rows})
         for table in (SolutionRow, DenseOutputRow, SamplesRow, SweepChunkRow, IdempotencyKeyRow):
             counted[table.__tablename__] = session.scalar(select(func.count()).select_from(table))
+        for table in (JobLabelRow, SolutionLabelRow, SweepLabelRow):
+            labels = session.execute(
+                select(func.count(), table.key, table.value).group_by(table.key, table.value)
+            )
+            counted.update({(table.__tablename__, *label): count for count, *label in labels})
+        for table in (JobRow, SolutionRow, SweepRow):
+            notes = session.execute(select(func.count(), table.note).group_by(table.note))
+            counted.update({(table.__tablename__, "note", note): count for count, note in notes})
     return counted
 
 

@@ -19,6 +19,7 @@ from sqlalchemy.orm import configure_mappers
 from service.jobs.idempotency import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.jobs.job import Claim
 from service.jobs.outcome import Solved
+from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
 from service.storage.database.faults import VARIABLE
 from service.storage.database.ids import new_id
@@ -31,6 +32,7 @@ from tests.workers.processes import ROOT
 
 RETRIES = {"max_attempts": 3, "retry_seconds": 0.0}
 GIVING_UP = {"max_attempts": 1, "retry_seconds": 0.0}
+MARKS = Marks({"project": "thesis", "run": "7"}, "first try")
 SOLVED = Solved(SUMMARY, b"dense", b"samples")
 ERROR = {"code": "no_motion", "detail": "there is none"}
 OVER = 0.0
@@ -65,6 +67,28 @@ class Stores:
 
 def submit(stores: Stores) -> None:
     stores.submitted()
+
+
+def submit_marked(stores: Stores) -> None:
+    stores.jobs.submit_many([(PROBLEM, new_id())] * 2, marks=[MARKS, Marks(note="second")])
+
+
+def succeed_marked(stores: Stores) -> None:
+    stores.jobs.submit(PROBLEM, new_id(), marks=MARKS)
+    stores.finish(stores.claim())
+
+
+def change_marks(stores: Stores) -> None:
+    stores.jobs.submit(PROBLEM, new_id(), marks=MARKS)
+    job_id = stores.claim().job_id
+    stores.jobs.mark(
+        job_id, lambda job: Marks({"project": "other", "new": job.marks.labels["run"]}, "changed")
+    )
+
+
+def change_marks_of_sweep(stores: Stores) -> None:
+    sweep_id = stores.sweeps.submit({"seconds": 0.01}, points=50, most=20, marks=MARKS).id
+    stores.sweeps.mark(sweep_id, lambda _: Marks({"run": "8"}))
 
 
 def submit_many(stores: Stores) -> None:
@@ -238,7 +262,8 @@ def delete_sweep(stores: Stores) -> None:
 
 
 DEEDS: tuple[Callable[[Stores], None], ...] = (
-    submit, submit_many, submit_once, submit_sweep_once, submit_taken,
+    submit, submit_many, submit_once, submit_sweep_once, submit_taken, submit_marked, succeed_marked,
+    change_marks, change_marks_of_sweep,
     claim, claim_many, cancel_queued, cancel_running, heartbeat, succeed, reuse,
     succeed_and_take, succeed_and_reuse, fail, lose, lose_for_good, give_back, reconcile, reconcile_for_good,
     submit_sweep, cancel_sweep, finish_pilot, finish_part, finish_sweep, split_chunk, refuse_point,

@@ -1,7 +1,7 @@
 """Reads what facets and statistics are asked for."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pydantic import Field
 
@@ -66,7 +66,7 @@ def read_statistics(asked: Asked[StatisticsQuery], vocabulary: Vocabulary) -> An
     """Return what is summed up; raises the refusal with every fault."""
     faults = list(asked.faults)
     conditions, of_where = read_where(asked.parameters.where, vocabulary)
-    numbers = _only(vocabulary, lambda fact: fact.kind is Kind.NUMBER)
+    numbers = replace(_only(vocabulary, lambda fact: fact.kind is Kind.NUMBER), has_labels=False)
     of, of_of = _names("of", asked.parameters.of, numbers)
     by, of_by = _names("by", asked.parameters.by, _groupable(vocabulary))
     if asked.parameters.of is None:

@@ -9,6 +9,7 @@ import binascii
 import hashlib
 import json
 import math
+import re
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -81,7 +82,8 @@ def _fits(kind: Kind, value: object) -> bool:
             return isinstance(value, bool)
         case Kind.IDENTIFIER:
             return isinstance(value, str) and is_id(value)
-    return isinstance(value, str) and "\x00" not in value and value.isprintable()
+    # Any text that a database stores.
+    return isinstance(value, str) and not re.search(r"[\x00\ud800-\udfff]", value)
 
 
 def _is_double(value: float) -> bool:

@@ -62,6 +62,17 @@ def matching_tag(header: str | None, tag: str) -> str | None:
     return next((each for each in _tags(header or "") if _CODED.sub('"', each) == tag), None)
 
 
+def is_current(header: str | None, tag: str) -> bool:
+    """Tell whether If-Match lets a change of what has this tag happen; without the header anything does.
+
+    RFC 9110, 13.1.1: weak tags never match. A tag of any coding names the same state.
+    """
+    if header is None or header.strip() == "*":
+        return True
+    strong = (each[1] for each in _TAGS.finditer(header) if not each[0].lstrip().startswith("W/"))
+    return any(_CODED.sub('"', each) == tag for each in strong)
+
+
 def unchanged(request: Request, tag: str, cache_control: str, **headers: str) -> Response | None:
     """Return 304 if the client has the current answer already, before anything is read for it."""
     known = matching_tag(request.headers.get("if-none-match"), tag)

@@ -49,6 +49,8 @@ TITLES: Mapping[str, str] = {
     "not_ready": "Not ready",
     "motion_ended": "The motion ends before that time",
     "outside_horizon": "The time is outside the solution",
+    "changed_meanwhile": "It has changed meanwhile",
+    "invalid_patch": "The change is not valid",
     "passage_undecided": "The motion beyond a pole is undecided",
     "period_needed": "The motion has no period",
     "request_timeout": "The request came too slowly",

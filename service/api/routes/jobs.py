@@ -27,6 +27,7 @@ from service.api.queries.queries import (
 )
 from service.api.replies.errors import ApiError
 from service.api.replies.places import JobId
+from service.api.replies.records import job_out
 from service.api.replies.responses import json_response, refusals
 from service.api.submission import Accepted, Checked, JudgedDocument, accept, accept_many, check, check_each
 from service.jobs.idempotency import GivenKey
@@ -56,6 +57,8 @@ EXAMPLES: dict[str, object] = {
             "accuracy": {"tolerance": 1e-10},
             "method": "auto",
             "outputs": ["gamma", "omega"],
+            "labels": {"project": "thesis"},
+            "note": "figure 3",
         }
     },
     "state": {
@@ -96,7 +99,7 @@ class SubmitQuery(QueryModel):
         200: {"model": JobOut, "description": "With `Prefer: wait=S`: the job has finished in time"},
         **refusals(400, 408, 409, 413, 415, 503),
     },
-    openapi_extra={**request_body("ProblemIn", EXAMPLES, several=True), **query_parameters(SubmitQuery)},
+    openapi_extra={**request_body("JobIn", EXAMPLES, several=True), **query_parameters(SubmitQuery)},
 )
 async def submit_job(
     request: Request,
@@ -176,6 +179,7 @@ def _queue(examined: JudgedDocument, inside: Resources, terms: _Terms) -> Job:
         receipt=receipt_of(terms.given, lambda jobs: _submitted(*jobs)),
         examination=problem.windows,
         found=problem.entries,
+        marks=problem.marks,
     )
     if not job.is_finished:
         inside.doorbell.ring()
@@ -192,14 +196,14 @@ async def _finish(job: Job, inside: Resources, seconds: int) -> None:
 
 
 def _submitted(job: Job) -> Response:
-    return json_response(_out(job), status=HTTPStatus.ACCEPTED, headers=_location(job.id))
+    return json_response(job_out(job), status=HTTPStatus.ACCEPTED, headers=_location(job.id))
 
 
 def _waited(job_id: str, inside: Resources, seconds: int) -> Response:
     job = inside.jobs.get(job_id)
     headers = {**_location(job_id), "Preference-Applied": f"wait={seconds}"}
     return json_response(
-        _out(job), status=HTTPStatus.OK if job.is_finished else HTTPStatus.ACCEPTED, headers=headers
+        job_out(job), status=HTTPStatus.OK if job.is_finished else HTTPStatus.ACCEPTED, headers=headers
     )
 
 
@@ -226,6 +230,7 @@ def _queue_list(examined: Sequence[JudgedDocument | ApiError], inside: Resources
         receipt=receipt_of(terms.given, lambda made: _list_submitted(answers, made)),
         examinations=[problem.windows for problem in accepted],
         found=[entry for problem in accepted for entry in problem.entries],
+        marks=[problem.marks for problem in accepted],
     )
     inside.doorbell.ring()
     return _list_submitted(answers, jobs)
@@ -236,7 +241,7 @@ def _list_submitted(answers: Sequence[Accepted | ApiError], made: Sequence[Job])
     items = [
         _refused(answer)
         if isinstance(answer, ApiError)
-        else JobItemOut(status=HTTPStatus.ACCEPTED, job=_out(next(jobs)), problem=None)
+        else JobItemOut(status=HTTPStatus.ACCEPTED, job=job_out(next(jobs)), problem=None)
         for answer in answers
     ]
     return json_response(JobListOut(items=items), status=HTTPStatus.ACCEPTED)
@@ -274,7 +279,7 @@ async def list_jobs(
 
 def _page(request: Request, listing: Listing, inside: Resources) -> Response:
     page, query = inside.jobs.find(listing.query), listing.query
-    items = listing.rows(page.values) if query.columns else [_out(job) for job in page.jobs]
+    items = listing.rows(page.values) if query.columns else [job_out(job) for job in page.jobs]
     following = listing.next_page(request, page.next)
     answer = JobPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset, next=following)
     return json_response(answer, headers=link_to(following))
@@ -283,7 +288,7 @@ def _page(request: Request, listing: Listing, inside: Resources) -> Response:
 @router.get("/{job_id}", response_model=JobOut, responses=refusals(404), dependencies=[without_query])
 def get_job(job_id: JobId, inside: Inside) -> Response:
     """Show a job."""
-    return json_response(_out(inside.jobs.get(job_id)))
+    return json_response(job_out(inside.jobs.get(job_id)))
 
 
 @router.post(
@@ -299,21 +304,4 @@ def cancel_job(job_id: JobId, inside: Inside, holder: Holder) -> Response:
     inside.doorbell.ring()
     # Release the clients that wait for it.
     inside.doorbell.announce(job.id)
-    return json_response(_out(job))
-
-
-def _out(job: Job) -> JobOut:
-    return JobOut(
-        id=job.id,
-        state=job.state.value,
-        priority=job.priority,
-        attempt=job.attempt,
-        progress=job.progress,
-        error=None if job.error is None else dict(job.error),
-        reused=job.reused,
-        solution=job.solution_id,
-        problem=dict(job.problem),
-        created_at=job.created_at,
-        started_at=job.started_at,
-        finished_at=job.finished_at,
-    )
+    return json_response(job_out(job))

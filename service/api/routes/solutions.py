@@ -1,7 +1,7 @@
 """/v1/solutions: search, list and show solutions, without arrays."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Annotated, Literal
 
@@ -14,6 +14,7 @@ from service.api.queries.lists import AskingQuery, Listing, link_to, read_listin
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
 from service.api.replies.conditional import REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.places import SolutionId
+from service.api.replies.records import solution_out
 from service.api.replies.responses import JSON, json_content, json_response, refusals
 from service.dynamics.motion import SolvedBy
 from service.dynamics.problem import Tier
@@ -26,8 +27,7 @@ from service.schemas.reading.faults import Fault
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
 from service.storage.database.ids import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
-from service.storage.solutions.solution_store import Solution
-from service.storage.solutions.standing import SolutionStanding, standing_of
+from service.storage.solutions.standing import SolutionStanding, marks_of_solution, standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 by_problem = APIRouter(prefix="/v1/problems", tags=["solutions"])
@@ -103,7 +103,7 @@ def _listing(asked: Asked[SolutionsQuery], conditions: tuple[Condition, ...]) ->
 
 def _page(request: Request, listing: Listing, inside: Resources) -> Response:
     page, query = inside.solutions.find(listing.query), listing.query
-    items = listing.rows(page.values) if query.columns else [_out(solution) for solution in page.solutions]
+    items = listing.rows(page.values) if query.columns else [solution_out(each) for each in page.solutions]
     following = listing.next_page(request, page.next)
     answer = SolutionPageOut(
         items=items, total=page.total, limit=query.limit, offset=query.offset, next=following
@@ -116,10 +116,11 @@ def _page(request: Request, listing: Listing, inside: Resources) -> Response:
 )
 def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Show a solution without its arrays."""
-    tag = solution_tag(request, standing_of(inside.database, solution_id))
+    standing = standing_of(inside.database, solution_id)
+    tag = solution_tag(request, standing, marks_of_solution(inside.database, solution_id))
     if known := unchanged(request, tag, REVALIDATE):
         return known
-    content = inside.answers.get(tag, lambda: json_content(_out(inside.solutions.get(solution_id))))
+    content = inside.answers.get(tag, lambda: json_content(solution_out(inside.solutions.get(solution_id))))
     return Response(content, media_type=JSON, headers=validators(tag, REVALIDATE))
 
 
@@ -148,19 +149,3 @@ def _filters(query: SolutionsQuery) -> Iterator[Condition]:
 def _order(sort: Sort) -> OrderKey:
     name = sort.removeprefix("-")
     return OrderKey(Subject("fact", name, OF_SOLUTIONS[name].kind), sort.startswith("-"))
-
-
-_ADDED_LATER: Mapping[str, object] = {"asymptotes": None, "precession": None, "warnings": []}
-"""Fields that solutions stored by the first version lack."""
-
-
-def _out(solution: Solution) -> SolutionOut:
-    document = {
-        **_ADDED_LATER,
-        **solution.summary,
-        "id": solution.id,
-        "job": solution.job_id,
-        "problem": solution.problem,
-        "created_at": solution.created_at,
-    }
-    return SolutionOut.model_validate(document)

@@ -16,15 +16,17 @@ from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import Listing, PageQuery, link_to, read_listing
 from service.api.queries.queries import Asked, asked_of, query_parameters, without_query
 from service.api.replies.places import SweepId
+from service.api.replies.records import sweep_out, sweep_state_out
 from service.api.replies.responses import json_response, refusals
 from service.jobs.chunking import largest_chunk
 from service.jobs.idempotency import GivenKey
 from service.jobs.keys import ApiKey
 from service.jobs.states import JobState
-from service.jobs.sweeps import SweepProgress, SweepRecord
+from service.jobs.sweeps import SweepRecord
 from service.schemas.query.list_query import in_state
 from service.schemas.reading.faults import Fault
-from service.schemas.replies.sweep import SweepOut, SweepPageOut, SweepStateOut
+from service.schemas.reading.marks import split_marks
+from service.schemas.replies.sweep import SweepOut, SweepPageOut
 from service.schemas.sweep.reading import InvalidSweepError, read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings
@@ -53,6 +55,7 @@ EXAMPLES: dict[str, object] = {
             "combine": "grid",
             "keep": ["period", "energy", "error"],
             "series": False,
+            "labels": {"project": "thesis"},
         }
     }
 }
@@ -113,13 +116,16 @@ def _submit(
     priority = _priority(document)
     check_priority(holder, priority, "/priority")
     inside.limits.reserve_points(holder, sweep.points)
+    # Labels can be changed later; the document cannot.
+    stored, marks = split_marks(document)
     record = inside.sweeps.submit(
-        document,
+        stored,
         points=sweep.points,
         most=largest_chunk(sweep.samples, len(sweep.series_columns)),
         priority=priority,
         key_id=None if holder is None else holder.id,
         receipt=receipt_of(given, _submitted),
+        marks=marks,
     )
     inside.doorbell.ring()
     return _submitted(record)
@@ -127,7 +133,7 @@ def _submit(
 
 def _submitted(record: SweepRecord) -> Response:
     headers = {"Location": f"/v1/sweeps/{record.id}"}
-    return json_response(_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
+    return json_response(sweep_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
 
 
 def _priority(document: Mapping[str, object]) -> int:
@@ -150,9 +156,7 @@ async def list_sweeps(
 def _page(request: Request, listing: Listing, inside: Resources) -> Response:
     page, query = inside.sweeps.find(listing.query), listing.query
     items = (
-        listing.rows(page.values)
-        if query.columns
-        else [SweepStateOut.model_validate(_state(record)) for record in page.sweeps]
+        listing.rows(page.values) if query.columns else [sweep_state_out(record) for record in page.sweeps]
     )
     following = listing.next_page(request, page.next)
     answer = SweepPageOut(
@@ -164,7 +168,7 @@ def _page(request: Request, listing: Listing, inside: Resources) -> Response:
 @router.get("/{sweep_id}", response_model=SweepOut, responses=refusals(404), dependencies=[without_query])
 def get_sweep(sweep_id: SweepId, inside: Inside) -> Response:
     """Show a sweep and its progress."""
-    return json_response(_out(inside.sweeps.get(sweep_id)))
+    return json_response(sweep_out(inside.sweeps.get(sweep_id)))
 
 
 @router.post(
@@ -178,25 +182,4 @@ def cancel_sweep(sweep_id: SweepId, inside: Inside, holder: Holder) -> Response:
     check_owner(holder, inside.sweeps.get(sweep_id).key_id)
     record = inside.sweeps.cancel(sweep_id)
     inside.doorbell.ring()
-    return json_response(_out(record))
-
-
-def _out(record: SweepRecord) -> SweepOut:
-    return SweepOut.model_validate({**_state(record), "document": dict(record.document)})
-
-
-def _state(record: SweepProgress) -> dict[str, object]:
-    return {
-        "id": record.id,
-        "state": record.state.value,
-        "points": record.points,
-        "done": record.done,
-        "refused": record.refused,
-        "progress": record.done / record.points,
-        "point_seconds": record.point_seconds,
-        "remaining_seconds": record.remaining_seconds,
-        "priority": record.priority,
-        "created_at": record.created_at,
-        "started_at": record.started_at,
-        "finished_at": record.finished_at,
-    }
+    return json_response(sweep_out(record))

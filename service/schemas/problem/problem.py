@@ -88,9 +88,12 @@ def problem_digest(canonical: Mapping[str, object]) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def check_problem(document: object) -> CheckedProblem:
-    """Return the problem and its canonical document; raises as :func:`read_problem`."""
-    reading = _read(document, ProblemIn)
+def check_problem(document: object, model: type[ProblemIn] = ProblemIn) -> CheckedProblem:
+    """Return the problem and its canonical document; raises as :func:`read_problem`.
+
+    ``model`` may have further fields, which are no part of the problem.
+    """
+    reading = _read(document, model)
     checked = None if reading.faults else reading.problem()
     if checked is None:
         raise InvalidProblemError(each_once(reading.faults))

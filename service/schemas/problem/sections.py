@@ -138,7 +138,7 @@ TimeIn = Annotated[
 
 
 class ProblemIn(WireModel):
-    """A problem: what ``POST /v1/jobs`` takes."""
+    """A problem."""
 
     body: BodyIn = Field(description="The rigid body.")
     potential: PotentialIn = Field(description="The potential V(g1, g2, g3) of the field of force.")

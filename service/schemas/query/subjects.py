@@ -8,10 +8,9 @@ from service.schemas.query.conditions import Subject
 from service.schemas.query.facts import LONGEST_POINTER, Fact
 from service.schemas.query.kinds import Kind
 from service.schemas.query.splitting import Excerpt, QueryError
+from service.schemas.reading.marks import LABEL_KEY, LABEL_KEYS
 
 LABEL = "label."
-LABEL_KEY = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_.-]{0,61}[A-Za-z0-9])?\Z")
-LABEL_KEYS = "1 to 63 letters, digits and - _ . between them"
 _POINTER = re.compile(r"/[^\x00\ud800-\udfff]+\Z")
 
 

@@ -6,6 +6,7 @@ parts are still checked against the rules of the domain.
 
 from collections.abc import Mapping, Sequence
 from functools import cache
+from inspect import get_annotations
 from typing import TypeVar
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -25,6 +26,9 @@ _CODES = {
     "string_too_long": "invalid_length",
 }
 """Our error codes for pydantic's; errors about types are ``invalid_type``."""
+
+_OF_KEY = "[key]"
+"""What pydantic adds to the place of a key that is refused."""
 
 _EXPECTED = {
     "model_type": "an object",
@@ -68,12 +72,15 @@ def _read_part(model: type[BaseModel], name: str, document: dict[str, object]) -
 @cache
 def _adapter(model: type[BaseModel], name: str) -> TypeAdapter[object]:
     # Pydantic keeps the validators of an Annotated field apart from its type.
-    return TypeAdapter(model.__annotations__[name])
+    stated = next(found for base in model.__mro__ if name in (found := get_annotations(base)))
+    return TypeAdapter(stated[name])
 
 
 def _fault(details: ErrorDetails, model: type[BaseModel], members: Mapping[str, type[BaseModel]]) -> Fault:
     kind, path, owner = details["type"], list[str | int](), model
     for part in details["loc"]:
+        if part == _OF_KEY:  # the key itself is told by the part before
+            continue
         if isinstance(part, str) and part.startswith(TAG_MARK):
             owner = members.get(part.removeprefix(TAG_MARK), owner)
             continue

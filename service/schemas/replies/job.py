@@ -22,6 +22,8 @@ class JobOut(ResponseModel):
     reused: bool = Field(description="Its solution was computed for an earlier job.")
     solution: str | None = Field(description="Id of the solution, when succeeded.")
     problem: dict[str, object] = Field(description="The document as it was sent.")
+    labels: dict[str, str] = Field(description="Its labels: values by their keys.")
+    note: str | None = Field(description="What somebody wrote on it.")
     created_at: datetime = Field(description="When it was submitted, UTC.")
     started_at: datetime | None = Field(description="When the last attempt began.")
     finished_at: datetime | None = Field(description="When it came to its final state.")

@@ -170,6 +170,8 @@ class SolutionOut(ResponseModel):
     )
     cost: CostOut = Field(description="Time of the computation.")
     provenance: ProvenanceOut = Field(description="Version, numerics and machine.")
+    labels: dict[str, str] = Field(description="Its labels: values by their keys.")
+    note: str | None = Field(description="What somebody wrote on it.")
     created_at: datetime = Field(description="When it was stored, UTC.")
 
 

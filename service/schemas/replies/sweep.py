@@ -26,6 +26,8 @@ class SweepStateOut(ResponseModel):
         description="Estimated time to the end at the speed of the latest chunks; null if too few have ended."
     )
     priority: int = Field(description="Larger first.")
+    labels: dict[str, str] = Field(description="Its labels: values by their keys.")
+    note: str | None = Field(description="What somebody wrote on it.")
     created_at: datetime = Field(description="When it was submitted, UTC.")
     started_at: datetime | None = Field(description="When a worker took its first points.")
     finished_at: datetime | None = Field(description="When it came to its final state.")

@@ -22,6 +22,7 @@ from service.schemas.problem.problem import each_once, read_problem
 from service.schemas.problem.sections import ProblemIn
 from service.schemas.reading.choices import WireModel
 from service.schemas.reading.faults import Fault, InvalidProblemError
+from service.schemas.reading.marks_in import LABELS_HELP, NOTE_HELP, Labels, Note
 from service.schemas.reading.numbers import Priority, refuse
 from service.schemas.reading.parts import read_parts
 from service.schemas.reading.pointers import split_pointer, with_values
@@ -78,6 +79,8 @@ class SweepIn(WireModel):
     priority: Priority = Field(
         default=0, description="Larger ones are computed first; above 0 only for keys of the role operate."
     )
+    labels: Labels = Field(default_factory=dict, description=LABELS_HELP)
+    note: Note | None = Field(default=None, description=NOTE_HELP)
 
 
 def read_sweep(document: object, *, max_points: int | None = None) -> Sweep:

@@ -12,6 +12,7 @@ from service.storage.database.database import is_postgres
 from service.storage.database.ids import new_id
 from service.storage.jobs.joint_statements import NEW, insert_solution, store_and_succeed
 from service.storage.jobs.moves import may_become
+from service.storage.marks.mark_rows import copy_labels
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
@@ -61,7 +62,7 @@ _DIGESTS = 500
 def store_solution(
     connection: Connection, claim: Claim, summary: Mapping[str, object], dense: bytes, samples: bytes
 ) -> bool:
-    """Insert the solution of a claimed job and its arrays, and mark the job, if the claim holds."""
+    """Insert the solution of a claimed job, its arrays and labels, and move the job, if the claim holds."""
     solution_id = new_id()
     columns = {
         "id": solution_id,
@@ -83,6 +84,7 @@ def store_solution(
         return False
     connection.execute(_INSERT_DENSE, {"solution_id": solution_id, "data": dense})
     connection.execute(_INSERT_SAMPLES, {"solution_id": solution_id, "data": samples})
+    copy_labels(connection, solution_id)
     return succeed(connection, claim, solution_id, reused=False)
 
 

@@ -1,6 +1,7 @@
 """The store of jobs in SQL; one method is one transaction."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from sqlalchemy import Connection, bindparam, select, update
 from sqlalchemy.orm import Session
@@ -13,6 +14,7 @@ from service.jobs.lanes import Lane
 from service.jobs.outcome import ChunkOutcome, Outcome, Refused, Solved
 from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.schemas.query.list_query import ListQuery
+from service.schemas.reading.marks import UNMARKED, Marks
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id
@@ -27,6 +29,7 @@ from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.idempotency_store import write_key
 from service.storage.keys.key_store import charge
+from service.storage.marks.mark_rows import marks_of, rewrite
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_JOB_ROWS, Source, chunks_of
 from service.storage.tables.base import table_of
@@ -58,6 +61,7 @@ class SqlJobStore:
         examination: str | None = None,
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
+        marks: Marks = UNMARKED,
     ) -> Job:
         """Store a job; it has succeeded already if an equal problem has been solved."""
         (job,) = self.submit_many(
@@ -67,6 +71,7 @@ class SqlJobStore:
             examinations=[examination],
             found=found,
             receipt=receipt,
+            marks=[marks],
         )
         return job
 
@@ -80,15 +85,22 @@ class SqlJobStore:
         examinations: Sequence[str | None] = (),
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
+        marks: Sequence[Marks] = (),
     ) -> tuple[Job, ...]:
         """Store a job for each problem and its digest, all of them or none, and the answer of a receipt."""
         with self._database.write() as session:
             keep_rows(session.connection(), found)
             rows = insert_jobs(
-                session, problems, lane=lane, priority=priority, key_id=key_id, examinations=examinations
+                session,
+                problems,
+                lane=lane,
+                priority=priority,
+                key_id=key_id,
+                examinations=examinations,
+                marks=marks,
             )
             self._deliver(session, [row for row in rows if row.state == JobState.QUEUED.value])
-            jobs = tuple(job_of(row) for row in rows)
+            jobs = tuple(map(job_of, rows, marks or [UNMARKED] * len(rows)))
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer(jobs))
             return jobs
@@ -96,7 +108,7 @@ class SqlJobStore:
     def get(self, job_id: str) -> Job:
         """Return a job, or raise :class:`JobNotFoundError`."""
         with self._database.read() as session:
-            return job_of(_row(session, job_id))
+            return _job(session, _row(session, job_id))
 
     def find(self, query: ListQuery) -> JobPage:
         """Return one page of the jobs that match; only the wanted columns of them, if there are any."""
@@ -110,24 +122,34 @@ class SqlJobStore:
         with self._database.read() as session:
             found = find(session, source, query)
             rows = [] if query.columns else rows_of_page(session, JobRow, found.ids)
-            return JobPage(tuple(map(job_of, rows)), found.total, found.values, found.next)
+            jobs = tuple(map(job_of, rows, marks_of(session, rows)))
+            return JobPage(jobs, found.total, found.values, found.next)
 
     def attempts(self, job_id: str) -> tuple[Attempt, ...]:
         """Return the history of a job, oldest first."""
         with self._database.read() as session:
             return history(session, _row(session, job_id).id)
 
+    def mark(self, job_id: str, change: Callable[[Job], Marks]) -> Job:
+        """Give a job the labels and the note that ``change`` makes of its present state."""
+        with self._database.write() as session:
+            row = _row(session, job_id, is_locked=True)
+            job = _job(session, row)
+            marks = change(job)
+            rewrite(session, row, marks, job.marks.labels)
+            return replace(job, marks=marks)
+
     def cancel(self, job_id: str) -> Job:
         """Cancel an unfinished job at once, even while it runs; its claim no longer holds."""
         with self._database.write() as session:
             row = _row(session, job_id)
             if row.state == JobState.CANCELLED.value:
-                return job_of(row)
+                return _job(session, row)
             if not move(session, JobState.CANCELLED, JobRow.id == row.id):
                 raise JobFinishedError(row.id, JobState(row.state))
             end_attempt(session, row.id, row.attempt, AttemptOutcome.CANCELLED)
             session.refresh(row)
-            return job_of(row)
+            return _job(session, row)
 
     def claim(self, worker: str, *, lease_seconds: float) -> Claim | None:
         """Take the first job of the queue that has to be computed."""
@@ -267,8 +289,13 @@ def _succeed(connection: Connection, claim: Claim, outcome: Solved) -> bool:
     return True
 
 
-def _row(session: Session, job_id: str) -> JobRow:
-    row = session.get(JobRow, job_id) if is_id(job_id) else None
+def _job(session: Session, row: JobRow) -> Job:
+    (marks,) = marks_of(session, [row])
+    return job_of(row, marks)
+
+
+def _row(session: Session, job_id: str, *, is_locked: bool = False) -> JobRow:
+    row = session.get(JobRow, job_id, with_for_update=is_locked) if is_id(job_id) else None
     # A chunk is cancelled only with its sweep: alone, it would leave a gap.
     if row is None or row.kind != JobKind.SOLVE.value:
         raise JobNotFoundError(job_id)

@@ -6,15 +6,29 @@ SQLite has no INSERT or UPDATE inside a WITH, and no round trips: there
 
 from collections.abc import Iterable
 
-from sqlalchemy import Column, FromClause, Insert, Select, Update, bindparam, insert, literal_column, select
+from sqlalchemy import (
+    Column,
+    FromClause,
+    Insert,
+    Select,
+    Update,
+    bindparam,
+    insert,
+    literal_column,
+    select,
+    true,
+)
 from sqlalchemy.sql import ColumnElement
 
 from service.storage.database.clock import DatabaseNow
+from service.storage.marks.mark_rows import LABELS_OF_JOB
 from service.storage.tables.base import table_of
-from service.storage.tables.jobs import AttemptRow
+from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.labels import SolutionLabelRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 
 _ATTEMPTS, _SOLUTIONS = table_of(AttemptRow), table_of(SolutionRow)
+_JOBS, _LABELS = table_of(JobRow), table_of(SolutionLabelRow)
 _DENSE, _SAMPLES = table_of(DenseOutputRow), table_of(SamplesRow)
 
 NEW = "new_"
@@ -26,13 +40,16 @@ def insert_solution(source: FromClause, *conditions: ColumnElement[bool]) -> Ins
 
     Its parameters are the columns of a solution with NEW before their names.
     """
-    given = [column for column in _SOLUTIONS.c if column.name != "created_at"]
-    values = select(*map(_bound, given), DatabaseNow()).select_from(source).where(*conditions)
-    return insert(_SOLUTIONS).from_select([*(column.name for column in given), "created_at"], values)
+    made_here = "created_at", "note"
+    given = [column for column in _SOLUTIONS.c if column.name not in made_here]
+    # Of the job at this moment: it may have been changed since it was taken.
+    note = select(_JOBS.c.note).where(_JOBS.c.id == _bound(_SOLUTIONS.c.job_id)).scalar_subquery()
+    values = select(*map(_bound, given), DatabaseNow(), note).select_from(source).where(*conditions)
+    return insert(_SOLUTIONS).from_select([*(column.name for column in given), *made_here], values)
 
 
 def store_and_succeed(succeed: Update, end_attempt: Update) -> Select[str]:
-    """Return the statement that stores a solution with its arrays, if ``succeed`` changes its job.
+    """Return the statement that stores a solution with arrays and labels, if ``succeed`` changes its job.
 
     Its parameters are those of both updates and of :func:`insert_solution`,
     ``dense`` and ``samples``; its row is the job's id.
@@ -46,7 +63,15 @@ def store_and_succeed(succeed: Update, end_attempt: Update) -> Select[str]:
         for table, name in ((_DENSE, "dense"), (_SAMPLES, "samples"))
     ]
     ended = end_attempt.where(_ATTEMPTS.c.job_id.in_(select(moved.c.id)))
-    parts = [insert_solution(moved), *arrays, ended]
+    stored = insert_solution(moved).returning(_SOLUTIONS.c.id, _SOLUTIONS.c.created_at).cte("stored")
+    labels = LABELS_OF_JOB.subquery()
+    labelled = insert(_LABELS).from_select(
+        ["solution_id", "created_at", "key", "value"],
+        select(stored.c.id, stored.c.created_at, labels.c.key, labels.c.value).join_from(
+            stored, labels, true()
+        ),
+    )
+    parts = [*arrays, ended, labelled]
     return select(moved.c.id).add_cte(*(part.cte(f"part_{k}") for k, part in enumerate(parts)))
 
 

@@ -3,12 +3,13 @@
 from service.jobs.dispatch import Delivery
 from service.jobs.job import Attempt, Job
 from service.jobs.states import AttemptOutcome, JobState
+from service.schemas.reading.marks import Marks
 from service.storage.database.clock import instant, optional_instant
 from service.storage.tables.jobs import AttemptRow, JobRow
 
 
-def job_of(row: JobRow) -> Job:
-    """Return the record of a job."""
+def job_of(row: JobRow, marks: Marks) -> Job:
+    """Return the record of a job, whose labels are in another table."""
     return Job(
         id=row.id,
         state=JobState(row.state),
@@ -24,6 +25,7 @@ def job_of(row: JobRow) -> Job:
         started_at=optional_instant(row.started_at),
         finished_at=optional_instant(row.finished_at),
         key_id=row.key_id,
+        marks=marks,
     )
 
 

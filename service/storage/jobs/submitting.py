@@ -9,10 +9,12 @@ from sqlalchemy.orm import Session
 from service.jobs.lanes import Lane
 from service.jobs.states import JobKind, JobState
 from service.schemas.query.facts import facts_of
+from service.schemas.reading.marks import Marks
 from service.storage.database.clock import database_now
 from service.storage.database.ids import new_id
 from service.storage.jobs.finishing import solved
 from service.storage.jobs.turns import next_turns
+from service.storage.marks.mark_rows import insert_labels
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
 
@@ -27,6 +29,7 @@ def insert_jobs(
     priority: int,
     key_id: str | None,
     examinations: Sequence[str | None] = (),
+    marks: Sequence[Marks] = (),
 ) -> list[JobRow]:
     """Insert a job for each problem and its digest; it has succeeded already if an equal one was solved.
 
@@ -39,7 +42,7 @@ def insert_jobs(
     given = next_turns(connection, lane=lane, priority=priority, key_id=key_id, seconds=[None] * len(waiting))
     turns = iter(given)
     values: list[dict[str, object]] = []
-    for (problem, digest), examination in zip_longest(problems, examinations):
+    for (problem, digest), examination, mark in zip_longest(problems, examinations, marks):
         solution_id = solutions.get(digest)
         reused = solution_id is not None
         values.append(
@@ -62,8 +65,11 @@ def insert_jobs(
                 "digest": digest,
                 "created_at": now,
                 "finished_at": now if reused else None,
+                "note": None if mark is None else mark.note,
             }
         )
     if values:
         session.execute(_INSERT, values)
+    made = zip(values, marks, strict=False)
+    insert_labels(session, JobRow, [(str(each["id"]), now, mark) for each, mark in made])
     return [JobRow(**each) for each in values]

@@ -22,7 +22,7 @@ from service.schemas.query.kinds import Kind
 from service.schemas.query.list_query import ListQuery
 from service.storage.database.database import is_postgres
 from service.storage.searching.conditions import bound, conditions_of
-from service.storage.searching.narrowing import narrowed
+from service.storage.searching.narrowing import in_order_of_labels, narrowed
 from service.storage.searching.sources import Expression, Source
 
 
@@ -77,8 +77,11 @@ class _Key:
 
 def find(session: Session, source: Source, query: ListQuery) -> FoundPage:
     """Return one page."""
-    conditions = [*conditions_of(source, query.conditions), *narrowed(session, source, query)]
     total = count(session, source, query.conditions) if query.is_counted else None
+    given, few = query.conditions, narrowed(session, source, query)
+    if not few:
+        source, given = in_order_of_labels(source, query)
+    conditions = [*conditions_of(source, given), *few]
     keys = _keys(session, source, query)
     columns = [source.expression(subject) for subject in query.columns]
     selected: list[Any] = [source.row.id, *(key.expression for key in keys), *columns]

@@ -17,14 +17,15 @@ from service.schemas.query.facts import OF_JOBS, OF_RESULTS, OF_SOLUTIONS, OF_SW
 from service.schemas.query.kinds import Kind
 from service.schemas.query.subjects import Vocabulary
 from service.storage.tables.jobs import JobRow
+from service.storage.tables.labels import LABELS_OF, AnyLabelRow
 from service.storage.tables.solutions import SolutionRow
 from service.storage.tables.sweeps import SweepRow
 
 Expression = ColumnElement[Any]
 
-JOBS = Vocabulary(OF_JOBS, has_pointers=True)
-SOLUTIONS = Vocabulary(OF_SOLUTIONS, has_pointers=True)
-SWEEPS = Vocabulary(OF_SWEEPS, has_pointers=True)
+JOBS = Vocabulary(OF_JOBS, has_pointers=True, has_labels=True)
+SOLUTIONS = Vocabulary(OF_SOLUTIONS, has_pointers=True, has_labels=True)
+SWEEPS = Vocabulary(OF_SWEEPS, has_pointers=True, has_labels=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +52,23 @@ class Source:
             return self.facts[subject.name]
         if subject.place == "pointer" and subject.name in self.columns:
             return self.columns[subject.name]
+        if subject.place == "label":
+            return self.label(subject.name)
         facts: Any = self.row.facts
         stored = facts[stored_name(subject.name)]
         found: Expression = stored.as_float() if subject.kind is Kind.NUMBER else stored.as_string()
         return found
+
+    def label(self, key: str) -> Expression:
+        """Return the value that a row has under a key, NULL if it has none."""
+        labels = self.labels
+        owned = labels.owner_id == self.row.id, labels.key == key
+        return select(labels.value).where(*owned).scalar_subquery()
+
+    @property
+    def labels(self) -> type[AnyLabelRow]:
+        """The table of the labels of its rows."""
+        return LABELS_OF[self.row]
 
 
 def _of_solution(column: InstrumentedAttribute[Any]) -> Expression:

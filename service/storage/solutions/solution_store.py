@@ -4,20 +4,23 @@
 of its job; so every stored solution comes from a succeeded job.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from service.jobs.errors import SolutionNotFoundError
 from service.schemas.query.conditions import Value
 from service.schemas.query.list_query import ListQuery
+from service.schemas.reading.marks import Marks
 from service.storage.database.clock import instant
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id
 from service.storage.database.paging import rows_of_page
 from service.storage.jobs.finishing import solved
+from service.storage.marks.mark_rows import marks_of, rewrite
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
@@ -33,6 +36,7 @@ class Solution:
     problem: Mapping[str, object]
     summary: Mapping[str, object]
     created_at: datetime
+    marks: Marks
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +60,21 @@ class SolutionStore:
 
     def get(self, solution_id: str) -> Solution:
         """Return a solution, or raise :class:`SolutionNotFoundError`."""
-        if not is_id(solution_id):
-            raise SolutionNotFoundError(solution_id)
         with self._database.read() as session:
-            row = session.get(SolutionRow, solution_id)
-            if row is None:
-                raise SolutionNotFoundError(solution_id)
-            return _solution_of(row)
+            row = _row(session, solution_id)
+            return _solution_of(row, *marks_of(session, [row]))
+
+    def mark(self, solution_id: str, change: Callable[[Solution], Marks]) -> Solution:
+        """Give a solution the labels and the note that ``change`` makes of those that it has.
+
+        Nothing is changed if it raises. Raises :class:`SolutionNotFoundError`.
+        """
+        with self._database.write() as session:
+            row = _row(session, solution_id, is_locked=True)
+            solution = _solution_of(row, *marks_of(session, [row]))
+            marks = change(solution)
+            rewrite(session, row, marks, solution.marks.labels)
+            return replace(solution, marks=marks)
 
     def of_problem(self, digest: str) -> str | None:
         """Return the id of the first solution of the problem with this digest, None if there is none."""
@@ -74,7 +86,8 @@ class SolutionStore:
         with self._database.read() as session:
             found = find(session, OF_SOLUTION_ROWS, query)
             rows = [] if query.columns else rows_of_page(session, SolutionRow, found.ids)
-            return SolutionPage(tuple(map(_solution_of, rows)), found.total, found.values, found.next)
+            solutions = tuple(map(_solution_of, rows, marks_of(session, rows)))
+            return SolutionPage(solutions, found.total, found.values, found.next)
 
     def dense(self, solution_id: str) -> bytes:
         """Return the encoded dense output, or raise :class:`SolutionNotFoundError`."""
@@ -101,11 +114,19 @@ class SolutionStore:
         return data
 
 
-def _solution_of(row: SolutionRow) -> Solution:
+def _row(session: Session, solution_id: str, *, is_locked: bool = False) -> SolutionRow:
+    row = session.get(SolutionRow, solution_id, with_for_update=is_locked) if is_id(solution_id) else None
+    if row is None:
+        raise SolutionNotFoundError(solution_id)
+    return row
+
+
+def _solution_of(row: SolutionRow, marks: Marks) -> Solution:
     return Solution(
         id=row.id,
         job_id=row.job_id,
         problem=row.problem,
         summary=row.summary,
         created_at=instant(row.created_at),
+        marks=marks,
     )

@@ -1,7 +1,7 @@
 """The store of sweeps in SQL; one method is one transaction."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 
 from sqlalchemy import Connection, select
 from sqlalchemy.orm import Session, defer
@@ -20,6 +20,7 @@ from service.jobs.sweeps import (
 )
 from service.schemas.query.facts import facts_of
 from service.schemas.query.list_query import ListQuery
+from service.schemas.reading.marks import UNMARKED, Marks
 from service.storage.database.clock import database_now, instant, optional_instant
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id, new_id
@@ -28,6 +29,7 @@ from service.storage.jobs import chunks
 from service.storage.jobs.records import delivery_of
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.idempotency_store import write_key
+from service.storage.marks.mark_rows import insert_labels, marks_of, rewrite
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SWEEP_ROWS
 from service.storage.sweeps.recent_chunks import chunk_runs, complete_since
@@ -65,6 +67,7 @@ class SweepStore:
         priority: int = 0,
         key_id: str | None = None,
         receipt: Receipt[SweepRecord] | None = None,
+        marks: Marks = UNMARKED,
     ) -> SweepRecord:
         """Store a sweep and its first chunk only, however many points it has, and the answer of a receipt.
 
@@ -85,9 +88,11 @@ class SweepStore:
                 priority=priority,
                 key_id=key_id,
                 created_at=database_now(session),
+                note=marks.note,
             )
             session.add(row)
             session.flush()
+            insert_labels(session, SweepRow, [(row.id, row.created_at, marks)])
             jobs = chunks.queue_chunks(session, row, [pilot], most)
             session.flush()
             self._dispatcher.dispatch(session.connection(), [delivery_of(job) for job in jobs])
@@ -109,6 +114,20 @@ class SweepStore:
                 [] if query.columns else rows_of_page(session, SweepRow, found.ids, defer(SweepRow.document))
             )
             return SweepPage(tuple(_progress(session, rows)), found.total, found.values, found.next)
+
+    def mark(self, sweep_id: str, change: Callable[[SweepRecord], Marks]) -> SweepRecord:
+        """Give a sweep the labels and the note that ``change`` makes of its present state.
+
+        Nothing is changed if it raises. Raises :class:`SweepNotFoundError`.
+        """
+        with self._database.write() as session:
+            row = chunks.hold(session, sweep_id) if is_id(sweep_id) else None
+            if row is None:
+                raise SweepNotFoundError(sweep_id)
+            record = _record(session, row)
+            marks = change(record)
+            rewrite(session, row, marks, record.marks.labels)
+            return replace(record, marks=marks)
 
     def cancel(self, sweep_id: str) -> SweepRecord:
         """Cancel an unfinished sweep and its chunks at once; cancelling again changes nothing.
@@ -171,12 +190,13 @@ def _bounds(stored: Document) -> dict[str, tuple[float, float]]:
 
 def _record(session: Session, row: SweepRow) -> SweepRecord:
     (progress,) = _progress(session, [row])
-    return SweepRecord(**asdict(progress), document=row.document)
+    known = {each.name: getattr(progress, each.name) for each in fields(progress)}
+    return SweepRecord(**known, document=row.document)
 
 
 def _progress(session: Session, rows: Sequence[SweepRow]) -> Iterator[SweepProgress]:
     remaining = _remaining(session, [row for row in rows if row.state == JobState.RUNNING.value])
-    for row in rows:
+    for row, marks in zip(rows, marks_of(session, rows), strict=True):
         yield SweepProgress(
             id=row.id,
             state=JobState(row.state),
@@ -190,6 +210,7 @@ def _progress(session: Session, rows: Sequence[SweepRow]) -> Iterator[SweepProgr
             created_at=instant(row.created_at),
             started_at=optional_instant(row.started_at),
             finished_at=optional_instant(row.finished_at),
+            marks=marks,
         )
 
 

@@ -5,6 +5,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.schemas.reading.marks import LONGEST_NOTE
 from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, one_of
 from service.storage.tables.sweeps import SweepRow
 
@@ -77,6 +78,7 @@ class JobRow(Base):
     created_at: Mapped[float]
     started_at: Mapped[float | None]
     finished_at: Mapped[float | None]
+    note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
 
 
 class AttemptRow(Base):

@@ -3,6 +3,7 @@
 from service.storage.tables.base import Base
 from service.storage.tables.examinations import ExaminationRow
 from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
 from service.storage.tables.operations import ApiKeyRow, CalibrationRow, IdempotencyKeyRow, WorkerRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
@@ -20,6 +21,9 @@ TABLES: tuple[type[Base], ...] = (
     SweepChunkRow,
     JobRow,
     AttemptRow,
+    JobLabelRow,
+    SolutionLabelRow,
+    SweepLabelRow,
 )
 
 METADATA = Base.metadata

@@ -3,6 +3,7 @@
 from sqlalchemy import ForeignKey, Index, String, Uuid
 from sqlalchemy.orm import Mapped, mapped_column
 
+from service.schemas.reading.marks import LONGEST_NOTE
 from service.storage.tables.base import ASKED_DOCUMENT, Base, Document
 
 SORTED_NUMBERS = ("created_at", "A", "C", "period", "energy", "error")
@@ -62,6 +63,7 @@ class SolutionRow(Base):
     aperiodic: Mapped[str | None] = mapped_column(String(16))
     facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
     """The numbers of the problem by JSON pointer: see :mod:`service.schemas.query.facts`."""
+    note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
 
 
 class DenseOutputRow(Base):

@@ -4,6 +4,7 @@ from sqlalchemy import JSON, BigInteger, CheckConstraint, ForeignKey, Index, Str
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.states import JobState
+from service.schemas.reading.marks import LONGEST_NOTE
 from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, one_of
 
 
@@ -39,6 +40,7 @@ class SweepRow(Base):
     created_at: Mapped[float]
     started_at: Mapped[float | None]
     finished_at: Mapped[float | None]
+    note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
 
 
 class SweepChunkRow(Base):

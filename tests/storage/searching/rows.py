@@ -12,8 +12,10 @@ from service.schemas.query.conditions import Condition, OrderKey, Subject
 from service.schemas.query.facts import OF_SOLUTIONS
 from service.schemas.query.kinds import Kind
 from service.schemas.query.list_query import ListQuery
+from service.schemas.reading.marks import Marks
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.ids import new_id
+from service.storage.marks.mark_rows import insert_labels
 from service.storage.tables.base import table_of
 from service.storage.tables.solutions import SolutionRow
 
@@ -32,6 +34,7 @@ POINTERS = [
     "/no/where",
     ODD,
 ]
+LABELS, VALUES = ["project", "a.b"], ["thesis", "Thesis", "Ärger", "a, 'b' \"%\\"]
 WORDS = {name: [None, *fact.words] for name, fact in OF_SOLUTIONS.items() if fact.kind is Kind.WORD}
 
 numbers = st.one_of(
@@ -64,7 +67,7 @@ def documents(draw):
         "aperiodic": draw(st.sampled_from(WORDS["aperiodic"])),
         "cost": {"compute_seconds": draw(numbers)},
     }
-    return problem, summary
+    return problem, summary, draw(st.dictionaries(st.sampled_from(LABELS), st.sampled_from(VALUES)))
 
 
 rows = st.lists(documents(), max_size=10)
@@ -79,11 +82,15 @@ def store(database, found):
 
 def add(database, found):
     """Store further solutions with these documents."""
-    made = [row_of(*each) for each in found]
+    made = [row_of(*each[:2]) for each in found]
     if made:
         with database.write() as session:
             session.execute(insert(table_of(SolutionRow)), made)
-    return made
+            labels = [Marks(dict(*each[2:])) for each in found]
+            places = [(row["id"], row["created_at"]) for row in made]
+            given = [(*place, marks) for place, marks in zip(places, labels, strict=True)]
+            insert_labels(session, SolutionRow, given)
+    return [row | {"labels": dict(*each[2:])} for row, each in zip(made, found, strict=True)]
 
 
 def row_of(problem, summary):
@@ -96,11 +103,14 @@ def row_of(problem, summary):
 def subject_of(name):
     if name.startswith("/"):
         return Subject("pointer", name, Kind.NUMBER)
+    if name.startswith("label."):
+        return Subject("label", name.removeprefix("label."), Kind.TEXT)
     return Subject("fact", name, OF_SOLUTIONS[name].kind)
 
 
 NUMBERS = ["period", "energy", "error", "drift", "trace", "A", "B", "seconds"]
-subjects = st.sampled_from([*NUMBERS, *WORDS, *POINTERS, "created_at"]).map(subject_of)
+NAMES = [f"label.{key}" for key in LABELS]
+subjects = st.sampled_from([*NUMBERS, *WORDS, *POINTERS, *NAMES, "created_at"]).map(subject_of)
 
 
 @st.composite
@@ -108,8 +118,9 @@ def conditions(draw):
     subject = draw(subjects)
     if draw(st.integers(0, 5)) == 0:
         return Condition(subject, draw(st.sampled_from(["is null", "is not null"])))
-    if subject.kind is Kind.WORD:
-        value, operators = st.sampled_from(WORDS[subject.name][1:]), ["=", "!=", "in"]
+    if subject.kind in (Kind.WORD, Kind.TEXT):
+        words = VALUES if subject.place == "label" else WORDS[subject.name][1:]
+        value, operators = st.sampled_from(words), ["=", "!=", "in"]
     else:
         value = st.one_of(st.sampled_from([x for x in DOUBLES if x is not None]), numbers.filter(bool))
         operators = ["=", "!=", "<", "<=", ">", ">=", "in"]
@@ -150,6 +161,8 @@ def at(document, *path):
 def value_of(row, subject):
     """Return what the documents of a row say, without the columns that were made of them."""
     problem, summary = row["problem"], row["summary"]
+    if subject.place == "label":
+        return row["labels"].get(subject.name)
     if subject.place == "pointer":
         return double(at(problem, *subject.name[1:].split("/")))
     match subject.name:

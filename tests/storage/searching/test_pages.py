@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from sqlalchemy import event, text
 
 from service.schemas.query.conditions import OrderKey
 from service.schemas.query.list_query import ListQuery
@@ -104,3 +105,71 @@ def test_a_page_does_not_depend_on_how_its_rows_are_found(database, monkeypatch,
         for keys in ((OrderKey(subject_of("energy"), True),), (OrderKey(subject_of("period")),)):
             query = ListQuery(conditions, keys)
             assert list(ask(database, query).ids) == expected(made, query)
+
+
+@pytest.mark.parametrize("few", [0, 1000])
+@pytest.mark.parametrize("is_descending", [False, True])
+@pytest.mark.parametrize(
+    "where",
+    ["label.project=thesis", "label.project=thesis,label.run in (0,1)", "label.project=thesis,energy>0",
+     "label.run=0,label.project=thesis", "label.project!=thesis", "label.run is null,label.project=thesis"],
+)  # fmt: skip
+def test_pages_in_the_order_of_time_are_read_from_the_index_of_labels(
+    database, monkeypatch, few, is_descending, where
+):
+    monkeypatch.setattr(narrowing, "FEW", few)
+    found = [
+        ({}, {**EMPTY, "energy": {"value": n % 2 * 1.0}},
+         {"project": "thesis" if n % 3 else "other", **({"run": str(n % 4)} if n % 5 else {})})
+        for n in range(24)
+    ]  # fmt: skip
+    made = store(database, found)
+    conditions, faults = read_where([where], SOLUTIONS)
+    assert faults == []
+    for name in ("id", "created_at"):
+        query = ListQuery(conditions, (OrderKey(subject_of(name), is_descending),), limit=3)
+        whole, pages, after = expected(made, query), [], None
+        assert whole
+        while len(pages) <= len(whole):
+            page = ask(database, replace(query, after=after))
+            assert page.total == len(whole)
+            pages += page.ids
+            after = page.next
+            if after is None:
+                break
+        assert pages == whole
+
+
+@pytest.mark.parametrize("common", [True, False])
+def test_a_condition_on_a_label_reads_the_index_of_labels_however_many_rows_there_are(database, common):
+    plans = []
+
+    def explain(connection, cursor, statement, parameters, context, executemany):
+        is_sqlite = connection.dialect.name == "sqlite"
+        if statement.startswith("SELECT") and "solution_labels" in statement:
+            cursor.execute(f"EXPLAIN {'QUERY PLAN' if is_sqlite else ''} {statement}", parameters)
+            plans.append(str(cursor.fetchall()))
+
+    # Labelled ones are the oldest: to walk from the newest would read all others first.
+    labels = [{"project": "thesis"} if n < (1500 if common else 20) else {} for n in range(6000)]
+    add(database, [({}, EMPTY, each) for each in labels])
+    with database.write() as session:
+        # As Postgres does by itself after a while; without it, it takes the tables for empty ones.
+        session.execute(text("ANALYZE"))
+    conditions, _ = read_where(["label.project=thesis"], SOLUTIONS)
+    event.listen(database.engine, "before_cursor_execute", explain)
+    for name in ("created_at", "id"):
+        page = ask(database, ListQuery(conditions, (OrderKey(subject_of(name), True),), is_counted=False))
+        assert len(page.ids) == (50 if common else 20)
+    event.remove(database.engine, "before_cursor_execute", explain)
+    assert plans
+    # Neither a walk through all solutions, nor through an index of theirs; and many are not sorted.
+    walks = [
+        "SCAN solutions",
+        "Seq Scan on solutions",
+        "ix_solutions_",
+        *(["B-TREE", "Sort"] if common else []),
+    ]
+    for plan in plans:
+        assert "solution_labels" in plan, plan
+        assert [walk for walk in walks if walk in plan] == [], plan

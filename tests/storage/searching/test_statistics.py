@@ -8,7 +8,17 @@ from hypothesis import strategies as st
 
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.searching.statistics import facets, quartile_rank, statistic_of, statistics
-from tests.storage.searching.rows import NUMBERS, WORDS, conditions, meets, rows, store, subject_of, value_of
+from tests.storage.searching.rows import (
+    NAMES,
+    NUMBERS,
+    WORDS,
+    conditions,
+    meets,
+    rows,
+    store,
+    subject_of,
+    value_of,
+)
 from tests.support.effort import examples
 
 on_a_database = settings(
@@ -16,7 +26,7 @@ on_a_database = settings(
 )
 asked = st.lists(conditions(), max_size=1)
 numbers = st.sampled_from([*NUMBERS, "/motion/lambda", "/potential/parameters/a"]).map(subject_of)
-groups = st.sampled_from([None, *WORDS, "/body/A"]).map(lambda name: name and subject_of(name))
+groups = st.sampled_from([None, *WORDS, *NAMES, "/body/A"]).map(lambda name: name and subject_of(name))
 
 
 @given(rows, asked, groups.filter(bool), st.integers(1, 4))

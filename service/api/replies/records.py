@@ -1,0 +1,80 @@
+"""Jobs, solutions and sweeps as they are shown, wherever they are."""
+
+from collections.abc import Mapping
+
+from service.jobs.job import Job
+from service.jobs.sweeps import SweepProgress, SweepRecord
+from service.schemas.reading.marks import Marks
+from service.schemas.replies.job import JobOut
+from service.schemas.replies.solution import SolutionOut
+from service.schemas.replies.sweep import SweepOut, SweepStateOut
+from service.storage.solutions.solution_store import Solution
+
+_ADDED_LATER: Mapping[str, object] = {"asymptotes": None, "precession": None, "warnings": []}
+"""Fields that solutions stored by the first version lack."""
+
+
+def job_out(job: Job) -> JobOut:
+    """Return a job as it is shown."""
+    return JobOut(
+        id=job.id,
+        state=job.state.value,
+        priority=job.priority,
+        attempt=job.attempt,
+        progress=job.progress,
+        error=None if job.error is None else dict(job.error),
+        reused=job.reused,
+        solution=job.solution_id,
+        problem=dict(job.problem),
+        labels=dict(job.marks.labels),
+        note=job.marks.note,
+        created_at=job.created_at,
+        started_at=job.started_at,
+        finished_at=job.finished_at,
+    )
+
+
+def solution_out(solution: Solution) -> SolutionOut:
+    """Return a solution as it is shown."""
+    document = {
+        **_ADDED_LATER,
+        **solution.summary,
+        "id": solution.id,
+        "job": solution.job_id,
+        "problem": solution.problem,
+        **_marks(solution.marks),
+        "created_at": solution.created_at,
+    }
+    return SolutionOut.model_validate(document)
+
+
+def sweep_out(record: SweepRecord) -> SweepOut:
+    """Return a sweep as it is shown, with its document."""
+    return SweepOut.model_validate({**_state(record), "document": dict(record.document)})
+
+
+def sweep_state_out(record: SweepProgress) -> SweepStateOut:
+    """Return a sweep as lists show it."""
+    return SweepStateOut.model_validate(_state(record))
+
+
+def _state(record: SweepProgress) -> dict[str, object]:
+    return {
+        "id": record.id,
+        "state": record.state.value,
+        "points": record.points,
+        "done": record.done,
+        "refused": record.refused,
+        "progress": record.done / record.points,
+        "point_seconds": record.point_seconds,
+        "remaining_seconds": record.remaining_seconds,
+        "priority": record.priority,
+        **_marks(record.marks),
+        "created_at": record.created_at,
+        "started_at": record.started_at,
+        "finished_at": record.finished_at,
+    }
+
+
+def _marks(marks: Marks) -> dict[str, object]:
+    return {"labels": dict(marks.labels), "note": marks.note}

@@ -1,0 +1,46 @@
+"""What people write on a job, a solution or a sweep to find it again: labels and a note."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+MOST_LABELS = 16
+LONGEST_KEY, LONGEST_VALUE, LONGEST_NOTE = 63, 128, 2000
+LABEL_KEY = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_.-]{0,61}[A-Za-z0-9])?\Z")
+LABEL_KEYS = f"1 to {LONGEST_KEY} letters, digits and - _ . between them"
+FIELDS = ("labels", "note")
+"""Of a document that states a problem or a sweep, the fields that are no part of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Marks:
+    """Labels and a note; part of no problem's identity."""
+
+    labels: Mapping[str, str] = field(default_factory=dict)
+    """Values by their keys, in the order of the keys."""
+    note: str | None = None
+
+
+UNMARKED = Marks()
+
+
+def split_marks(document: Mapping[str, object]) -> tuple[dict[str, object], Marks]:
+    """Return a valid document without its marks, and the marks."""
+    rest = {name: value for name, value in document.items() if name not in FIELDS}
+    return rest, patched(UNMARKED, {name: document[name] for name in FIELDS if name in document})
+
+
+def patched(marks: Marks, patch: Mapping[str, object]) -> Marks:
+    """Return the marks after a valid merge patch (RFC 7396): what is null goes, what is missing stays."""
+    labels, note = dict(marks.labels), marks.note
+    if "labels" in patch:
+        changes = patch["labels"]
+        if isinstance(changes, Mapping):
+            labels.update(changes)
+            labels = {key: value for key, value in labels.items() if value is not None}
+        else:
+            labels = {}
+    if "note" in patch:
+        text = patch["note"]
+        note = text if isinstance(text, str) else None
+    return Marks(dict(sorted(labels.items())), note)
