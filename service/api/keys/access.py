@@ -27,6 +27,7 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/docs/swagger-ui.css": {"GET": OPEN, "HEAD": OPEN},
     "/openapi.json": {"GET": OPEN, "HEAD": OPEN},
     "/v1/accuracy": {"GET": Role.READ},
+    "/v1/events": {"GET": Role.READ},
     "/v1/families": {"GET": Role.READ},
     # Stores nothing, but a verdict may occupy a child process for seconds, which Role.READ does not cover.
     "/v1/validations": {"POST": Role.SUBMIT},
@@ -38,6 +39,7 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     # For jobs of the same key; cancelling and deleting others' needs OPERATE, which the endpoint checks.
     "/v1/jobs/{job_id}/attempts": {"GET": Role.READ},
     "/v1/jobs/{job_id}/cancel": {"POST": Role.SUBMIT},
+    "/v1/jobs/{job_id}/events": {"GET": Role.READ},
     "/v1/solutions": {"GET": Role.READ},
     "/v1/solutions/facets": {"GET": Role.READ},
     "/v1/solutions/statistics": {"GET": Role.READ},
@@ -47,6 +49,7 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/v1/sweeps": {"GET": Role.READ, "POST": Role.SUBMIT},
     "/v1/sweeps/{sweep_id}": {"GET": Role.READ, "DELETE": Role.SUBMIT},
     "/v1/sweeps/{sweep_id}/cancel": {"POST": Role.SUBMIT},
+    "/v1/sweeps/{sweep_id}/events": {"GET": Role.READ},
     "/v1/sweeps/{sweep_id}/jobs": {"GET": Role.READ},
     "/v1/status": {"GET": Role.READ},
     "/v1/problems/{digest}/solutions": {"GET": Role.READ},

@@ -316,3 +316,8 @@ def _out(job: Job) -> JobOut:
         started_at=job.started_at,
         finished_at=job.finished_at,
     )
+
+
+def job_content(job: Job) -> bytes:
+    """Return the bytes of the answer that shows a job."""
+    return bytes(json_response(_out(job)).body)

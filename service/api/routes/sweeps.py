@@ -200,3 +200,8 @@ def _state(record: SweepProgress) -> dict[str, object]:
         "started_at": record.started_at,
         "finished_at": record.finished_at,
     }
+
+
+def sweep_content(record: SweepRecord) -> bytes:
+    """Return the bytes of the answer that shows a sweep."""
+    return bytes(json_response(_out(record)).body)

@@ -5,6 +5,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.states import JobState
 from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, one_of
+from service.storage.tables.now import DatabaseNow
 
 
 class SweepRow(Base):
@@ -16,6 +17,7 @@ class SweepRow(Base):
         CheckConstraint("done <= next_index AND next_index <= points", name="progress"),
         CheckConstraint("refused <= done", name="refused"),
         Index("ix_sweeps_state_id", "state", "id"),
+        Index("ix_sweeps_changed", "changed_at", "id"),
     )
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
@@ -39,6 +41,10 @@ class SweepRow(Base):
     created_at: Mapped[float]
     started_at: Mapped[float | None]
     finished_at: Mapped[float | None]
+    changed_at: Mapped[float] = mapped_column(
+        default=DatabaseNow(), onupdate=DatabaseNow(), server_default="0"
+    )
+    """When anything of it was last written: see :mod:`..jobs.changes`."""
 
 
 class SweepChunkRow(Base):
