@@ -49,6 +49,7 @@ def test_every_operation_names_its_refusals_as_problem_documents(app):
                     continue
                 kinds = set(response.get("content", {}))
                 expected = "text/plain" if path == "/metrics" else "application/json"
+                expected = "text/event-stream" if path.endswith("/events") else expected
                 expected = "application/problem+json" if status >= "400" else expected
                 assert expected in kinds, (path, status)
 
