@@ -62,7 +62,7 @@ class SolutionStore:
             row = session.get(SolutionRow, solution_id)
             if row is None:
                 raise SolutionNotFoundError(solution_id)
-            return _solution_of(row)
+            return solution_of(row)
 
     def of_problem(self, digest: str) -> str | None:
         """Return the id of the first solution of the problem with this digest, None if there is none."""
@@ -74,7 +74,7 @@ class SolutionStore:
         with self._database.read() as session:
             found = find(session, OF_SOLUTION_ROWS, query)
             rows = [] if query.columns else rows_of_page(session, SolutionRow, found.ids)
-            return SolutionPage(tuple(map(_solution_of, rows)), found.total, found.values, found.next)
+            return SolutionPage(tuple(map(solution_of, rows)), found.total, found.values, found.next)
 
     def dense(self, solution_id: str) -> bytes:
         """Return the encoded dense output, or raise :class:`SolutionNotFoundError`."""
@@ -101,7 +101,8 @@ class SolutionStore:
         return data
 
 
-def _solution_of(row: SolutionRow) -> Solution:
+def solution_of(row: SolutionRow) -> Solution:
+    """Return the record of a row."""
     return Solution(
         id=row.id,
         job_id=row.job_id,
