@@ -9,12 +9,15 @@ from anyio import CapacityLimiter, to_thread
 from fastapi import FastAPI
 
 from service.api.dependencies import Resources
+from service.api.events.lookout import Lookout
+from service.api.events.watcher import EventWatcher
 from service.api.keys.idempotency import IdempotencyDesk
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.reading_threads import ReadingThreads
 from service.api.replies.kept_answers import KeptAnswers
+from service.api.routes.events import documents_of
 from service.api.routing import install
 from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
@@ -24,6 +27,7 @@ from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.examinations.examination_store import ExaminationStore
+from service.storage.jobs.changes import ChangeReader
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
@@ -75,18 +79,23 @@ def create_app(
         presence = ServicePresence(database, host=settings.host_name)
         examinations = ExaminationStore(database)
         kept = KeptExaminations(examinations)
+        sweeps = SweepStore(database, dispatcher)
+        lookout = Lookout(ChangeReader(database), sweeps, documents_of(database, settings))
+        events = EventWatcher(lookout, capacity=settings.event_streams)
+        bell.when_anything(events.wake, events.stop)
         verdicts = VerdictQueue(children, settings, children=VERDICT_WORKERS)
         app.state.resources = Resources(
             settings=settings,
             database=database,
             jobs=SqlJobStore(database, dispatcher),
             solutions=SolutionStore(database),
-            sweeps=SweepStore(database, dispatcher),
+            sweeps=sweeps,
             sandbox=children,
             verdicts=verdicts,
             examiner=Examiner(verdicts, kept, examinations),
             reading=ReadingThreads(),
             doorbell=bell,
+            events=events,
             metrics=Metrics(statistics, version=version_of("polhode"), local_worker=local_worker, kept=kept),
             keys=ring,
             limits=LimitGuard(settings, keys),
@@ -98,11 +107,13 @@ def create_app(
             checking=CapacityLimiter(_CHECKS_AT_ONCE),
         )
         presence.start()
+        events.start()
         if database.file is not None and (warning := database.file.mode_warning()):
             logger.warning("%s", warning)
         try:
             yield
         finally:
+            await events.close()
             presence.close()
             forgetting.close()
             retention.close()

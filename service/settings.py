@@ -84,6 +84,9 @@ class Settings(BaseSettings):
     waiting_places: int = Field(default=16, ge=0, le=1000)
     """Clients that may wait for jobs at the same time; each looks its job up four times a second."""
 
+    event_streams: int = Field(default=500, ge=0)
+    """Streams of events at the same time; each is a connection, and none of them takes a thread."""
+
     @field_validator("engine")
     @classmethod
     def _require_its_database(cls, engine: str, info: ValidationInfo) -> str:

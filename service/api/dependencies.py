@@ -8,6 +8,7 @@ from typing import Annotated
 from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
+from service.api.events.watcher import EventWatcher
 from service.api.keys.idempotency import IdempotencyDesk
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
@@ -41,6 +42,7 @@ class Resources:
     examiner: Examiner
     reading: ReadingThreads
     doorbell: Doorbell
+    events: EventWatcher
     metrics: Metrics
     keys: KeyRing
     limits: LimitGuard

@@ -34,6 +34,7 @@ _IF_NONE_MATCH = {
     "description": "The `ETag` of an earlier answer: 304 without a body if nothing has changed since.",
     "schema": {"type": "string"},
 }
+_EVENT_STREAM = "text/event-stream"
 _NOT_MODIFIED = {"description": "The client has the current answer already."}
 
 _REFUSAL = {
@@ -137,5 +138,7 @@ def _describe_conditions(document: Mapping[str, object]) -> None:
         if "get" not in operations or path in VOLATILE:
             continue
         operation = operations["get"]
+        if _EVENT_STREAM in operation["responses"]["200"]["content"]:
+            continue  # has no tag: it is never the same
         operation.setdefault("parameters", []).append(_IF_NONE_MATCH)
         operation["responses"] = dict(sorted({**operation["responses"], "304": _NOT_MODIFIED}.items()))

@@ -37,6 +37,12 @@ class Doorbell:
         self._closed = False
         self._is_database_ready = is_database_ready
         self._tell_warm: Callable[[], None] | None = None
+        self._tell_news: Callable[[], None] | None = None
+        self._tell_end: Callable[[], None] | None = None
+
+    def when_anything(self, news: Callable[[], None], end: Callable[[], None]) -> None:
+        """Call ``news`` at every message, and ``end`` at :meth:`close`; from any thread."""
+        self._tell_news, self._tell_end = news, end
 
     def when_warm(self, tell: Callable[[], None]) -> None:
         """Call ``tell``, from another thread, whenever a worker is warm."""
@@ -68,6 +74,7 @@ class Doorbell:
                 # A full buffer is wake-up enough; the thread that reads from a dead worker ends by itself.
                 with contextlib.suppress(OSError):
                     line.send(b".", socket.MSG_DONTWAIT)
+        self._notify()
 
     async def wait_for(
         self, job_id: str, *, is_finished: Callable[[], Awaitable[bool]], timeout: float
@@ -93,10 +100,17 @@ class Doorbell:
         with self._lock:
             for waiter in self._waiting.get(job_id, ()):
                 waiter.tell()
+        self._notify()
+
+    def _notify(self) -> None:
+        if self._tell_news is not None:
+            self._tell_news()
 
     def close(self) -> None:
         """Close all sockets: the workers finish their jobs and stop, and waiting clients are released."""
         self._closed = True
+        if self._tell_end is not None:
+            self._tell_end()
         with self._lock:
             for waiters in self._waiting.values():
                 for waiter in waiters:

@@ -58,6 +58,7 @@ def test_every_operation_names_its_refusals_as_problem_documents(app):
                     continue
                 kinds = set(response.get("content", {}))
                 expected = NOT_JSON.get(path, "application/json")
+                expected = "text/event-stream" if path.endswith("/events") else expected
                 expected = "application/problem+json" if status >= "400" else expected
                 assert expected in kinds, (path, status)
 

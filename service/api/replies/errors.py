@@ -63,6 +63,7 @@ TITLES: Mapping[str, str] = {
     "start_needed": "A start must be given",
     "start_outside_window": "The motion does not pass the start",
     "storage_limit": "Too much is stored",
+    "too_many_streams": "Too many streams of events",
     "too_many_connections": "Too many connections",
     "too_many_queued_jobs": "Too many jobs",
     "too_many_requests": "Too many requests",

@@ -13,6 +13,8 @@ from service.api.replies.responses import json_response, refusals
 from service.jobs.job import Job
 from service.jobs.states import AttemptOutcome
 from service.schemas.replies.overview import AttemptsOut, ChunkJobOut, ChunkJobPageOut, StatusOut
+from service.settings import Settings
+from service.storage.database.database import Database
 from service.storage.jobs.worker_registry import SILENT_LEASES
 from service.storage.searching.sources import chunks_of
 from service.storage.upkeep.presence import GONE_SECONDS
@@ -26,8 +28,13 @@ router = APIRouter(prefix="/v1")
 )
 def get_status(inside: Inside) -> Response:
     """Tell what waits, what each worker does, and how many jobs ended lately."""
-    seen_seconds = max(GONE_SECONDS, SILENT_LEASES * inside.settings.lease_seconds)
-    status = status_of(inside.database, seen_seconds=seen_seconds)
+    return json_response(status_document(inside.database, inside.settings))
+
+
+def status_document(database: Database, settings: Settings) -> StatusOut:
+    """Return the answer that shows the status."""
+    seen_seconds = max(GONE_SECONDS, SILENT_LEASES * settings.lease_seconds)
+    status = status_of(database, seen_seconds=seen_seconds)
     document = {
         "at": status.at,
         "queue": [asdict(part) for part in status.queue],
@@ -37,7 +44,7 @@ def get_status(inside: Inside) -> Response:
             for rate in status.rates
         ],
     }
-    return json_response(StatusOut.model_validate(document))
+    return StatusOut.model_validate(document)
 
 
 @router.get(

@@ -6,18 +6,12 @@ clocks differ agree on when a lease has ended.
 
 from datetime import UTC, datetime
 
-from sqlalchemy import Double, select
-from sqlalchemy.ext.compiler import compiles
+from sqlalchemy import select
 from sqlalchemy.orm import Session
-from sqlalchemy.sql.compiler import SQLCompiler
-from sqlalchemy.sql.functions import FunctionElement
 
+from service.storage.tables.now import DatabaseNow
 
-class DatabaseNow(FunctionElement[float]):
-    """The instant at which the statement runs."""
-
-    type = Double()
-    inherit_cache = True
+__all__ = ["DatabaseNow", "database_now", "instant", "optional_instant"]
 
 
 def database_now(session: Session) -> float:
@@ -33,15 +27,3 @@ def instant(seconds: float) -> datetime:
 def optional_instant(seconds: float | None) -> datetime | None:
     """Return :func:`instant` of a number of seconds, None if there is none."""
     return None if seconds is None else instant(seconds)
-
-
-@compiles(DatabaseNow, "sqlite")
-def _sqlite(element: DatabaseNow, compiler: SQLCompiler, **_: object) -> str:
-    # unixepoch('subsec') would need SQLite 3.42; Julian days resolve 0.04 ms.
-    return "((julianday('now') - 2440587.5) * 86400.0)"
-
-
-@compiles(DatabaseNow, "postgresql")
-def _postgresql(element: DatabaseNow, compiler: SQLCompiler, **_: object) -> str:
-    # Not now(), which is the start of the transaction.
-    return "CAST(EXTRACT(EPOCH FROM clock_timestamp()) AS double precision)"

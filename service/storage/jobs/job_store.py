@@ -170,7 +170,9 @@ class SqlJobStore:
 
     def heartbeat(self, claim: Claim, *, lease_seconds: float) -> bool:
         """Prolong the lease, if the claim still holds."""
-        statement = update(JobRow).where(*fence(claim)).values(lease_until=DatabaseNow() + lease_seconds)
+        # A lease is nothing that clients see: nobody is told of a change.
+        kept = {"lease_until": DatabaseNow() + lease_seconds, "changed_at": JobRow.changed_at}
+        statement = update(JobRow).where(*fence(claim)).values(**kept)
         with self._database.write() as session:
             return session.scalar(statement.returning(JobRow.id)) is not None
 

@@ -65,5 +65,6 @@ def rewrite(session: Session, row: Marked, marks: Marks, before: Mapping[str, st
     if gone:
         session.execute(delete(table).where(table.owner_id == row.id, table.key.in_(gone)))
     insert_labels(session, type(row), [(row.id, row.created_at, Marks(changed))])
-    if marks.note != row.note:
+    # With a change of labels alone too: the row then says that it has changed.
+    if marks.note != row.note or gone or changed:
         session.execute(update(type(row)).where(type(row).id == row.id).values(note=marks.note))

@@ -62,7 +62,7 @@ class SolutionStore:
         """Return a solution, or raise :class:`SolutionNotFoundError`."""
         with self._database.read() as session:
             row = _row(session, solution_id)
-            return _solution_of(row, *marks_of(session, [row]))
+            return solution_of(row, *marks_of(session, [row]))
 
     def mark(self, solution_id: str, change: Callable[[Solution], Marks]) -> Solution:
         """Give a solution the labels and the note that ``change`` makes of those that it has.
@@ -71,7 +71,7 @@ class SolutionStore:
         """
         with self._database.write() as session:
             row = _row(session, solution_id, is_locked=True)
-            solution = _solution_of(row, *marks_of(session, [row]))
+            solution = solution_of(row, *marks_of(session, [row]))
             marks = change(solution)
             rewrite(session, row, marks, solution.marks.labels)
             return replace(solution, marks=marks)
@@ -86,7 +86,7 @@ class SolutionStore:
         with self._database.read() as session:
             found = find(session, OF_SOLUTION_ROWS, query)
             rows = [] if query.columns else rows_of_page(session, SolutionRow, found.ids)
-            solutions = tuple(map(_solution_of, rows, marks_of(session, rows)))
+            solutions = tuple(map(solution_of, rows, marks_of(session, rows)))
             return SolutionPage(solutions, found.total, found.values, found.next)
 
     def dense(self, solution_id: str) -> bytes:
@@ -121,7 +121,8 @@ def _row(session: Session, solution_id: str, *, is_locked: bool = False) -> Solu
     return row
 
 
-def _solution_of(row: SolutionRow, marks: Marks) -> Solution:
+def solution_of(row: SolutionRow, marks: Marks) -> Solution:
+    """Return the record of a row."""
     return Solution(
         id=row.id,
         job_id=row.job_id,

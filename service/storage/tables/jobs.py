@@ -7,6 +7,7 @@ from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.schemas.reading.marks import LONGEST_NOTE
 from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, one_of
+from service.storage.tables.now import DatabaseNow
 from service.storage.tables.sweeps import SweepRow
 
 
@@ -43,6 +44,14 @@ class JobRow(Base):
         Index("ix_jobs_lanes", "state", "lane", desc("priority"), "turn", "key_id", "id"),
         Index("ix_jobs_leases", "state", "lease_until"),
         Index("ix_jobs_of_key", "key_id", "state", "lane", "priority", "turn"),
+        # For the events of the installation, which tell of no chunks.
+        Index(
+            "ix_jobs_changed",
+            "changed_at",
+            "id",
+            sqlite_where=text("kind = 'solve'"),
+            postgresql_where=text("kind = 'solve'"),
+        ),
     )
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
@@ -79,6 +88,10 @@ class JobRow(Base):
     started_at: Mapped[float | None]
     finished_at: Mapped[float | None]
     note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
+    changed_at: Mapped[float] = mapped_column(
+        default=DatabaseNow(), onupdate=DatabaseNow(), server_default="0"
+    )
+    """When anything of it was last written but a lease that was prolonged: see :mod:`..jobs.changes`."""
 
 
 class AttemptRow(Base):

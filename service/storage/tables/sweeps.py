@@ -6,6 +6,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 from service.jobs.states import JobState
 from service.schemas.reading.marks import LONGEST_NOTE
 from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, one_of
+from service.storage.tables.now import DatabaseNow
 
 
 class SweepRow(Base):
@@ -17,6 +18,7 @@ class SweepRow(Base):
         CheckConstraint("done <= next_index AND next_index <= points", name="progress"),
         CheckConstraint("refused <= done", name="refused"),
         Index("ix_sweeps_state_id", "state", "id"),
+        Index("ix_sweeps_changed", "changed_at", "id"),
     )
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
@@ -41,6 +43,10 @@ class SweepRow(Base):
     started_at: Mapped[float | None]
     finished_at: Mapped[float | None]
     note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
+    changed_at: Mapped[float] = mapped_column(
+        default=DatabaseNow(), onupdate=DatabaseNow(), server_default="0"
+    )
+    """When anything of it was last written: see :mod:`..jobs.changes`."""
 
 
 class SweepChunkRow(Base):

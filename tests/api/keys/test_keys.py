@@ -84,6 +84,7 @@ def test_an_endpoint_that_slipped_past_the_table_is_not_served(app: FastAPI, cli
 
 def test_every_endpoint_is_open_to_its_roles_and_to_nobody_else(app: FastAPI, database, client):
     sent = {role: make(database, role)[1] for role in Role}
+    app.state.resources.events.stop()  # else the events of the installation would go on
     for method, path in sorted(endpoints(app)):
         needed = ACCESS[path][method]
         for role in Role:

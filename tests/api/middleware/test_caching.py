@@ -34,7 +34,7 @@ ARRAYS = ("dense", "samples", "samples_if_kept")
 
 @pytest.fixture
 def places(client, jobs):
-    """A path of every route that GET has, for things that exist."""
+    """A path of every route that GET has, for things that exist; streams of events are never the same."""
     certified = solve_job(client, jobs, CERTIFIED)
     sweep = client.post("/v1/sweeps", json=SWEEP).json()
     finish_sweep(jobs)
@@ -47,7 +47,7 @@ def places(client, jobs):
     return {
         path: path.format(**ids) + NEEDED_QUERY.get(path, "")
         for path, roles in ACCESS.items()
-        if "GET" in roles
+        if "GET" in roles and not path.endswith("/events")
     }
 
 

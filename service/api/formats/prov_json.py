@@ -1,0 +1,144 @@
+"""Writes the origin of a solution as PROV-JSON (W3C member submission, 2013; PROV-DM, W3C recommendation)."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from urllib.parse import quote
+
+from service.jobs.job import Attempt
+from service.jobs.states import AttemptOutcome
+from service.schemas.replies.provenance import ProvenanceGraphOut, Records
+from service.storage.solutions.origin import SolutionOrigin
+
+PREFIX = {"polhode": "urn:polhode:provenance:"}
+_SOFTWARE = {"$": "prov:SoftwareAgent", "type": "prov:QUALIFIED_NAME"}
+
+
+@dataclass(slots=True)
+class _Graph:
+    entities: Records = field(default_factory=dict)
+    activities: Records = field(default_factory=dict)
+    agents: Records = field(default_factory=dict)
+    used: Records = field(default_factory=dict)
+    generated: Records = field(default_factory=dict)
+    derived: Records = field(default_factory=dict)
+    associated: Records = field(default_factory=dict)
+
+    def use(self, activity: str, entity: str) -> None:
+        _relate(self.used, "use", {"prov:activity": activity, "prov:entity": entity})
+
+    def generate(self, entity: str, activity: str) -> None:
+        _relate(self.generated, "generation", {"prov:entity": entity, "prov:activity": activity})
+
+    def derive(self, entity: str, source: str) -> None:
+        made = {"prov:generatedEntity": entity, "prov:usedEntity": source}
+        _relate(self.derived, "derivation", made)
+
+    def associate(self, activity: str, agent: str) -> None:
+        _relate(self.associated, "association", {"prov:activity": activity, "prov:agent": agent})
+
+
+def provenance_graph(origin: SolutionOrigin) -> ProvenanceGraphOut:
+    """Return the problem, what was done with it, by whom and with what, and the solution."""
+    graph = _Graph()
+    summary = origin.solution.summary
+    told = summary.get("provenance")
+    versions = dict(told) if isinstance(told, Mapping) else {}
+    problem, solution = _name("problem", origin.digest), _name("solution", origin.solution.id)
+    graph.entities[problem] = {
+        "prov:type": "polhode:Problem",
+        # A string, since attributes of PROV have no structure.
+        "prov:value": json.dumps(origin.solution.problem),
+        "polhode:digest": origin.digest,
+    }
+    graph.entities[solution] = {
+        "prov:type": "polhode:Solution",
+        "polhode:created_at": origin.solution.created_at.isoformat(),
+        **{
+            f"polhode:{name}": summary[name]
+            for name in ("method", "tier", "error")
+            if summary.get(name) is not None
+        },
+    }
+    graph.derive(solution, problem)
+    examination = _examine(graph, origin, problem)
+    software = list(_software(versions))
+    for agent, name in software:
+        graph.agents[agent] = {"prov:type": _SOFTWARE, "prov:label": name}
+    for attempt in origin.attempts:
+        activity = _attempt(graph, origin, attempt, versions)
+        graph.use(activity, problem)
+        if examination is not None:
+            graph.use(activity, examination)
+        if attempt.outcome is AttemptOutcome.SUCCEEDED:
+            graph.generate(solution, activity)
+            for agent, _ in software:
+                graph.associate(activity, agent)
+    return ProvenanceGraphOut(
+        prefix=PREFIX,
+        entity=graph.entities,
+        activity=graph.activities,
+        agent=graph.agents,
+        used=graph.used,
+        wasGeneratedBy=graph.generated,
+        wasDerivedFrom=graph.derived,
+        wasAssociatedWith=graph.associated,
+    )
+
+
+def _examine(graph: _Graph, origin: SolutionOrigin, problem: str) -> str | None:
+    """Add the examination that found where the motion exists, if its result was kept; return that."""
+    if origin.examination is None:
+        return None
+    windows = _name("windows", origin.examination)
+    activity = _name("examination", origin.examination)
+    graph.entities[windows] = {"prov:type": "polhode:Windows", "polhode:key": origin.examination}
+    graph.activities[activity] = {"prov:type": "polhode:Examination"}
+    graph.use(activity, problem)
+    graph.generate(windows, activity)
+    graph.derive(windows, problem)
+    return windows
+
+
+def _attempt(graph: _Graph, origin: SolutionOrigin, attempt: Attempt, versions: Mapping[str, object]) -> str:
+    activity = _name("job", origin.solution.job_id, "attempt", str(attempt.number))
+    worker = _name("worker", attempt.worker)
+    told: dict[str, object] = {
+        "prov:type": "polhode:Computation",
+        "prov:startTime": attempt.started_at.isoformat(),
+    }
+    if attempt.ended_at is not None:
+        told["prov:endTime"] = attempt.ended_at.isoformat()
+    if attempt.outcome is not None:
+        told["polhode:outcome"] = attempt.outcome.value
+    if attempt.outcome is AttemptOutcome.SUCCEEDED:
+        told |= {
+            f"polhode:{name}": versions[name] for name in ("numerics", "processor") if versions.get(name)
+        }
+        cost = origin.solution.summary.get("cost")
+        if isinstance(cost, Mapping) and "compute_seconds" in cost:
+            told["polhode:compute_seconds"] = cost["compute_seconds"]
+    elif attempt.detail is not None:
+        told["polhode:reason"] = attempt.detail
+    graph.activities[activity] = told
+    graph.agents[worker] = {"prov:type": _SOFTWARE, "prov:label": attempt.worker}
+    graph.associate(activity, worker)
+    return activity
+
+
+def _software(versions: Mapping[str, object]) -> Iterator[tuple[str, str]]:
+    """Yield the identifier and the name, with its version, of polhode and of each library."""
+    named = [f"polhode {versions['version']}"] if "version" in versions else []
+    if versions.get("libraries"):
+        named += str(versions["libraries"]).split(", ")
+    for name in named:
+        yield _name("software", name), name
+
+
+def _relate(relations: Records, name: str, related: Mapping[str, object]) -> None:
+    relations[f"_:{name}{len(relations) + 1}"] = dict(related)
+
+
+def _name(*parts: str) -> str:
+    """Return a qualified name; what such a name cannot hold is escaped as in a URL."""
+    return "polhode:" + "/".join(quote(part, safe="") for part in parts)

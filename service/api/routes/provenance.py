@@ -1,0 +1,36 @@
+"""GET /v1/solutions/{id}/provenance: all that is known of how a solution was made."""
+
+from fastapi import APIRouter, Request, Response
+
+from service.api.dependencies import Inside
+from service.api.formats.prov_json import provenance_graph
+from service.api.queries.queries import without_query
+from service.api.replies.conditional import REVALIDATE, tag_of_thing, unchanged, validators
+from service.api.replies.places import SolutionId
+from service.api.replies.responses import JSON, json_response, refusals
+from service.schemas.replies.provenance import ProvenanceGraphOut
+from service.storage.solutions.origin import origin_of
+from service.storage.solutions.standing import standing_of
+
+router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
+
+
+@router.get(
+    "/{solution_id}/provenance",
+    response_model=ProvenanceGraphOut,
+    responses=refusals(404),
+    dependencies=[without_query],
+)
+def get_provenance(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
+    """Tell how a solution was made, as PROV-JSON of the W3C.
+
+    Entities are the problem with its document, the kept result of its examination, and
+    the solution; activities are the examination and each attempt; agents are the
+    workers, polhode and the libraries with their versions.
+    """
+    standing = standing_of(inside.database, solution_id)
+    tag = tag_of_thing(request, JSON, standing.id, standing.digest)
+    if known := unchanged(request, tag, REVALIDATE):
+        return known
+    document = provenance_graph(origin_of(inside.database, solution_id))
+    return json_response(document, headers=validators(tag, REVALIDATE))
