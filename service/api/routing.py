@@ -30,6 +30,7 @@ from service.api.routes import (
     trajectory,
     validations,
 )
+from service.dashboard import routes as dashboard
 
 
 def install(app: FastAPI) -> None:
@@ -53,6 +54,7 @@ def install(app: FastAPI) -> None:
             health,
             metrics,
             docs_page,
+            dashboard,
         )
     ]
     routers.append(solutions.by_problem)

@@ -19,6 +19,10 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/livez": {"GET": OPEN},
     "/readyz": {"GET": OPEN},
     "/metrics": {"GET": Role.OPERATE},
+    # The page and its files hold no data: it asks for them with the key typed into it.
+    "/": {"GET": OPEN},
+    "/solution": {"GET": OPEN},
+    "/static/{version}/{name}": {"GET": OPEN},
     # The documentation page, into which a key can be typed: it is the same for every installation.
     "/docs": {"GET": OPEN, "HEAD": OPEN},
     "/docs/favicon-32x32.png": {"GET": OPEN, "HEAD": OPEN},
