@@ -37,13 +37,27 @@ class Page:
 
 PAGES = {
     "/": Page("Overview", "overview", ("sphere", "follow")),
-    "/solution": Page("Solution", "solution", ("facts", "sphere", "chart", "series"), "/solutions"),
+    "/workbench": Page("Workbench", "workbench", ("fields", "sphere", "verdict")),
+    "/solutions": Page("Solutions", "lists", ("query", "follow")),
+    "/jobs": Page("Jobs", "lists", ("query", "follow")),
+    "/sweeps": Page("Sweeps", "lists", ("query", "follow")),
+    "/families": Page("Families", "families", ("sphere", "follow")),
+    "/accuracy": Page("Accuracy", "accuracy", ("chart",)),
+    "/solution": Page("Solution", "solution", ("facts", "sphere", "chart", "series", "body"), "/solutions"),
+    "/sweep": Page("Sweep", "sweep", ("arrays", "chart", "follow"), "/sweeps"),
 }
 """The pages by their paths. These are flat: all links are relative, and hold behind a proxy's prefix, too."""
 
 
 @router.get("/")
+@router.get("/workbench")
+@router.get("/solutions")
+@router.get("/jobs")
+@router.get("/sweeps")
+@router.get("/families")
+@router.get("/accuracy")
 @router.get("/solution")
+@router.get("/sweep")
 async def show_shell(request: Request) -> Response:
     """Return a page without data: its module asks the API for them."""
     page = _shell(request.scope["route"].path)

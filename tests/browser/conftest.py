@@ -4,10 +4,13 @@ import os
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, expect, sync_playwright
 
 from tests.support.browser import FLAGS, Site, Watched, chromium, fill_site
 from tests.support.serving import serving
+
+PATIENCE_SECONDS = 60
+"""How long a busy machine may take until a page shows what it must show in the end."""
 
 
 @pytest.fixture(scope="session")
@@ -39,7 +42,8 @@ def browser(chromium_path) -> Iterator[Browser]:
 @pytest.fixture
 def context(browser) -> Iterator[BrowserContext]:
     opened = browser.new_context(viewport={"width": 1280, "height": 800})
-    opened.set_default_timeout(20_000)
+    opened.set_default_timeout(1000 * PATIENCE_SECONDS)
+    expect.set_options(timeout=1000 * PATIENCE_SECONDS)
     yield opened
     opened.close()
 

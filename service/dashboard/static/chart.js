@@ -6,7 +6,10 @@ const AUTOMATIC = ["xaxis", "yaxis", "xaxis2", "yaxis2"];
 const STYLE_OF_MAPS = "9f215cf04c5486422605d13261cb87401f4e7763b6296af81e98efbc0130da53";
 let loading = null;
 
-/** Make plotly.js keep to a policy without inline styles: what it writes as text goes through the object model. */
+/**
+ * Make plotly.js keep to a policy without inline styles: what it writes as text goes through the object model.
+ * Its rules go into the style sheet of the page, which has the id that it looks for.
+ */
 function restrain() {
   const set = Element.prototype.setAttribute;
   Element.prototype.setAttribute = function setAttribute(name, value) {
@@ -14,21 +17,16 @@ function restrain() {
     else set.call(this, name, value);
   };
   document.head.append(Object.assign(document.createElement("meta"), { id: STYLE_OF_MAPS }));
-  return Object.assign(document.createElement("link"), {
-    id: "plotly.js-style-global", rel: "stylesheet", href: new URL("plotly-rules.css", HERE).href,
-  });
 }
 
 function plotly() {
   loading ??= new Promise((resolve, reject) => {
-    const sheet = restrain();
+    restrain();
     const script = document.createElement("script");
     script.src = new URL("plotly.min.js", HERE).href;
-    const failed = () => { loading = null; reject(new TypeError("the charts could not be loaded")); };
     script.onload = () => resolve(globalThis.Plotly);
-    script.onerror = sheet.onerror = failed;
-    sheet.onload = () => document.head.append(script);
-    document.head.append(sheet);
+    script.onerror = () => { loading = null; reject(new TypeError("the charts could not be loaded")); };
+    document.head.append(script);
   });
   return loading;
 }
@@ -48,7 +46,7 @@ function dressed(layout) {
     .map((name) => [name, { ...axis, ...layout[name], title: { ...axis.title, ...layout[name]?.title } }]));
   return {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", autosize: true,
-    font: { family: "system-ui, sans-serif", size: 12, color: ink }, margin: { l: 58, r: 14, t: 10, b: 44 },
+    font: { family: "system-ui, sans-serif", size: 12, color: ink }, margin: { l: 72, r: 14, t: 10, b: 44 },
     legend: { orientation: "h", y: 1.08, x: 0 }, hoverlabel: { font: { family: "system-ui, sans-serif" } }, ...layout, ...axes,
   };
 }

@@ -187,3 +187,9 @@ export function copier(label, text) {
     setTimeout(() => { button.textContent = label; }, 1500);
   } }, label);
 }
+
+/** Return the nearest double to a number as documents write it: 3, "17/10", "1e-3". */
+export function exact(value) {
+  const [above, below = "1"] = String(value).split("/");
+  return Number(above) / Number(below);
+}

@@ -2,7 +2,7 @@
 import { get, Refusal, pause, request } from "./core.js";
 
 const LONGEST_PAUSE = 5000;
-const NO_EVENTS = [404, 405, 406, 422];
+const NO_EVENTS = [404, 405, 406];
 
 /**
  * Call ``seen(name, document)`` with each change until ``isOver(document)`` or the signal says stop.
@@ -17,15 +17,14 @@ export async function follow({ events, path, name, seen, isOver = () => false, l
   while (!signal?.aborted) {
     try {
       if (hasEvents) {
-        let over = false;
         for await (const event of stream(events, last, signal)) {
           lost(false);
           wait = every;
           last = event.id ?? last;
-          if (event.name === "end") return;
-          seen(event.name, event.data);
-          over = event.name === name && isOver(event.data);
-          if (over) return;
+          // The end of a stream need not be that of the thing: a service that stops ends all of them.
+          const [what, found] = event.name === "end" ? [name, await get(path, { signal })] : [event.name, event.data];
+          seen(what, found);
+          if (what === name && isOver(found)) return;
         }
       } else {
         const found = await get(path, { signal });
@@ -36,7 +35,7 @@ export async function follow({ events, path, name, seen, isOver = () => false, l
       }
     } catch (error) {
       if (signal?.aborted) return;
-      if (error instanceof Refusal && hasEvents && NO_EVENTS.includes(error.status)) {
+      if (error instanceof Refusal && hasEvents && hasNone(error)) {
         hasEvents = false;
         continue;
       }
@@ -47,6 +46,9 @@ export async function follow({ events, path, name, seen, isOver = () => false, l
     await pause(document.hidden ? LONGEST_PAUSE : wait);
   }
 }
+
+/** Tell whether a refusal means that there are no events to be had: none at all, or not one more stream. */
+const hasNone = ({ status, problem }) => NO_EVENTS.includes(status) || String(problem.type).endsWith("too_many_streams");
 
 /** Read a text/event-stream with the key of the tab, which an EventSource cannot send. */
 async function* stream(path, last, signal) {

@@ -1,5 +1,5 @@
 // The six variables over time: any stretch of it, computed by the service when one zooms.
-import { $, get, number, say, troubleOf } from "./core.js";
+import { $, exact, get, number, say, troubleOf } from "./core.js";
 import { draw } from "./chart.js";
 
 const NAMES = ["p", "q", "r", "g1", "g2", "g3"];
@@ -76,7 +76,7 @@ export async function overTime(solution, seen) {
 export async function drifts(body, { columns, error }) {
   const { t, p, q, r, g1, g2, g3 } = columns;
   if (!p || !g1) return;
-  const [A, B, C] = [body.A, body.B, body.C].map(exact);
+  const [A, B, C] = [exact(body.A), body.B == null ? null : exact(body.B), exact(body.C)];
   const at = (k) => A * p[k] * g1[k] + (B === null ? 0 : B * q[k] * g2[k]) + C * r[k] * g3[k];
   const areas = t.map((_, k) => Math.max(LEAST_DRIFT, Math.abs(at(k) - at(0))));
   const length = t.map((_, k) => Math.max(LEAST_DRIFT, Math.abs(g1[k] ** 2 + g2[k] ** 2 + g3[k] ** 2 - 1)));
@@ -90,8 +90,11 @@ export async function drifts(body, { columns, error }) {
   }));
 }
 
-function exact(value) {
-  if (value == null) return null;
-  const [above, below = "1"] = String(value).split("/");
-  return Number(above) / Number(below);
+/** Draw the phase plane of the reduced motion: γ₂ and its derivative, which the equations of Poisson give. */
+export async function phasePlane({ columns }) {
+  const { p, r, g1, g2, g3 } = columns;
+  await draw($("phase"), (colours) => ({
+    traces: [{ x: g2, y: g2.map((_, k) => g3[k] * p[k] - g1[k] * r[k]), mode: "lines", line: { color: colours.c1, width: 1.8 }, hovertemplate: "γ₂ = %{x:.8g}<br>dγ₂/dt = %{y:.8g}<extra></extra>" }],
+    layout: { xaxis: { title: { text: "γ₂" } }, yaxis: { title: { text: "dγ₂/dt" } }, hovermode: "closest", dragmode: false },
+  }));
 }

@@ -1,7 +1,8 @@
 // One solution: facts, samples of any stretch, curves, drifts, provenance, files.
 import { $, ago, asked, bodyText, copier, fill, get, h, motionText, potentialText, request, run } from "./core.js";
+import { multipliers, turningBody } from "./body.js";
 import { factsOf } from "./facts.js";
-import { drifts, overTime } from "./series.js";
+import { drifts, overTime, phasePlane } from "./series.js";
 import { pointsOf, turnable } from "./sphere.js";
 
 const FORMATS = { json: "JSON", csv: "CSV", ndjson: "NDJSON", npz: "NPZ (NumPy)", arrow: "Arrow", parquet: "Parquet" };
@@ -51,12 +52,18 @@ async function show() {
   fill($("provenance"), Object.entries({ ...solution.provenance, solution: solution.id, job: solution.job }).map(([name, value]) =>
     h("div", {}, h("dt", {}, name), h("dd", {}, String(value)))));
   $("problem").textContent = JSON.stringify(problem, null, 2);
-  $("again").href = `./workbench?solution=${solution.id}`;
+  $("again").href = `./workbench#${encodeURIComponent(JSON.stringify(problem))}`;
   files(solution);
+  if (solution.stability) multipliers($("multipliers"), solution.stability);
   $("body").hidden = false;
   await overTime(solution, (trajectory) => {
     curves(trajectory);
     drifts(problem.body, trajectory);
+    $("turn-title").parentElement.hidden = !turningBody($("turning"), problem.body, trajectory);
+    $("stability").hidden = !solution.stability;
+    $("space").hidden = $("turn-title").parentElement.hidden && $("stability").hidden;
+    $("phase-section").hidden = !(trajectory.columns.p && trajectory.columns.g1 && problem.motion.type === "planar");
+    if (!$("phase-section").hidden) phasePlane(trajectory);
   });
 }
 

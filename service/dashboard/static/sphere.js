@@ -5,11 +5,12 @@ const STEP = 0.12; // radians for a press of an arrow key
 const CIRCLE = Array.from({ length: 73 }, (_, k) => [Math.cos((k * Math.PI) / 36), Math.sin((k * Math.PI) / 36)]);
 const GRATICULE = [CIRCLE.map(([c, s]) => [0, c, s]), CIRCLE.map(([c, s]) => [c, 0, s]), CIRCLE.map(([c, s]) => [c, s, 0])];
 
-function view({ yaw, pitch }) {
+/** Return the projection of a point: right, down, towards us. */
+export function view({ yaw, pitch }) {
   const [cy, sy, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
   return ([x, y, z]) => {
     const ahead = x * cy + y * sy;
-    return [y * cy - x * sy, ahead * sp - z * cp, ahead * cp + z * sp]; // right, down, towards us
+    return [y * cy - x * sy, ahead * sp - z * cp, ahead * cp + z * sp];
   };
 }
 
