@@ -14,7 +14,7 @@ NUMBERS := tests/golden tests/laws tests/conformance tests/workers/solvers \
 	tests/workers/cli/test_doctor.py $(addprefix tests/workers/computation/test_,outputs.py tiers.py) \
 	tests/workers/sweeping/test_sweeping.py tests/workers/sweeping/test_family.py
 
-.PHONY: demo serve test test-long test-portable test-container lint docs bench format clean
+.PHONY: demo serve test test-long test-portable test-container lint docs bench screenshots format clean
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
@@ -62,6 +62,10 @@ docs: $(READY)
 
 bench: $(READY)
 	$(BIN)/python -m tests.benchmarks
+
+# Pictures of the page for docs/, taken with Chromium.
+screenshots: $(READY)
+	$(BIN)/python -m tests.browser.screenshots
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -36,6 +36,7 @@ from service.api.routes import (
     validations,
 )
 from service.api.switchboard import Switchboard
+from service.dashboard import routes as dashboard
 
 
 def install(app: FastAPI) -> None:
@@ -64,6 +65,7 @@ def install(app: FastAPI) -> None:
             health,
             metrics,
             docs_page,
+            dashboard,
         )
     ]
     routers.append(solutions.by_problem)

@@ -20,6 +20,17 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/livez": {"GET": OPEN},
     "/readyz": {"GET": OPEN},
     "/metrics": {"GET": Role.OPERATE},
+    # The page and its files hold no data: it asks for them with the key typed into it.
+    "/": {"GET": OPEN},
+    "/workbench": {"GET": OPEN},
+    "/solutions": {"GET": OPEN},
+    "/jobs": {"GET": OPEN},
+    "/sweeps": {"GET": OPEN},
+    "/families": {"GET": OPEN},
+    "/accuracy": {"GET": OPEN},
+    "/solution": {"GET": OPEN},
+    "/sweep": {"GET": OPEN},
+    "/static/{version}/{name}": {"GET": OPEN},
     # The documentation page, into which a key can be typed: it is the same for every installation.
     "/docs": {"GET": OPEN, "HEAD": OPEN},
     "/docs/favicon-32x32.png": {"GET": OPEN, "HEAD": OPEN},

@@ -43,6 +43,8 @@ def places(client, jobs):
         "solution_id": certified["id"],
         "sweep_id": sweep["id"],
         "digest": "0" * 64,
+        "version": "x",
+        "name": "core.js",
     }
     return {
         path: path.format(**ids) + NEEDED_QUERY.get(path, "")

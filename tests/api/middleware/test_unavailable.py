@@ -13,6 +13,7 @@ from sqlalchemy import Engine, create_engine, event, exc, make_url, text
 
 from service.api.keys.access import ACCESS
 from service.app import create_app
+from service.dashboard.routes import PAGES
 from service.jobs.states import JobState
 from service.sandbox import Sandbox
 from service.settings import Settings
@@ -36,6 +37,7 @@ BODIES = {
 ROUTES = [(method, path) for path, roles in ACCESS.items() for method in roles if method != "HEAD"]
 WITHOUT_DATABASE = {"/livez", "/openapi.json", "/v1/families", "/v1/validations", "/v1/atlases"}
 WITHOUT_DATABASE |= {path for _, path in ROUTES if path.startswith("/docs")}
+WITHOUT_DATABASE |= {*PAGES, "/static/{version}/{name}"}
 LIMITS = JobLimits(lease_seconds=60.0, job_seconds=60.0, memory_mb=500, max_attempts=3, retry_seconds=0.1)
 
 

@@ -1,0 +1,95 @@
+"""GET of each page and of its files: the same for everybody, so open where there are keys."""
+
+from dataclasses import dataclass
+from functools import cache
+from http import HTTPStatus
+
+from fastapi import APIRouter, Request, Response
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from starlette.exceptions import HTTPException
+
+from service.dashboard.files import digest, static_files
+
+router = APIRouter(include_in_schema=False)
+
+# Nothing from other hosts, no inline scripts or styles, no framing.
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_HEADERS = {
+    "Content-Security-Policy": POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
+_KEEP = "public, max-age=31536000, immutable"
+
+
+@dataclass(frozen=True)
+class Page:
+    """One page: its title, the module that fills it, what that imports, and where the navigation shows it."""
+
+    title: str
+    module: str
+    imports: tuple[str, ...] = ()
+    below: str = ""
+
+
+PAGES = {
+    "/": Page("Overview", "overview", ("sphere", "follow")),
+    "/workbench": Page("Workbench", "workbench", ("fields", "sphere", "verdict")),
+    "/solutions": Page("Solutions", "lists", ("query", "follow")),
+    "/jobs": Page("Jobs", "lists", ("query", "follow")),
+    "/sweeps": Page("Sweeps", "lists", ("query", "follow")),
+    "/families": Page("Families", "families", ("sphere", "follow")),
+    "/accuracy": Page("Accuracy", "accuracy", ("chart",)),
+    "/solution": Page("Solution", "solution", ("facts", "sphere", "chart", "series", "body"), "/solutions"),
+    "/sweep": Page("Sweep", "sweep", ("arrays", "chart", "follow"), "/sweeps"),
+}
+"""The pages by their paths. These are flat: all links are relative, and hold behind a proxy's prefix, too."""
+
+
+@router.get("/")
+@router.get("/workbench")
+@router.get("/solutions")
+@router.get("/jobs")
+@router.get("/sweeps")
+@router.get("/families")
+@router.get("/accuracy")
+@router.get("/solution")
+@router.get("/sweep")
+async def show_shell(request: Request) -> Response:
+    """Return a page without data: its module asks the API for them."""
+    page = _shell(request.scope["route"].path)
+    return Response(page, media_type="text/html", headers=_HEADERS)
+
+
+@router.get("/static/{version}/{name}")
+async def show_file(version: str, name: str) -> Response:
+    """Return a script, a style sheet or a picture; of the address that pages link to, for ever."""
+    file = static_files().get(name)
+    if file is None:
+        raise HTTPException(HTTPStatus.NOT_FOUND)
+    headers = {**_HEADERS, "ETag": file.tag}
+    if version == digest():
+        headers["Cache-Control"] = _KEEP
+    return Response(file.content, media_type=file.media_type, headers=headers)
+
+
+@cache
+def _shell(path: str) -> bytes:
+    page = PAGES[path]
+    template = _templates().get_template(f"{page.module}.html")
+    text = template.render(page=page, path=path, pages=PAGES, static=f"static/{digest()}")
+    return text.encode()
+
+
+@cache
+def _templates() -> Environment:
+    return Environment(
+        loader=PackageLoader("service.dashboard"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

@@ -1,0 +1,195 @@
+// What all pages share: elements, numbers, requests with the key of the tab, faults as text.
+
+/** Return an element; strings become text, never markup. */
+export function h(tag, attributes = {}, ...children) {
+  const svg = tag.startsWith("svg:");
+  const element = svg ? document.createElementNS("http://www.w3.org/2000/svg", tag.slice(4)) : document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === null || value === undefined || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else element.setAttribute(name, value === true ? "" : value);
+  }
+  element.append(...children.flat().filter((child) => child !== null && child !== undefined && child !== false));
+  return element;
+}
+
+export const $ = (id) => document.getElementById(id);
+export const fill = (element, ...children) => element.replaceChildren(...children.flat().filter((child) => child != null));
+export const asked = () => new URLSearchParams(location.search);
+
+/** Tell those who cannot see that something has changed. */
+export function say(text) {
+  $("said").textContent = text;
+}
+
+/** A refusal of the service: a problem document (RFC 9457). */
+export class Refusal extends Error {
+  constructor(problem, status) {
+    super(problem.detail || problem.title || `status ${status}`);
+    this.problem = problem;
+    this.status = status;
+    this.faults = problem.errors || [];
+  }
+}
+
+const KEY = "polhode.key";
+const key = () => sessionStorage.getItem(KEY);
+
+/** Send a request to the API; ask for a key where one is needed. Raises Refusal, or TypeError without a connection. */
+export async function request(path, { method = "GET", body, headers = {}, signal } = {}) {
+  for (;;) {
+    const sent = { Accept: "application/json", ...headers };
+    if (key()) sent.Authorization = `Bearer ${key()}`;
+    if (body !== undefined) sent["Content-Type"] = "application/json";
+    const answer = await fetch(path.replace(/^\//, ""), {
+      method, headers: sent, signal, body: body === undefined ? undefined : JSON.stringify(body),
+    });
+    if (answer.ok) return answer;
+    const problem = await answer.json().catch(() => ({ title: answer.statusText }));
+    if (answer.status === 401 && (await askKey(problem.detail))) continue;
+    throw new Refusal(problem, answer.status);
+  }
+}
+
+export const get = async (path, options) => (await request(path, options)).json();
+export const post = async (path, body, options) => (await request(path, { ...options, method: "POST", body })).json();
+
+let asking = null;
+
+/** Open the dialog for the key; resolve to whether there is a new one. Requests that wait share one dialog. */
+function askKey(why) {
+  asking ??= new Promise((resolve) => {
+    const dialog = $("key-dialog");
+    if (why) $("key-why").textContent = `${why}. It is kept in this tab until you close it, and nowhere else.`;
+    $("key-field").value = "";
+    dialog.returnValue = "cancel";
+    dialog.addEventListener("close", () => {
+      const typed = $("key-field").value.trim();
+      $("key-field").value = "";
+      if (dialog.returnValue === "forget") sessionStorage.removeItem(KEY);
+      if (dialog.returnValue === "use" && typed) sessionStorage.setItem(KEY, typed);
+      asking = null;
+      resolve(dialog.returnValue === "use" && typed !== "");
+    }, { once: true });
+    dialog.showModal();
+  });
+  return asking;
+}
+
+$("key-button").addEventListener("click", async () => {
+  if (await askKey(key() ? "A key is in use. Type another one" : "Type a key")) location.reload();
+});
+// The first button of a form is what Enter presses: here that would forget the key.
+$("key-field").addEventListener("keydown", (event) => {
+  if (event.key !== "Enter") return;
+  event.preventDefault();
+  $("key-dialog").close("use");
+});
+
+/** Return what went wrong as text, each fault with the place it points to. */
+export function troubleOf(error) {
+  if (error instanceof Refusal) {
+    const faults = error.faults.map((fault) => h("li", {}, h("code", {}, fault.pointer || "/"), " ", fault.message));
+    return h("div", { class: "notice bad" },
+      h("p", {}, h("strong", {}, error.problem.title || "Refused"), error.faults.length ? "" : `: ${error.message}`),
+      error.faults.length ? h("ul", {}, faults) : null);
+  }
+  return h("div", { class: "notice bad" }, h("p", {}, h("strong", {}, "No answer from the service"), ` (${error.message})`));
+}
+
+/** Run what fills a page; show its failure where the page would be, and try again when the service is back. */
+export async function run(work, place = $("content")) {
+  let shown = null;
+  for (;;) {
+    try {
+      await work();
+      shown?.remove();
+      place.closest("main").setAttribute("aria-busy", "false");
+      return;
+    } catch (error) {
+      shown?.remove();
+      shown = troubleOf(error);
+      place.prepend(shown);
+      place.closest("main").setAttribute("aria-busy", "false");
+      if (error instanceof Refusal && error.status < 500) return;
+      if (!(error instanceof Refusal || error instanceof TypeError)) throw error;
+      await pause(2000);
+    }
+  }
+}
+
+export const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
+
+const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+
+/** Write a number for people: 2.4 × 10⁻¹⁶. */
+export function number(value, digits = 6) {
+  if (value === null || value === undefined) return "–";
+  if (typeof value !== "number") return String(value);
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e-3 && size < 1e7) return String(Number(value.toPrecision(digits))).replace("-", "−");
+  const [mantissa, exponent] = value.toExponential(Math.min(digits, 20) - 1).split("e");
+  const short = String(Number(mantissa)).replace("-", "−");
+  return `${short} × 10${[...String(Number(exponent))].map((sign) => RAISED[sign]).join("")}`;
+}
+
+/** Return a measured value with as many digits as its error leaves, and the error. */
+export function measured({ value, error, radius }, unit = "") {
+  const known = radius ?? error;
+  const bound = Number(known);
+  const digits = bound > 0 && Number(value) !== 0
+    ? Math.max(1, Math.min(16, Math.ceil(Math.log10(Math.abs(Number(value)) / bound)) + 1)) : 16;
+  const shown = typeof value === "string" && value.length > 17 ? `${value.slice(0, 17)}…` : number(Number(value), digits);
+  return [h("span", { class: "value", title: String(value) }, shown, unit), " ",
+    h("span", { class: "error" }, known === 0 ? "exact" : `± ${number(bound, 2)}`)];
+}
+
+/** Return how long ago an instant was, in words. */
+export function ago(instant) {
+  const seconds = Math.max(0, (Date.now() - Date.parse(instant)) / 1000);
+  for (const [size, word] of [[86400, "day"], [3600, "hour"], [60, "minute"]]) {
+    const count = Math.floor(seconds / size);
+    if (count) return `${count} ${word}${count > 1 ? "s" : ""} ago`;
+  }
+  return "just now";
+}
+
+/** Return what a potential is, in a line. */
+export function potentialText(potential) {
+  const known = Object.entries(potential.parameters || {}).map(([name, value]) => `${name} = ${value}`);
+  if (potential.type === "expression") return [potential.expression, ...known].join(",  ");
+  const parts = Object.entries(potential).filter(([name]) => !["type", "parameters"].includes(name))
+    .map(([name, value]) => `${name} = ${Array.isArray(value) ? `[${value.join(", ")}]` : value}`);
+  return `${potential.type}: ${[...parts, ...known].join(", ")}`;
+}
+
+/** Return what a motion is, in a line. */
+export function motionText(motion) {
+  if (motion.type === "classical") return `classical case: ${motion.case}`;
+  if (motion.type === "state") return `from the state ω = (${motion.omega.join(", ")}), γ = (${motion.gamma.join(", ")})`;
+  return motion.nu === undefined ? `planar, λ = ${motion.lambda}` : `planar, ν = ${motion.nu}`;
+}
+
+export const bodyText = (body) => ["A", "B", "C"].filter((name) => body[name] != null).map((name) => `${name} = ${body[name]}`).join(", ");
+
+/** Return a button that copies what ``text`` returns. */
+export function copier(label, text) {
+  return h("button", { type: "button", class: "quiet", onclick: async (event) => {
+    const button = event.currentTarget;
+    try {
+      await navigator.clipboard.writeText(text());
+      button.textContent = "Copied";
+    } catch {
+      button.textContent = "Not allowed by the browser";
+    }
+    say(button.textContent);
+    setTimeout(() => { button.textContent = label; }, 1500);
+  } }, label);
+}
+
+/** Return the nearest double to a number as documents write it: 3, "17/10", "1e-3". */
+export function exact(value) {
+  const [above, below = "1"] = String(value).split("/");
+  return Number(above) / Number(below);
+}

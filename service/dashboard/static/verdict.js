@@ -1,0 +1,80 @@
+// A verdict: its proof or its counterexample, its formulas, and what it means on the sphere.
+import { $, exact, fill, h, number } from "./core.js";
+import { turnable } from "./sphere.js";
+
+const MATHML = "http://www.w3.org/1998/Math/MathML";
+const ELEMENTS = new Set(["math", "mrow", "mi", "mn", "mo", "mtext", "mfrac", "msup", "msub", "msubsup", "msqrt", "mroot", "mover", "munder",
+  "munderover", "mspace", "mstyle", "mtable", "mtr", "mtd", "mpadded"]);
+const ATTRIBUTES = ["display", "form", "stretchy", "mathvariant", "fence", "separator", "lspace", "rspace", "width"];
+
+/** Return MathML as elements, built one by one: nothing else that the text may hold becomes an element. */
+export function formula(text) {
+  const parsed = new DOMParser().parseFromString(text, "application/xml").documentElement;
+  const copied = (node) => {
+    if (node.nodeType === Node.TEXT_NODE) return document.createTextNode(node.textContent);
+    if (node.nodeType !== Node.ELEMENT_NODE || node.namespaceURI !== MATHML || !ELEMENTS.has(node.localName)) return document.createTextNode("");
+    const element = document.createElementNS(MATHML, node.localName);
+    for (const name of ATTRIBUTES) if (node.hasAttribute(name)) element.setAttribute(name, node.getAttribute(name));
+    element.append(...[...node.childNodes].map(copied));
+    return element;
+  };
+  return copied(parsed);
+}
+
+const PROOFS = {
+  symbolic: "the compatibility equation is satisfied identically: proved with exact numbers",
+  counterexample: "at one point the residual of the compatibility equation is certainly not zero",
+  numeric: "nothing against it was found; that is no proof",
+};
+const WANTED = ["h", "F", "G", "curve", "p_squared"];
+
+/** Show a verdict; ``null`` means that there is none yet. */
+export function showVerdict(found) {
+  if (found === null) {
+    fill($("verdict"));
+    fill($("formulas"));
+    return;
+  }
+  const { verdict, proof, counterexample, evidence, nearest } = found;
+  const words = { admissible: "Admissible", inadmissible: "Not admissible", undecided: "Undecided" };
+  fill($("verdict"),
+    h("p", { class: `verdict ${verdict}` }, h("strong", {}, words[verdict] ?? verdict), ` — ${PROOFS[proof] ?? proof}.`),
+    counterexample ? h("p", {}, `At γ = (${counterexample.g.join(", ")}) the residual is `,
+      h("span", { class: "value" }, `${number(Number(counterexample.residual.mid), 10)} ± ${number(Number(counterexample.residual.rad), 2)}`), ".") : null,
+    evidence?.points ? h("p", { class: "hint" }, `Looked at ${evidence.points} points with ${evidence.bits} bits; the largest enclosure is ${evidence.largest_enclosure}.`) : null,
+    nearest ? h("p", {}, "The nearest admissible polynomial: ", h("code", {}, nearest.expression_named ?? nearest.expression)) : null);
+  // Of several ways to write a function, the one with the parameters' names comes first.
+  const shown = WANTED.map((name) => (found.formulas ?? []).find((candidate) => candidate.name === name && candidate.formats.mathml)).filter(Boolean);
+  fill($("formulas"), shown.map((one) => h("div", { class: "formula-line" }, formula(one.formats.mathml))));
+}
+
+/** Draw the curve |γ₃| = λ |γ₁|^(C/A), the part that the motion fills, and a counterexample, on the sphere. */
+export function showSphere(verdict, problem, range) {
+  const curves = [];
+  const marks = [];
+  if (verdict?.counterexample) {
+    const point = verdict.counterexample.g.map(exact);
+    marks.push({ point, kind: "wrong", title: "the point that refutes it" });
+  } else if (problem.motion?.type === "planar" && problem.motion.lambda !== undefined) {
+    const [A, C, lambda] = [problem.body.A, problem.body.C, problem.motion.lambda].map(exact);
+    if (A > 0 && C > 0 && lambda > 0) {
+      const [one, three] = [problem.motion.g1_sign ?? 1, problem.motion.g3_sign ?? 1];
+      for (const side of [1, -1]) {
+        curves.push({ points: arc(lambda, C / A, [0, 1], one, three, side), kind: "faint" });
+        if (range) curves.push({ points: arc(lambda, C / A, range.g1.map(Math.abs).sort((x, y) => x - y), one, three, side) });
+      }
+    }
+  }
+  turnable($("sphere"), { curves, marks, labels: ["γ₁", "γ₂", "γ₃"], alt: "The curve of the motion on the unit sphere" });
+}
+
+function arc(lambda, power, [low, high], one, three, side) {
+  const points = [];
+  for (let k = 0; k <= 160; k += 1) {
+    const g1 = low + (high - low) * Math.sin((k * Math.PI) / 320) ** 2;
+    const g3 = lambda * g1 ** power;
+    const rest = 1 - g1 * g1 - g3 * g3;
+    if (rest >= -1e-9) points.push([one * g1, side * Math.sqrt(Math.max(0, rest)), three * g3]);
+  }
+  return points;
+}

@@ -1,0 +1,151 @@
+// A problem is written here; verdict, motions and costs follow while one types.
+import { $, copier, exact, fill, get, h, number, post, Refusal, run, say, troubleOf } from "./core.js";
+import { build, fillForm, problemOf, showFaults } from "./fields.js";
+import { showSphere, showVerdict } from "./verdict.js";
+
+const QUIET = 120; // milliseconds after the last key
+const FIRST = {
+  body: { A: 2, C: 1 }, potential: { type: "expression", expression: "a*g1 + b/g3^2 + c*(g1^2 - g2^2)", parameters: { a: -1, b: "1/20", c: "3/2" } },
+  motion: { type: "planar", lambda: 2 }, time: { periods: 1, samples: 201 },
+};
+const OVER = ["succeeded", "failed", "cancelled"];
+
+let timer = null;
+let asking = new AbortController();
+
+function changed() {
+  clearTimeout(timer);
+  timer = setTimeout(look, QUIET);
+}
+
+/** Ask for the verdict and for the plan of the job; answers to what was typed before are dropped. */
+async function look() {
+  asking.abort();
+  asking = new AbortController();
+  const { signal } = asking;
+  const problem = problemOf();
+  history.replaceState(null, "", `#${encodeURIComponent(JSON.stringify(problem))}`);
+  const { body, potential } = problem;
+  $("verdict").setAttribute("aria-busy", "true");
+  const ask = (document) => post("v1/validations?formulas=mathml", document, { signal })
+    .then((found) => ({ found, faults: [] }), (error) => {
+      if (error instanceof Refusal) return { found: null, faults: error.faults, error };
+      throw error;
+    });
+  try {
+    const [judged, planned] = await Promise.all([ask({ body, potential }), ask(problem)]);
+    if (signal.aborted) return;
+    const faults = planned.faults.length ? planned.faults : judged.faults;
+    showFaults(judged.found?.verdict === "inadmissible" ? faults.filter((fault) => fault.code !== "inadmissible_potential") : faults);
+    if (planned.error && !faults.length) fill($("job"), troubleOf(planned.error));
+    else fill($("job"));
+    // With the motion known, the formulas are those of its own curve.
+    $("verdict").setAttribute("aria-busy", "false");
+    showVerdict(judged.found === null ? null : { ...judged.found, formulas: planned.found?.formulas ?? judged.found.formulas });
+    showPlan(planned.found?.plan);
+    showSphere(judged.found, problem, planned.found?.plan?.window);
+    await atlas(problem, judged.found, signal);
+  } catch (error) {
+    if (!signal.aborted) fill($("job"), troubleOf(error));
+  }
+}
+
+function showPlan(plan) {
+  const seconds = plan?.expected_seconds;
+  fill($("plan"), plan ? [`${plan.method}, ${plan.samples} samples`, seconds ? `, about ${number(1000 * seconds, 2)} ms` : "",
+    plan.solution ? [". Solved before: ", h("a", { href: `./solution?id=${plan.solution}` }, "its solution")] : ""].flat() : null);
+}
+
+async function atlas(problem, verdict, signal) {
+  const isDrawn = verdict?.verdict === "admissible" && problem.motion.type === "planar";
+  $("atlas-section").hidden = !isDrawn;
+  if (!isDrawn) return;
+  const { showAtlas } = await import("./atlas.js");
+  const { body, potential, motion } = problem;
+  const signs = Object.fromEntries(["g1_sign", "g3_sign"].filter((name) => motion[name] !== undefined).map((name) => [name, motion[name]]));
+  try {
+    const found = await post("v1/atlases", { body, potential, ...signs, lambda: [$("from").value.trim(), $("to").value.trim()], outputs: [] }, { signal });
+    $("fault-atlas").textContent = "";
+    await showAtlas(found, exact(motion.lambda ?? "none"), pick);
+  } catch (error) {
+    if (signal.aborted) return;
+    $("fault-atlas").textContent = error.message;
+  }
+}
+
+function pick(lambda, window) {
+  document.querySelector('[data-pointer="/motion/lambda"]').value = lambda;
+  document.querySelector('[data-pointer="/motion/window"]').value = window ?? "";
+  say(`λ = ${lambda}`);
+  look();
+}
+
+async function submit(event) {
+  event.preventDefault();
+  $("submit").disabled = true;
+  fill($("job"), h("p", {}, "Submitted…"));
+  try {
+    let job = await post("v1/jobs", problemOf(), { headers: { Prefer: "wait=2" } });
+    if (!OVER.includes(job.state)) {
+      const { follow } = await import("./follow.js");
+      await follow({
+        events: `v1/jobs/${job.id}/events`, path: `v1/jobs/${job.id}`, name: "job", every: 400, isOver: ({ state }) => OVER.includes(state),
+        seen: (name, found) => {
+          if (name !== "job") return;
+          job = found;
+          fill($("job"), h("p", {}, `${job.state}, ${number(100 * job.progress, 3)} %`));
+        },
+        lost: (isLost) => { if (isLost) fill($("job"), h("p", {}, "The service does not answer; asking again.")); },
+      });
+    }
+    if (job.solution) location.href = `./solution?id=${job.solution}`;
+    else fill($("job"), h("div", { class: "notice bad" }, `The job ${job.state}${job.error ? `: ${job.error.detail ?? job.error.code}` : "."}`));
+  } catch (error) {
+    showFaults(error.faults ?? []);
+    fill($("job"), troubleOf(error));
+  } finally {
+    $("submit").disabled = false;
+  }
+}
+
+/** Show beside each tier what it costs and reaches here: the medians of the installation's table. */
+async function showTiers(chosen) {
+  const { rows, tolerances } = await get("v1/accuracy");
+  const median = (values) => values.sort((x, y) => x - y)[Math.floor(values.length / 2)];
+  fill($("tiers"), Object.keys(tolerances).map((tier) => {
+    const of = rows.filter((row) => row.tier === tier && row.kind !== "any state");
+    const cost = of.length ? `${number(1000 * median(of.map((row) => row.seconds)), 2)} ms, reaches ${number(median(of.map((row) => row.claimed_error)), 1)}` : "not measured here";
+    return h("label", { class: "tier" }, h("input", { type: "radio", name: "tier", value: tier, checked: tier === chosen }),
+      h("span", {}, h("strong", {}, tier), ` ≤ ${number(tolerances[tier], 1)}`), h("span", { class: "error" }, cost));
+  }));
+}
+
+function asPython() {
+  const url = new URL("v1/jobs", document.baseURI).href;
+  return `import json\nimport urllib.request\n\nproblem = json.loads("""${JSON.stringify(problemOf()).replaceAll("\\", "\\\\").replaceAll('"""', '\\"""')}""")\n`
+    + `request = urllib.request.Request(\n    "${url}", json.dumps(problem).encode(), {"Content-Type": "application/json", "Prefer": "wait=30"})\n`
+    + "with urllib.request.urlopen(request) as answer:\n    print(json.load(answer)[\"solution\"])\n";
+}
+
+function asCurl() {
+  const text = JSON.stringify(problemOf()).replaceAll("'", "'\\''");
+  return `curl -s '${new URL("v1/jobs", document.baseURI).href}' -H 'Content-Type: application/json' -H 'Prefer: wait=30' -d '${text}'`;
+}
+
+function stated() {
+  try { return location.hash ? JSON.parse(decodeURIComponent(location.hash.slice(1))) : FIRST; } catch { return FIRST; }
+}
+
+const problem = { ...FIRST, ...stated() };
+build("expression", "planar");
+fillForm(problem);
+fill($("copies"), copier("Copy as curl", asCurl), copier("Copy as Python", asPython));
+$("form").addEventListener("input", changed);
+$("form").addEventListener("submit", submit);
+for (const id of ["type", "motion-type"]) $(id).addEventListener("change", () => { build($("type").value, $("motion-type").value); changed(); });
+for (const id of ["from", "to"]) $(id).addEventListener("input", changed);
+addEventListener("hashchange", () => { fillForm({ ...FIRST, ...stated() }); look(); });
+run(async () => {
+  await showTiers(problem.accuracy?.tier ?? "standard");
+  await look();
+});

@@ -1,0 +1,64 @@
+"""The shells and files of the page: open where there are keys, without other hosts, kept for ever."""
+
+import re
+
+import pytest
+
+from service.dashboard.routes import PAGES
+from service.jobs.keys import Role
+from tests.support.keys import make
+
+pytestmark = pytest.mark.any_database
+
+LINK = re.compile(r'(?:href|src)="([^"]*)"')
+
+
+def files_of(page: str) -> list[str]:
+    return [link for link in LINK.findall(page) if link.startswith("static/")]
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_a_shell_and_its_files_are_from_here_and_need_no_key(client, database, path):
+    make(database, Role.READ)
+    assert client.get("/v1/jobs").status_code == 401
+    shell = client.get(path)
+    assert shell.headers["Content-Type"].startswith("text/html")
+    assert not re.search(r"<style|\sstyle=|\son\w+=|<script>", shell.text)
+    assert all(not link.startswith(("http", "//", "/")) for link in LINK.findall(shell.text))
+    assert len(files_of(shell.text)) >= 3
+    for link in files_of(shell.text):
+        answer = client.get(f"/{link}")
+        assert answer.status_code == 200, link
+        # Modules import each other by names beside them: these are files, too.
+        for name in re.findall(r'(?:from|import)\s*\(?"\./([\w.-]+)"', answer.text):
+            assert client.get(f"/{link.rsplit('/', 1)[0]}/{name}").status_code == 200, (link, name)
+
+
+@pytest.mark.parametrize("path", [*PAGES, "/static/x/core.js"])
+def test_nothing_inline_runs_and_nothing_comes_from_elsewhere(client, path):
+    policy = dict(
+        part.split(maxsplit=1) for part in client.get(path).headers["Content-Security-Policy"].split("; ")
+    )
+    assert policy["default-src"] == policy["frame-ancestors"] == "'none'"
+    assert policy["script-src"] == policy["style-src"] == policy["connect-src"] == "'self'"
+
+
+def test_files_are_kept_for_ever_at_the_address_that_pages_link_to(client):
+    (link,) = [link for link in files_of(client.get("/").text) if link.endswith("core.js")]
+    kept = client.get(f"/{link}")
+    assert "immutable" in kept.headers["Cache-Control"]
+    assert client.get(f"/{link}", headers={"If-None-Match": kept.headers["ETag"]}).status_code == 304
+    other = client.get("/static/another/core.js")
+    assert other.content == kept.content
+    assert other.headers["Cache-Control"] == "no-cache"
+
+
+def test_plotly_is_that_of_its_wheel(client):
+    answer = client.get("/static/x/plotly.min.js")
+    assert answer.headers["Content-Type"].startswith("text/javascript")
+    assert "plotly.js v" in answer.text[:200]
+
+
+@pytest.mark.parametrize("name", ["none.js", "..%2froutes.py", "__init__.py"])
+def test_nothing_else_is_served(client, name):
+    assert client.get(f"/static/x/{name}").status_code == 404

@@ -1,0 +1,52 @@
+"""Every page, opened in Chromium: nothing fails, nothing violates the policy, nobody is shut out."""
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+from service.dashboard.routes import PAGES
+from tests.support.browser import address, settle
+
+LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
+MOST_BYTES, MOST_FILES = 60_000, 10
+"""Of the shell, the styles and the modules as they are sent; what is beside it are plotly.js and data."""
+
+
+def barriers(page) -> list[tuple[str, list[str]]]:
+    """Return what axe-core finds of the levels A and AA, contrast included."""
+    found = Axe().run(page, options={"runOnly": LEVELS}).response["violations"]
+    return [(fault["id"], [node["html"] for node in fault["nodes"]]) for fault in found]
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_a_page_is_whole_light_and_open_to_everybody(tab, path):
+    page = tab.page
+    client = page.context.new_cdp_session(page)
+    client.send("Network.enable")
+    names, sizes = {}, {}
+    client.on(
+        "Network.responseReceived", lambda told: names.update({told["requestId"]: told["response"]["url"]})
+    )
+    client.on(
+        "Network.loadingFinished", lambda told: sizes.update({told["requestId"]: told["encodedDataLength"]})
+    )
+    settle(tab.open(address(path, tab.site)))
+    sent = {names[key]: size for key, size in sizes.items() if "/v1/" not in names[key]}
+    own = {name: size for name, size in sent.items() if not name.endswith("plotly.min.js")}
+    assert 0 < sum(own.values()) <= MOST_BYTES, own
+    assert len(own) <= MOST_FILES, own
+
+    assert page.locator("main h1").inner_text().strip(" …")
+    assert page.locator(".notice.bad").count() == 0
+    assert barriers(page) == []
+    page.emulate_media(color_scheme="dark")
+    assert barriers(page) == []
+
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.id") == "content"
+    order = page.eval_on_selector_all("[tabindex]", "found => found.map((element) => element.tabIndex)")
+    assert all(place <= 0 for place in order)  # the keyboard goes in the order of the text
+
+    page.set_viewport_size({"width": 375, "height": 720})
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")

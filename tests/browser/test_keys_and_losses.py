@@ -1,0 +1,85 @@
+"""A service that asks for keys, and one that goes away while somebody watches."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.support.browser import Site, Watched, settle
+from tests.support.serving import serving
+
+POLHODE = Path(sys.executable).with_name("polhode")
+
+
+@pytest.fixture(scope="module")
+def guarded(chromium_path, tmp_path_factory):
+    """A service without workers that asks for a key, and a key that may read."""
+    folder = tmp_path_factory.mktemp("guarded")
+    subprocess.run([POLHODE, "migrate"], cwd=folder, check=True, capture_output=True)
+    command = [POLHODE, "keys", "create", "--role", "read", "--name", "reader"]
+    told = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True)
+    (key,) = [word for word in told.stdout.split() if word.startswith("plh_") and len(word) > 20]
+    with serving(folder, workers=0) as service:
+        yield Site(service, {}, ""), key
+
+
+def test_a_key_is_typed_once_and_kept_in_the_tab_only(context, guarded):
+    site, key = guarded
+    tab = Watched(context.new_page(), site)
+    page = tab.open("")
+    dialog = page.get_by_role("dialog", name="Key of this service")
+    expect(dialog).to_contain_text("a key is needed")
+    page.get_by_label("Key", exact=True).fill(key)
+    page.keyboard.press("Enter")
+    expect(page.locator("#status")).to_contain_text("Waiting")
+    settle(page)
+    tab.open("solutions")  # another page of the same tab: nobody is asked again
+    settle(page)
+    expect(dialog).to_be_hidden()
+    expect(page.locator("main")).to_contain_text("There is nothing yet.")
+    assert key not in page.url
+    assert context.cookies() == []
+    assert page.evaluate("Object.values(localStorage)") == []
+    other = context.new_page()
+    other.goto(site.address)
+    expect(other.get_by_role("dialog", name="Key of this service")).to_be_visible()
+    # What was refused is what was asked before the key was known, and nothing else.
+    assert {fault.split()[0] for fault in tab.faults} == {"401"}
+
+
+def test_without_a_key_the_page_says_what_is_missing(context, guarded):
+    site, _ = guarded
+    page = Watched(context.new_page(), site).open("solutions")
+    page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
+    expect(page.locator("main")).to_contain_text("a key is needed")
+
+
+def test_a_service_that_went_away_is_found_again(tab):
+    page = tab.open("")
+    settle(page)
+    tab.page.context.route("**/v1/**", lambda route: route.abort("connectionrefused"))
+    expect(page.locator("#pulse")).to_contain_text("does not answer")
+    tab.page.context.unroute("**/v1/**")
+    expect(page.locator("#pulse")).to_be_empty(timeout=20_000)
+    expect(page.locator("#status")).to_contain_text("Workers")
+    assert {fault.split()[0] for fault in tab.faults} <= {"net::ERR_CONNECTION_REFUSED"}
+    tab.faults.clear()
+
+
+def test_events_are_shown_as_they_come(tab):
+    status = tab.site.service.call("GET", "/v1/status").document
+    status["queue"] = [{"jobs": 7321, "kind": "problem", "oldest_seconds": 1.0, "state": "queued"}]
+    # In two lines of data and with a comment before it, as the format allows.
+    first, second = json.dumps(status).split(", ", 1)
+    text = f": hello\n\nid: 7\nevent: status\ndata: {first},\ndata: {second}\n\n"
+    tab.page.context.route(
+        "**/v1/events", lambda route: route.fulfill(content_type="text/event-stream", body=text)
+    )
+    with tab.page.expect_request(
+        lambda request: request.url.endswith("/v1/events") and request.headers.get("last-event-id") == "7"
+    ):
+        page = tab.open("")
+        expect(page.locator("#status")).to_contain_text("7321")

@@ -1,0 +1,107 @@
+"""What the tests of the page in Chromium share: the site, tabs that are watched, where Chromium is."""
+
+import json
+import shutil
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from playwright.sync_api import Page
+
+from tests.support.serving import Service
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SOLVED = ("first", "bobylev-steklov", "unstable", "state")
+HOSTILE = "<img src=x onerror=alert(1)>"
+"""Markup where people may write text; none of it may become an element."""
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+def problem(name: str) -> dict:
+    return json.loads((EXAMPLES / f"{name}.json").read_text(encoding="utf-8"))
+
+
+SWEEP = {
+    "base": problem("first"),
+    "axes": [
+        {"pointer": "/motion/lambda", "linspace": ["1/10", 2, 12]},
+        {"pointer": "/potential/parameters/b", "logspace": ["1/50", "1/5", 6]},
+    ],
+    "combine": "grid",
+    "keep": ["period", "energy", "error"],
+}
+"""Below some λ there is no motion: these points are refused."""
+
+
+@dataclass(frozen=True)
+class Site:
+    """The service under test, and what is stored in it."""
+
+    service: Service
+    solutions: dict[str, str]
+    sweep: str
+
+    @property
+    def address(self) -> str:
+        return self.service.address
+
+
+@dataclass
+class Watched:
+    """A tab whose console errors, failed requests and violations of the policy are kept."""
+
+    page: Page
+    site: Site
+    faults: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.page.on("console", self._said)
+        self.page.on("pageerror", lambda error: self.faults.append(f"error: {error}"))
+        self.page.on("requestfailed", self._failed)
+        self.page.on("response", self._answered)
+
+    def open(self, path: str) -> Page:
+        self.page.goto(f"{self.site.address}/{path.lstrip('/')}")
+        return self.page
+
+    def _said(self, message) -> None:
+        # Answers with an error are told by _answered, which knows their address.
+        if message.type in ("error", "warning") and not message.text.startswith("Failed to load resource"):
+            self.faults.append(f"{message.type}: {message.text}")
+
+    def _answered(self, response) -> None:
+        # A service without events says so once.
+        if response.status >= 400 and not response.url.endswith("/events"):
+            self.faults.append(f"{response.status} {response.url}")
+
+    def _failed(self, request) -> None:
+        # Older answers are dropped on purpose while somebody types or zooms.
+        if request.failure != "net::ERR_ABORTED":
+            self.faults.append(f"{request.failure} {request.url}")
+
+
+def chromium() -> str | None:
+    return shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+def address(path: str, site: Site) -> str:
+    """Return the address of a page, with the thing that it shows."""
+    ids = {"/solution": f"?id={site.solutions['unstable']}", "/sweep": f"?id={site.sweep}"}
+    return path + ids.get(path, "")
+
+
+def settle(page: Page) -> None:
+    """Wait until a page has filled all that it says is still coming."""
+    page.locator("main[aria-busy=false]").wait_for()
+    page.locator("main [aria-busy=true]").first.wait_for(state="detached")
+
+
+def fill_site(service: Service) -> Site:
+    """Solve some problems and start a sweep."""
+    found = {}
+    for name in SOLVED:
+        job = service.call("POST", "/v1/jobs", problem(name), Prefer="wait=60")
+        assert job.document["state"] == "succeeded", job
+        found[name] = job.document["solution"]
+    sweep = service.call("POST", "/v1/sweeps", SWEEP)
+    assert sweep.status == 202, sweep
+    return Site(service, found, sweep.document["id"])
