@@ -26,6 +26,7 @@ OPERATIONS = {
     "/v1/solutions/statistics": {"GET": "get_solution_statistics"},
     "/v1/solutions/{solution_id}": {"GET": "get_solution", "DELETE": "delete_solution"},
     "/v1/solutions/{solution_id}/enclosures": {"GET": "get_enclosures"},
+    "/v1/solutions/{solution_id}/function": {"GET": "get_function"},
     "/v1/solutions/{solution_id}/trajectory": {"GET": "get_trajectory"},
     "/v1/sweeps": {"GET": "list_sweeps", "POST": "submit_sweep"},
     "/v1/sweeps/{sweep_id}": {"GET": "get_sweep", "DELETE": "delete_sweep"},
