@@ -46,7 +46,9 @@ def test_it_keeps_a_database_of_ones_own_and_deletes_a_temporary_one(tmp_path, b
         assert folder.is_dir()
     assert not folder.exists()
     with closing(sqlite3.connect(database)) as kept:
-        assert kept.execute("SELECT id FROM jobs WHERE state = 'queued'").fetchall() == [(job.replace("-", ""),)]
+        assert kept.execute("SELECT id FROM jobs WHERE state = 'queued'").fetchall() == [
+            (job.replace("-", ""),)
+        ]
 
 
 def test_what_the_service_says_is_told_if_it_does_not_start(tmp_path):

@@ -4,15 +4,18 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import update_wrapper
 from types import TracebackType
 from typing import Generic, ParamSpec, Self, TypeVar
+from urllib.parse import urlencode
 
+from polhode.errors import FailedError
 from polhode.jobs import WAIT_SECONDS, Job, motion_of, solve_list, submit
 from polhode.listings import Listing
 from polhode.motions import Motion
 from polhode.problems import Body, Document, Given, problem, question
-from polhode.quantities import Exact
+from polhode.quantities import Exact, written
 from polhode.sweeps import DEFAULT_KEEP, Sweep, sweep_document
+from polhode.things import Thing, path_of, thing_of
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
-from polhode.transport.exchange import ask_json
+from polhode.transport.exchange import MERGE_PATCH, ask, ask_json
 from polhode.transport.following import follow
 from polhode.transport.steps import Operation, operation
 from polhode.verdicts import Judgement
@@ -168,6 +171,57 @@ class Operations(Generic[CarrierT]):
     def stored_sweep(self, sweep_id: str) -> Operation[Sweep[CarrierT]]:
         """Return a sweep that was submitted before."""
         return Sweep(self.carrier, (yield from ask_json(self.carrier.terms, "GET", f"/v1/sweeps/{sweep_id}")))
+
+    @operation
+    def find(self, thing_id: str) -> Operation[Thing[CarrierT]]:
+        """Return the job, the motion or the sweep that has an id.
+
+        Raises
+        ------
+        MissingError
+            There is none.
+        """
+        return (yield from thing_of(self.carrier, thing_id))
+
+    @operation
+    def tag(
+        self, thing_id: str, labels: Mapping[str, str | None], *, note: str | None = None
+    ) -> Operation[Thing[CarrierT]]:
+        """Change the labels of a job, a motion or a sweep, and return it; None takes a label away.
+
+        Parameters
+        ----------
+        note
+            Text beside the labels; unchanged if left out.
+        """
+        thing = yield from thing_of(self.carrier, thing_id)
+        patch: Document = {"labels": written(labels)}
+        if note is not None:
+            patch["note"] = note
+        path, headers = path_of(thing), {"Content-Type": MERGE_PATCH}
+        yield from ask_json(self.carrier.terms, "PATCH", path, patch, headers=headers)
+        return (yield from thing_of(self.carrier, thing_id))
+
+    @operation
+    def download(self, /, thing_id: str, file_format: str = "csv", **query: Exact | None) -> Operation[bytes]:
+        """Return the samples of a motion, or of a job's, or the points of a sweep, as a file.
+
+        Parameters
+        ----------
+        file_format
+            ``csv``, ``json``, ``ndjson``, ``npz``, ``arrow`` or ``parquet``.
+        query
+            As of the service: ``start``, ``stop``, ``samples``, ``columns``; ``where``, ``order``, ``limit``.
+        """
+        thing = yield from thing_of(self.carrier, thing_id)
+        if isinstance(thing, Job):
+            path = f"/v1/solutions/{thing.document['solution']}/trajectory"
+            if thing.state != "succeeded":
+                raise FailedError(thing.document)
+        else:
+            path = path_of(thing) + ("/points" if isinstance(thing, Sweep) else "/trajectory")
+        asked = {"format": file_format, **{k: str(v) for k, v in query.items() if v is not None}}
+        return (yield from ask(self.carrier.terms, "GET", f"{path}?{urlencode(asked)}", accept="*/*")).content
 
     def solutions(self, *where: str, order: str | None = None) -> Listing[CarrierT, Motion[CarrierT]]:
         """Return the stored motions that match conditions such as ``"period<5, family=rational"``."""

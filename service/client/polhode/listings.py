@@ -64,6 +64,11 @@ class Listing(Generic[CarrierT, Item]):
         return frame
 
     @operation
+    def rows(self, columns: Sequence[str] | None = None, *, limit: int | None = None) -> Operation[list[Row]]:
+        """Return a dict an item, with facts and pointers such as /motion/lambda."""
+        return (yield from self._rows(limit, [("columns", ",".join(columns or self._columns))]))
+
+    @operation
     def all(self, *, limit: int | None = None) -> Operation[list[Item]]:
         """Return all of them, or the first ``limit``."""
         rows = yield from self._rows(limit, [])

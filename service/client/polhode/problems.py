@@ -62,7 +62,8 @@ def problem(
     lam, nu, motion
         The curve of a planar motion, by λ or ν; or the section of the document.
     stop, samples, periods, times, time
-        Which samples are stored: 101 up to t = 10 if all are left out. Any others can be asked for later.
+        Which samples are stored; without them and without ``base`` 101 up to t = 10. Any others can be
+        asked for later.
     tolerance, tier, accuracy
         Largest error of any of the six variables, or a tier; or the section of the document.
     method, outputs
@@ -87,7 +88,10 @@ def problem(
         if value is not None:
             found["motion"] = _curve(found.get("motion"), name, value)
     _one_of("time", time=time, stop=stop, periods=periods, times=times)
-    found["time"] = _time(found.get("time"), time, samples, stop=stop, periods=periods, times=times)
+    times_given = (time, samples, stop, periods, times)
+    # A whole document says itself what it asks for.
+    if base is None or any(each is not None for each in times_given):
+        found["time"] = _time(found.get("time"), time, samples, stop=stop, periods=periods, times=times)
     _one_of("accuracy", accuracy=accuracy, tolerance=tolerance, tier=tier)
     sections: Sequence[tuple[str, object]] = (
         ("accuracy", accuracy),

@@ -10,6 +10,7 @@ from polhode.errors import UnreachableError, refused
 from polhode.transport.steps import LostConnectionError, Operation, Pause, Reply, Send
 from polhode.transport.terms import Terms
 
+MERGE_PATCH = "application/merge-patch+json"
 JSON, ARROW, EVENTS = "application/json", "application/vnd.apache.arrow.stream", "text/event-stream"
 
 FIRST_PATIENCE = 10.0
@@ -49,7 +50,7 @@ def ask(
     content = None
     if document is not None:
         content = json.dumps(document, allow_nan=False).encode()
-        own["Content-Type"] = JSON
+        own.setdefault("Content-Type", JSON)
     if method == "POST":
         own.setdefault("Idempotency-Key", str(uuid.uuid4()))
     reply = yield from _answered(terms, Send(method, path, own, content))
