@@ -68,3 +68,8 @@ def run() -> None:
     except FileFaultError as fault:
         say(str(fault))
         raise SystemExit(REFUSED) from fault
+    except ModuleNotFoundError as fault:
+        if fault.name != "polhode":
+            raise
+        say("this command needs the Python client, which is not installed: pip install ./service/client")
+        raise SystemExit(REFUSED) from fault

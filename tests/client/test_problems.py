@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import polhode as ph
-from polhode.quantities import written
+from polhode.documents.quantities import written
 from service.schemas.problem.problem import read_question
 from service.verdicts.refusals import refusal_of_reading
 

@@ -2,6 +2,9 @@
 
 from polhode.clients import AsyncClient, Client
 from polhode.connecting import connect, connect_async
+from polhode.documents.problems import problem
+from polhode.documents.quantities import Quantity
+from polhode.documents.spans import linspace, logspace, uniform
 from polhode.errors import (
     FailedError,
     MissingError,
@@ -11,12 +14,9 @@ from polhode.errors import (
     UnreachableError,
     WrongArgumentError,
 )
+from polhode.evaluation.samples import Samples
 from polhode.jobs import SomeFailedError
 from polhode.local import local
-from polhode.problems import problem
-from polhode.quantities import Quantity
-from polhode.samples import Samples
-from polhode.spans import linspace, logspace, uniform
 
 __all__ = [
     "AsyncClient",

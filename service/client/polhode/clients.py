@@ -6,13 +6,14 @@ from types import TracebackType
 from typing import Generic, ParamSpec, Self, TypeVar
 from urllib.parse import urlencode
 
+from polhode.documents.problems import Body, Document, Given, problem, question
+from polhode.documents.quantities import Exact, written
+from polhode.documents.sweep_documents import DEFAULT_KEEP, sweep_document
 from polhode.errors import FailedError
 from polhode.jobs import WAIT_SECONDS, Job, motion_of, solve_list, submit
 from polhode.listings import Listing
 from polhode.motions import Motion
-from polhode.problems import Body, Document, Given, problem, question
-from polhode.quantities import Exact, written
-from polhode.sweeps import DEFAULT_KEEP, Sweep, sweep_document
+from polhode.sweeps import Sweep
 from polhode.things import Thing, path_of, thing_of
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import MERGE_PATCH, ask, ask_json

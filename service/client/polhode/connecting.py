@@ -6,7 +6,7 @@ from pathlib import Path
 
 from polhode.clients import AsyncClient, Client
 from polhode.errors import WrongArgumentError
-from polhode.progress import Bar, is_watched
+from polhode.showing.progress import Bar, is_watched
 from polhode.transport.cache import Cache, default_folder
 from polhode.transport.carriers import LoopCarrier, ThreadCarrier
 from polhode.transport.terms import DEFAULT_URL, Progress, Terms

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Generic
 
+from polhode.documents.problems import Document
 from polhode.errors import FailedError, PolhodeError, RefusedError, WrongArgumentError
 from polhode.motions import Motion
-from polhode.problems import Document
 from polhode.transport.carriers import CarrierT
 from polhode.transport.exchange import ask_json
 from polhode.transport.following import FINAL, follow

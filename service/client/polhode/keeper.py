@@ -4,6 +4,7 @@ The other program holds the write end of our stdin. However it ends, the system 
 service is told to end, and the folder is deleted.
 """
 
+import os
 import shutil
 import subprocess
 import sys
@@ -30,7 +31,9 @@ _was_asked = threading.Event()
 
 
 def _end_with_stdin(service: "subprocess.Popen[bytes]") -> None:
-    sys.stdin.buffer.read()
+    # Not by sys.stdin: a thread that holds its lock would abort the interpreter at its end.
+    while os.read(0, 1):
+        pass
     _was_asked.set()
     service.terminate()
     try:

@@ -6,8 +6,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Generic, TypeVar
 from urllib.parse import urlencode
 
-from polhode.problems import Document
-from polhode.samples import optional
+from polhode.documents.problems import Document
+from polhode.evaluation.samples import optional
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import ask_json
 from polhode.transport.steps import Operation, operation

@@ -69,6 +69,7 @@ def local(
         return LocalClient(connect(_address(keeper, folder / "log"), cache=cache), keeper)
     except BaseException:
         _end(keeper)
+        shutil.rmtree(folder, ignore_errors=True)
         raise
 
 

@@ -8,13 +8,14 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import ArrayLike, NDArray
 
-from polhode import attitude, drawing
+from polhode.documents.problems import Document
+from polhode.documents.quantities import Quantity
 from polhode.errors import PolhodeError
-from polhode.function import FloatArray, FunctionOfTime, PairOfDoubles
-from polhode.pages_of_notebooks import sphere_svg, table_html
-from polhode.problems import Document
-from polhode.quantities import Quantity
-from polhode.samples import Samples
+from polhode.evaluation import attitude
+from polhode.evaluation.function import FloatArray, FunctionOfTime, PairOfDoubles
+from polhode.evaluation.samples import Samples
+from polhode.showing import drawing
+from polhode.showing.notebooks import sphere_svg, table_html
 from polhode.transport.carriers import CarrierT, ThreadCarrier
 from polhode.transport.exchange import ARROW, ask, ask_json
 from polhode.transport.steps import Operation, operation

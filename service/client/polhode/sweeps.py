@@ -7,14 +7,13 @@ from urllib.parse import urlencode
 import numpy as np
 import pyarrow as pa
 
-from polhode import drawing
+from polhode.documents.problems import Document, changed, nearest
 from polhode.errors import WrongArgumentError
+from polhode.evaluation.samples import FloatArray, optional
 from polhode.jobs import WAIT_SECONDS, motion_of, submit
 from polhode.motions import Motion
-from polhode.pages_of_notebooks import table_html
-from polhode.problems import Document, Given, changed, nearest, pointer_of, problem, read
-from polhode.samples import FloatArray, optional
-from polhode.spans import axis_section
+from polhode.showing import drawing
+from polhode.showing.notebooks import table_html
 from polhode.transport.carriers import CarrierT
 from polhode.transport.exchange import ARROW, ask, ask_json
 from polhode.transport.following import FINAL, follow
@@ -24,32 +23,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.axes import Axes
-
-DEFAULT_KEEP = ("period", "energy", "error")
-
-
-def sweep_document(
-    base: Given, axes: Mapping[str, object], keep: Sequence[str], combine: str, *, series: bool
-) -> Document:
-    """Return the document of a sweep.
-
-    Raises
-    ------
-    WrongArgumentError
-        An axis is none, or has the name of no number of the base.
-    """
-    whole = read(base)
-    if "base" in whole:
-        if axes:
-            raise WrongArgumentError("the document is a whole sweep; axes are accepted with a single problem")
-        return whole
-    start = problem(whole)
-    sections = []
-    for name, values in axes.items():
-        pointer = pointer_of(start, name)
-        start = _with_first(start, pointer, axis_section(values))
-        sections.append({"pointer": pointer, **axis_section(values)})
-    return {"base": start, "axes": sections, "combine": combine, "keep": list(keep), "series": series}
 
 
 class Sweep(Generic[CarrierT]):
@@ -301,14 +274,3 @@ def _place(index: int, lengths: Sequence[int]) -> list[int]:
         index, place = divmod(index, length)
         places.append(place)
     return places[::-1]
-
-
-def _with_first(base: Document, pointer: str, section: Mapping[str, object]) -> Document:
-    """Return the base with the first value of an axis: it has to be a problem before the axis varies it."""
-    listed = next(value for name, value in section.items() if name != "seed")
-    assert isinstance(listed, list)
-    if not listed:
-        raise WrongArgumentError(f"the axis of {pointer} has no values; one or more are accepted")
-    if pointer in ("/motion/lambda", "/motion/nu"):
-        return problem(base, **{"lam" if pointer.endswith("lambda") else "nu": listed[0]})
-    return changed(base, {pointer: listed[0]})

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from polhode.pages_of_notebooks import table_html
+from polhode.showing.notebooks import table_html
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,7 @@ class Bar:
 
     def __init__(self) -> None:
         self._began: float | None = None
-        self._first = 0
-        self._drawn = 0.0
-        self._is_shown = False
+        self._first, self._drawn, self._is_shown = 0, 0.0, False
 
     def __call__(self, progress: Progress) -> None:
         """Draw it, at most five times a second."""
@@ -27,7 +25,8 @@ class Bar:
         if progress.is_over:
             if self._is_shown:
                 sys.stderr.write(f"\r{self._line(progress, now)}\n")
-            self.__init__()  # type: ignore[misc]  # ready for the next one
+            # Ready for the next one.
+            self._began, self._is_shown = None, False
         elif now - self._drawn > _LEAST_SECONDS:
             self._drawn, self._is_shown = now, True
             sys.stderr.write(f"\r{self._line(progress, now)}")

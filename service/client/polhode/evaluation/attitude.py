@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from polhode.function import (
+from polhode.evaluation.function import (
     EPSILON,
     FloatArray,
     FunctionOfTime,

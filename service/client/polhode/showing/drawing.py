@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from polhode.samples import Samples, optional
+from polhode.evaluation.samples import Samples, optional
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from polhode.documents.problems import nearest
 from polhode.errors import PolhodeError
-from polhode.problems import nearest
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from polhode.documents.quantities import Exact, written
 from polhode.errors import WrongArgumentError
-from polhode.quantities import Exact, written
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from polhode.documents.quantities import Exact, written
 from polhode.errors import WrongArgumentError
-from polhode.quantities import Exact, written
 
 Document = dict[str, object]
 Given = Mapping[str, object] | str | os.PathLike[str]
