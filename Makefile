@@ -16,9 +16,9 @@ NUMBERS := tests/golden tests/laws tests/conformance tests/workers/solvers \
 
 .PHONY: demo serve test test-long test-portable test-container lint docs bench screenshots format clean
 
-$(READY): pyproject.toml constraints.txt
+$(READY): pyproject.toml constraints.txt service/client/pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]' --editable service/client
 	$(BIN)/polhode compile
 	touch $(READY)
 

@@ -11,13 +11,14 @@ import typer
 
 from service.cli import doctor, documents, families, keys, serving, storage, sweeps
 from service.cli.common import REFUSED, Command
+from service.cli.remote import commands as remote
 from service.dynamics.numerics import NUMERICS
 from service.terminal import FileFaultError, answer, say
 from service.versions import version_of
 
 app = typer.Typer(
     name="polhode",
-    add_completion=False,
+    add_completion=True,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain text: loading rich takes longer than everything else that help needs
@@ -39,6 +40,8 @@ for _command in (
     storage.prune,
 ):
     app.command(cls=Command)(_command)
+for _name, _remote in remote.COMMANDS.items():
+    app.command(name=_name, cls=Command, epilog=remote.examples_of(_name))(_remote)
 app.command(name="compile", cls=Command)(documents.compile_solvers)
 app.add_typer(keys.app, name="keys")
 
@@ -64,4 +67,9 @@ def run() -> None:
         app()
     except FileFaultError as fault:
         say(str(fault))
+        raise SystemExit(REFUSED) from fault
+    except ModuleNotFoundError as fault:
+        if fault.name != "polhode":
+            raise
+        say("this command needs the Python client, which is not installed: pip install ./service/client")
         raise SystemExit(REFUSED) from fault

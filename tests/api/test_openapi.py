@@ -34,6 +34,7 @@ OPERATIONS = {
     "/v1/solutions/{solution_id}/citation": {"GET": "get_citation"},
     "/v1/solutions/{solution_id}/enclosures": {"GET": "get_enclosures"},
     "/v1/solutions/{solution_id}/provenance": {"GET": "get_provenance"},
+    "/v1/solutions/{solution_id}/function": {"GET": "get_function"},
     "/v1/solutions/{solution_id}/trajectory": {"GET": "get_trajectory"},
     "/v1/sweeps": {"GET": "list_sweeps", "POST": "submit_sweep"},
     "/v1/sweeps/{sweep_id}": {"GET": "get_sweep", "PATCH": "change_sweep", "DELETE": "delete_sweep"},

@@ -59,6 +59,7 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/v1/solutions/{solution_id}/citation": {"GET": Role.READ},
     "/v1/solutions/{solution_id}/enclosures": {"GET": Role.READ},
     "/v1/solutions/{solution_id}/provenance": {"GET": Role.READ},
+    "/v1/solutions/{solution_id}/function": {"GET": Role.READ},
     "/v1/solutions/{solution_id}/trajectory": {"GET": Role.READ},
     "/v1/sweeps": {"GET": Role.READ, "POST": Role.SUBMIT},
     "/v1/sweeps/{sweep_id}": {"GET": Role.READ, "PATCH": Role.SUBMIT, "DELETE": Role.SUBMIT},

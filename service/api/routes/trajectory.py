@@ -1,4 +1,4 @@
-"""GET /v1/solutions/{id}/trajectory: stored samples, or samples at any other times."""
+"""GET /v1/solutions/{id}/trajectory: stored samples, or samples at any other times; and .../function."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,11 +12,19 @@ from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, WithJsonSchema
 
 from service.api.dependencies import Inside, Resources
-from service.api.formats.negotiation import PARQUET, Accept, chosen, named_file
+from service.api.formats.functions import write_function
+from service.api.formats.negotiation import JSON, PARQUET, Accept, chosen, named_file
 from service.api.formats.trajectories import Trajectory, media_types, write
 from service.api.keys.limits import query_samples_faults
 from service.api.queries.format_names import FORMAT_HELP, FormatName
-from service.api.queries.queries import Asked, QueryModel, asked_of, query_parameters, refuse_if_any
+from service.api.queries.queries import (
+    Asked,
+    QueryModel,
+    asked_of,
+    query_parameters,
+    refuse_if_any,
+    without_query,
+)
 from service.api.replies.conditional import IMMUTABLE, tag_of_thing, unchanged, validators
 from service.api.replies.errors import ApiError
 from service.api.replies.places import SolutionId
@@ -38,6 +46,7 @@ from service.jobs.errors import SolutionNotFoundError
 from service.schemas.problem.asked_series import asked_series
 from service.schemas.reading.faults import Fault
 from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
+from service.schemas.replies.function import MotionFunctionOut
 from service.schemas.replies.solution import TrajectoryOut
 from service.settings import Settings
 from service.storage.codecs.arrays import decode_arrays, decode_dense
@@ -116,6 +125,22 @@ def get_trajectory(
     headers = {**validators(tag, IMMUTABLE), **file, SOURCE_HEADER: samples.source}
     about = _about(inside.solutions.get(solution_id)) if media_type == PARQUET else {}
     return write(_selected(samples, query.columns), media_type, headers, about)
+
+
+@router.get(
+    "/{solution_id}/function",
+    response_model=MotionFunctionOut,
+    responses=refusals(404),
+    dependencies=[without_query],
+)
+def get_function(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
+    """Return the motion as a function of time, which clients evaluate at any times themselves."""
+    tag = tag_of_thing(request, JSON, standing_of(inside.database, solution_id))
+    if known := unchanged(request, tag, IMMUTABLE):
+        return known
+    dense = decode_dense(inside.solutions.dense(solution_id))
+    _require_series(dense.columns)
+    return write_function(dense, validators(tag, IMMUTABLE))
 
 
 def _about(solution: Solution) -> dict[str, object]:

@@ -1,0 +1,198 @@
+"""What the remote commands do: ask by the client, and print tables for people or JSON for programs."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+
+import polhode as ph
+from polhode.jobs import Job
+from polhode.motions import Motion
+from polhode.sweeps import Sweep
+from polhode.things import Thing
+from polhode.transport.carriers import ThreadCarrier
+from service.cli.common import REFUSED, WRONG_USAGE, fail
+from service.cli.remote.tables import facts_of, table
+from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
+
+_ENDINGS = {f".{name}": name for name in ("csv", "json", "ndjson", "npz", "arrow", "parquet")}
+
+
+@contextmanager
+def connected(url: str | None, key: str | None) -> Iterator[ph.Client]:
+    """Yield a client; what goes wrong ends the command with its reason."""
+    try:
+        with ph.connect(url, key) as client:
+            yield client
+    except ph.WrongArgumentError as fault:
+        fail(str(fault), WRONG_USAGE)
+    except ph.PolhodeError as fault:
+        for line in str(fault).splitlines():
+            say(line)
+        raise typer.Exit(REFUSED) from fault
+
+
+def submit_file(file: Path, *, wait: bool, url: str | None, key: str | None, as_json: bool) -> None:
+    """Submit the document of a file."""
+    document = read_document(file)
+    listed = document if isinstance(document, list) else [document]
+    problems = [each for each in listed if isinstance(each, dict)]
+    if len(problems) < len(listed):
+        fail(f"{file}: a problem is a JSON object, and a list is one of such", REFUSED)
+    with connected(url, key) as client:
+        jobs = [client.submit(each) for each in problems]
+        if wait:
+            _wait(client, [job.id for job in jobs], None, as_json=as_json)
+        elif as_json:
+            _print_json([job.document for job in jobs], is_list=isinstance(document, list))
+        else:
+            answer("".join(f"{job.id}\n" for job in jobs))
+
+
+def wait_for_all(
+    thing_ids: Sequence[str], *, seconds: float | None, url: str | None, key: str | None, as_json: bool
+) -> None:
+    """Wait for jobs and sweeps."""
+    with connected(url, key) as client:
+        _wait(client, thing_ids, seconds, as_json=as_json)
+
+
+def _wait(client: ph.Client, thing_ids: Sequence[str], seconds: float | None, *, as_json: bool) -> None:
+    ended: list[Thing[ThreadCarrier]] = []
+    failures = 0
+    for thing_id in thing_ids:
+        thing = client.find(thing_id)
+        if isinstance(thing, Job):
+            try:
+                thing = thing.wait(seconds=seconds)
+            except ph.FailedError as fault:
+                say(f"{thing_id}: {fault}")
+                failures += 1
+                continue
+        elif isinstance(thing, Sweep):
+            thing.wait(seconds=seconds)
+        ended.append(thing)
+    if as_json:
+        _print_json([_document(each) for each in ended], is_list=len(thing_ids) > 1)
+    else:
+        answer("\n".join(table(facts_of(_document(each))) for each in ended))
+    if failures:
+        raise typer.Exit(REFUSED)
+
+
+def show_thing(thing_id: str, *, url: str | None, key: str | None, as_json: bool) -> None:
+    """Print a job, a solution or a sweep."""
+    with connected(url, key) as client:
+        _print(client.find(thing_id), as_json=as_json)
+
+
+def write_file(
+    thing_id: str,
+    out: Path,
+    file_format: str | None,
+    query: Mapping[str, str | int | None],
+    *,
+    url: str | None,
+    key: str | None,
+) -> None:
+    """Write samples or points."""
+    chosen = file_format or ("csv" if out == STANDARD_STREAM else _ENDINGS.get(out.suffix))
+    if chosen is None:
+        fail(f"--out {out}: accepted endings are {', '.join(_ENDINGS)}; or give --format", WRONG_USAGE)
+    check_writable(out)
+    with connected(url, key) as client:
+        content = client.download(thing_id, chosen, **query)
+    with OutputFile(out) as file:
+        file.write(content)
+
+
+def list_all(
+    of: str,
+    where: Sequence[str],
+    order: str | None,
+    columns: Sequence[str] | None,
+    limit: int,
+    *,
+    url: str | None,
+    key: str | None,
+    as_json: bool,
+) -> None:
+    """Print what meets the conditions."""
+    with connected(url, key) as client:
+        match of:
+            case "jobs":
+                rows = client.jobs(*where, order=order).rows(columns, limit=limit)
+            case "sweeps":
+                rows = client.sweeps(*where, order=order).rows(columns, limit=limit)
+            case _:
+                rows = client.solutions(*where, order=order).rows(columns, limit=limit)
+    if as_json:
+        answer(json.dumps(rows) + "\n")
+    elif rows:
+        answer(table([list(rows[0]), *(row.values() for row in rows)]))
+    else:
+        say(f"no {of} meet this")
+
+
+def tag_thing(
+    thing_id: str, labels: Sequence[str], note: str | None, *, url: str | None, key: str | None, as_json: bool
+) -> None:
+    """Change labels and note."""
+    changes: dict[str, str | None] = {}
+    for label in labels:
+        name, mark, value = label.partition("=")
+        if not mark or not name:
+            fail(f"{label!r}; accepted is NAME=VALUE, or NAME= to take a label away", WRONG_USAGE)
+        changes[name] = value or None
+    if not changes and note is None:
+        fail("neither a label nor a note was given; such as project=thesis is accepted", WRONG_USAGE)
+    with connected(url, key) as client:
+        _print(client.tag(thing_id, changes, note=note), as_json=as_json)
+
+
+def cancel_thing(thing_id: str, *, url: str | None, key: str | None) -> None:
+    """Cancel a job or a sweep."""
+    with connected(url, key) as client:
+        thing = client.find(thing_id)
+        if isinstance(thing, Motion):
+            fail(f"{thing_id} is a solution; jobs and sweeps can be cancelled", REFUSED)
+        thing.cancel()
+        say(f"{thing_id} is cancelled")
+
+
+def sweep_file(file: Path, out: Path | None, *, url: str | None, key: str | None, as_json: bool) -> None:
+    """Have the sweep of a file computed by a service, and write its points."""
+    chosen = None if out is None else "csv" if out == STANDARD_STREAM else _ENDINGS.get(out.suffix)
+    if out is not None:
+        if chosen is None:
+            fail(f"--out {out}: accepted endings are {', '.join(_ENDINGS)}", WRONG_USAGE)
+        check_writable(out)
+    document = read_document(file)
+    if not isinstance(document, dict) or "base" not in document:
+        fail(f"{file}: a sweep is a JSON object with base and axes", REFUSED)
+    with connected(url, key) as client:
+        sweep = client.sweep(document, wait=False)
+        say(f"sweep {sweep.id}")
+        sweep.wait()
+        if out is not None and chosen is not None:
+            content = client.download(sweep.id, chosen)
+            with OutputFile(out) as written:
+                written.write(content)
+        if out != STANDARD_STREAM:
+            _print(sweep, as_json=as_json)
+
+
+def _document(thing: Thing[ThreadCarrier]) -> Mapping[str, object]:
+    return thing.state if isinstance(thing, Sweep) else thing.document
+
+
+def _print(thing: Thing[ThreadCarrier], *, as_json: bool) -> None:
+    document = _document(thing)
+    answer(json.dumps(document) + "\n" if as_json else table(facts_of(document)))
+
+
+def _print_json(documents: Sequence[Mapping[str, object]], *, is_list: bool) -> None:
+    """Print a list for a list, and a document for one."""
+    answer("".join(json.dumps(each) + "\n" for each in ([list(documents)] if is_list else documents)))

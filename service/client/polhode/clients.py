@@ -1,0 +1,272 @@
+"""The clients: everything that can be asked of a service, for threads and for event loops."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import update_wrapper
+from types import TracebackType
+from typing import Generic, ParamSpec, Self, TypeVar
+from urllib.parse import urlencode
+
+from polhode.documents.problems import Body, Document, Given, problem, question
+from polhode.documents.quantities import Exact, written
+from polhode.documents.sweep_documents import DEFAULT_KEEP, sweep_document
+from polhode.errors import FailedError
+from polhode.jobs import WAIT_SECONDS, Job, motion_of, solve_list, submit
+from polhode.listings import Listing
+from polhode.motions import Motion
+from polhode.sweeps import Sweep
+from polhode.things import Thing, path_of, thing_of
+from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
+from polhode.transport.exchange import MERGE_PATCH, ask, ask_json
+from polhode.transport.following import follow
+from polhode.transport.steps import Operation, operation
+from polhode.verdicts import Judgement
+
+P = ParamSpec("P")
+T = TypeVar("T")
+Owner = TypeVar("Owner")
+
+_OF_SOLUTIONS = ("id", "created_at", "family", "method", "tier", "A", "B", "C", "period", "energy", "error")
+_OF_JOBS = ("id", "created_at", "state", "family", "period", "energy", "seconds", "solution")
+_OF_SWEEPS = ("id", "created_at", "state", "family", "points", "done", "refused", "seconds")
+
+
+def takes(
+    arguments: Callable[P, Document],
+) -> Callable[[Callable[[Owner, Document], Operation[T]]], operation[Owner, P, T]]:
+    """Make an operation on a document one that takes the arguments which make the document."""
+
+    def decorate(work: Callable[[Owner, Document], Operation[T]]) -> operation[Owner, P, T]:
+        def whole(self: Owner, /, *given: P.args, **named: P.kwargs) -> Operation[T]:
+            return (yield from work(self, arguments(*given, **named)))
+
+        update_wrapper(whole, work)
+        return operation(whole)
+
+    return decorate
+
+
+class Operations(Generic[CarrierT]):
+    """What both clients can do."""
+
+    def __init__(self, carrier: CarrierT) -> None:
+        self.carrier = carrier
+
+    @property
+    def url(self) -> str:
+        """Address of the service."""
+        return self.carrier.terms.url
+
+    @takes(problem)
+    def solve(self, document: Document) -> Operation[Motion[CarrierT]]:
+        """Solve a problem and return its motion; the arguments are those of :func:`polhode.problem`.
+
+        Raises
+        ------
+        RefusedError
+            The service refuses the problem; ``faults`` tell where, and what would have been accepted.
+        FailedError
+            It cannot be solved, for example not to the tolerance.
+        """
+        terms = self.carrier.terms
+        job = yield from submit(terms, document, seconds=WAIT_SECONDS)
+        job = yield from follow(terms, f"/v1/jobs/{job['id']}", job)
+        return (yield from motion_of(self.carrier, job))
+
+    @takes(problem)
+    def submit(self, document: Document) -> Operation[Job[CarrierT]]:
+        """Submit a problem and return its job at once; the arguments are those of :func:`polhode.problem`."""
+        return Job(self.carrier, (yield from submit(self.carrier.terms, document, seconds=0)))
+
+    @operation
+    def solve_all(self, problems: Sequence[Given]) -> Operation[list[Motion[CarrierT]]]:
+        """Solve many problems and return their motions, in the same order.
+
+        Raises
+        ------
+        SomeFailedError
+            Not all have a motion; it has those that there are, and the errors of the others.
+        """
+        return (yield from solve_list(self.carrier, [problem(each) for each in problems]))
+
+    @operation
+    def judge(
+        self,
+        /,
+        potential: str | Given,
+        *,
+        body: Body | None = None,
+        motion: Mapping[str, object] | None = None,
+        **parameters: Exact,
+    ) -> Operation[Judgement]:
+        """Ask whether a potential admits planar motions; nothing is stored.
+
+        Parameters
+        ----------
+        potential
+            A formula, a section ``potential``, or without ``body`` a whole document or its file.
+        body
+            (A, C), (A, B, C), or the section.
+        motion
+            The section ``motion``, to learn its windows.
+        """
+        document = question(potential, body=body, motion=motion, numbers=parameters)
+        return Judgement((yield from ask_json(self.carrier.terms, "POST", "/v1/validations", document)))
+
+    @operation
+    def sweep(
+        self,
+        /,
+        base: Given,
+        *,
+        keep: Sequence[str] = DEFAULT_KEEP,
+        combine: str = "grid",
+        series: bool = False,
+        wait: bool = True,
+        axes: Mapping[str, object] | None = None,
+        **named_axes: object,
+    ) -> Operation[Sweep[CarrierT]]:
+        """Solve a problem with numbers that vary along axes, and return the sweep when it has ended.
+
+        Parameters
+        ----------
+        base
+            A problem, a whole sweep, or a file of either.
+        named_axes, axes
+            Lists of values, or spans such as ``linspace(lo, hi, n)``, by the names of parameters or by JSON
+            pointers; ``lam`` is λ. The last axis varies fastest.
+        keep
+            Numbers to keep of each point.
+        combine
+            ``grid``: every value with every other; ``zip``: the n-th values of all axes.
+        series
+            Keep the samples of each point, too.
+        wait
+            False: return at once; ``sweep.wait()`` waits later.
+        """
+        document = sweep_document(base, {**named_axes, **(axes or {})}, keep, combine, series=series)
+        terms = self.carrier.terms
+        state = yield from ask_json(terms, "POST", "/v1/sweeps", document)
+        if wait:
+            state |= yield from follow(terms, f"/v1/sweeps/{state['id']}", state, what="points")
+        return Sweep(self.carrier, state)
+
+    @operation
+    def solution(self, solution_id: str) -> Operation[Motion[CarrierT]]:
+        """Return a stored motion.
+
+        Raises
+        ------
+        MissingError
+            There is none of this id; the same holds for jobs and sweeps.
+        """
+        return Motion(
+            self.carrier, (yield from ask_json(self.carrier.terms, "GET", f"/v1/solutions/{solution_id}"))
+        )
+
+    @operation
+    def job(self, job_id: str) -> Operation[Job[CarrierT]]:
+        """Return a job."""
+        return Job(self.carrier, (yield from ask_json(self.carrier.terms, "GET", f"/v1/jobs/{job_id}")))
+
+    @operation
+    def stored_sweep(self, sweep_id: str) -> Operation[Sweep[CarrierT]]:
+        """Return a sweep that was submitted before."""
+        return Sweep(self.carrier, (yield from ask_json(self.carrier.terms, "GET", f"/v1/sweeps/{sweep_id}")))
+
+    @operation
+    def find(self, thing_id: str) -> Operation[Thing[CarrierT]]:
+        """Return the job, the motion or the sweep that has an id.
+
+        Raises
+        ------
+        MissingError
+            There is none.
+        """
+        return (yield from thing_of(self.carrier, thing_id))
+
+    @operation
+    def tag(
+        self, thing_id: str, labels: Mapping[str, str | None], *, note: str | None = None
+    ) -> Operation[Thing[CarrierT]]:
+        """Change the labels of a job, a motion or a sweep, and return it; None takes a label away.
+
+        Parameters
+        ----------
+        note
+            Text beside the labels; unchanged if left out.
+        """
+        thing = yield from thing_of(self.carrier, thing_id)
+        patch: Document = {"labels": written(labels)}
+        if note is not None:
+            patch["note"] = note
+        path, headers = path_of(thing), {"Content-Type": MERGE_PATCH}
+        yield from ask_json(self.carrier.terms, "PATCH", path, patch, headers=headers)
+        return (yield from thing_of(self.carrier, thing_id))
+
+    @operation
+    def download(self, /, thing_id: str, file_format: str = "csv", **query: Exact | None) -> Operation[bytes]:
+        """Return the samples of a motion, or of a job's, or the points of a sweep, as a file.
+
+        Parameters
+        ----------
+        file_format
+            ``csv``, ``json``, ``ndjson``, ``npz``, ``arrow`` or ``parquet``.
+        query
+            As of the service: ``start``, ``stop``, ``samples``, ``columns``; ``where``, ``order``, ``limit``.
+        """
+        thing = yield from thing_of(self.carrier, thing_id)
+        if isinstance(thing, Job):
+            path = f"/v1/solutions/{thing.document['solution']}/trajectory"
+            if thing.state != "succeeded":
+                raise FailedError(thing.document)
+        else:
+            path = path_of(thing) + ("/points" if isinstance(thing, Sweep) else "/trajectory")
+        asked = {"format": file_format, **{k: str(v) for k, v in query.items() if v is not None}}
+        return (yield from ask(self.carrier.terms, "GET", f"{path}?{urlencode(asked)}", accept="*/*")).content
+
+    def solutions(self, *where: str, order: str | None = None) -> Listing[CarrierT, Motion[CarrierT]]:
+        """Return the stored motions that match conditions such as ``"period<5, family=rational"``."""
+        return Listing(self.carrier, "/v1/solutions", Motion, where=where, order=order, columns=_OF_SOLUTIONS)
+
+    def jobs(self, *where: str, order: str | None = None) -> Listing[CarrierT, Job[CarrierT]]:
+        """Return the jobs that match conditions such as ``"state=failed"``."""
+        return Listing(self.carrier, "/v1/jobs", Job, where=where, order=order, columns=_OF_JOBS)
+
+    def sweeps(self, *where: str, order: str | None = None) -> Listing[CarrierT, Sweep[CarrierT]]:
+        """Return the sweeps that match conditions such as ``"points>1000"``."""
+        return Listing(self.carrier, "/v1/sweeps", Sweep, where=where, order=order, columns=_OF_SWEEPS)
+
+    def __repr__(self) -> str:
+        return f"<polhode at {self.url}>"
+
+
+class Client(Operations[ThreadCarrier]):
+    """Asks a service, and waits for what it answers."""
+
+    def close(self) -> None:
+        """Close the connections."""
+        self.carrier.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class AsyncClient(Operations[LoopCarrier]):
+    """Asks a service in an event loop: its operations are awaited."""
+
+    async def close(self) -> None:
+        """Close the connections."""
+        await self.carrier.close()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()

@@ -1,0 +1,262 @@
+"""Problem documents, made from arguments, from files, or by changing some numbers of another one."""
+
+import copy
+import difflib
+import json
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from polhode.documents.quantities import Exact, written
+from polhode.errors import WrongArgumentError
+
+Document = dict[str, object]
+Given = Mapping[str, object] | str | os.PathLike[str]
+"""A document, or the file that holds one."""
+Body = Sequence[Exact] | Mapping[str, object]
+
+DEFAULT_TIME: Mapping[str, object] = {"stop": 10, "samples": 101}
+_OPTIONS = (
+    *("body", "potential", "motion", "lam", "nu", "time", "start", "stop", "samples", "periods", "times"),
+    *("accuracy", "tolerance", "tier", "method", "outputs", "parameters"),
+)
+_NAME = re.compile(r"[A-Za-z_]\w*")
+_SHORT = {"lam": "/motion/lambda", "nu": "/motion/nu", "A": "/body/A", "B": "/body/B", "C": "/body/C"}
+_SHORT |= {"stop": "/time/stop", "periods": "/time/periods", "tolerance": "/accuracy/tolerance"}
+
+
+def problem(
+    base: Given | None = None,
+    *,
+    body: Body | None = None,
+    potential: str | Mapping[str, object] | None = None,
+    parameters: Mapping[str, object] | None = None,
+    motion: Mapping[str, object] | None = None,
+    lam: Exact | None = None,
+    nu: Exact | None = None,
+    time: Mapping[str, object] | None = None,
+    stop: Exact | None = None,
+    samples: int | None = None,
+    periods: Exact | None = None,
+    times: Sequence[Exact] | None = None,
+    accuracy: Mapping[str, object] | None = None,
+    tolerance: Exact | None = None,
+    tier: str | None = None,
+    method: str | None = None,
+    outputs: Sequence[str] | None = None,
+    **numbers: Exact,
+) -> Document:
+    """Return a problem document.
+
+    Parameters
+    ----------
+    base
+        A document or the file of one; what else is given replaces its parts.
+    body
+        Moments of inertia (A, C) or (A, B, C), or the section of the document.
+    potential
+        A formula in g1, g2, g3 and parameters, or the section of the document.
+    parameters, numbers
+        Values of the formula's parameters; ``a=-1`` is short for ``parameters={"a": -1}``.
+    lam, nu, motion
+        The curve of a planar motion, by λ or ν; or the section of the document.
+    stop, samples, periods, times, time
+        Which samples are stored; without them and without ``base`` 101 up to t = 10. Any others can be
+        asked for later.
+    tolerance, tier, accuracy
+        Largest error of any of the six variables, or a tier; or the section of the document.
+    method, outputs
+        As in the document.
+
+    Raises
+    ------
+    WrongArgumentError
+        Arguments exclude each other, or a name is that of no parameter; the message has the nearest.
+    """
+    found = read(base)
+    if body is not None:
+        found["body"] = _body(body)
+    if potential is not None:
+        found["potential"] = _potential(potential, {**(parameters or {}), **numbers})
+    else:
+        place(found, {**(parameters or {}), **numbers})
+    _one_of("motion", motion=motion, lam=lam, nu=nu)
+    if motion is not None:
+        found["motion"] = written(motion)
+    for name, value in (("lambda", lam), ("nu", nu)):
+        if value is not None:
+            found["motion"] = _curve(found.get("motion"), name, value)
+    _one_of("time", time=time, stop=stop, periods=periods, times=times)
+    times_given = (time, samples, stop, periods, times)
+    # A whole document says itself what it asks for.
+    if base is None or any(each is not None for each in times_given):
+        found["time"] = _time(found.get("time"), time, samples, stop=stop, periods=periods, times=times)
+    _one_of("accuracy", accuracy=accuracy, tolerance=tolerance, tier=tier)
+    sections: Sequence[tuple[str, object]] = (
+        ("accuracy", accuracy),
+        ("accuracy", None if tolerance is None else {"tolerance": tolerance}),
+        ("accuracy", None if tier is None else {"tier": tier}),
+        ("method", method),
+        ("outputs", outputs),
+    )
+    for section, given in sections:
+        if given is not None:
+            found[section] = written(given)
+    return found
+
+
+def question(
+    potential: str | Given,
+    *,
+    body: Body | None,
+    motion: Mapping[str, object] | None,
+    numbers: Mapping[str, Exact],
+) -> Document:
+    """Return the document that asks for a verdict: a formula and a body, or a whole document."""
+    if body is None:
+        return read(potential)
+    asked: Document = {"body": _body(body)}
+    asked["potential"] = _potential(potential if isinstance(potential, str) else read(potential), numbers)
+    if motion is not None:
+        asked["motion"] = written(motion)
+    return asked
+
+
+def read(given: Given | None) -> Document:
+    """Return a copy of a document, or that of a file.
+
+    Raises
+    ------
+    WrongArgumentError
+        There is no such file, or it has no JSON object.
+    """
+    if given is None:
+        return {}
+    if isinstance(given, Mapping):
+        document = written(given)
+    else:
+        try:
+            document = json.loads(Path(given).read_text(encoding="utf-8"))
+        except OSError as fault:
+            raise WrongArgumentError(
+                f"{os.fspath(given)}: {fault.strerror}; a dict, or a file of JSON is accepted"
+            ) from fault
+        except ValueError as fault:
+            raise WrongArgumentError(f"{os.fspath(given)}: not JSON: {fault}") from fault
+    if not isinstance(document, dict):
+        raise WrongArgumentError(f"{type(document).__name__}; a JSON object is accepted")
+    return document
+
+
+def place(document: Document, numbers: Mapping[str, object]) -> None:
+    """Put numbers into a document, each at the pointer or at the place that its name stands for."""
+    for name, value in numbers.items():
+        put(document, pointer_of(document, name), value)
+
+
+def pointer_of(document: Mapping[str, object], name: str) -> str:
+    """Return the JSON pointer of a number: of a parameter, of a field of the potential, λ, ν, A, B or C.
+
+    Raises
+    ------
+    WrongArgumentError
+        There is no such number; the message has the nearest name.
+    """
+    if name.startswith("/"):
+        return name
+    known: dict[str, str] = {}
+    potential = document.get("potential")
+    if isinstance(potential, Mapping):
+        fields = (each for each in potential if each not in ("type", "expression", "parameters", "F", "G"))
+        known |= {str(each): f"/potential/{each}" for each in fields}
+        parameters = potential.get("parameters")
+        if isinstance(parameters, Mapping):
+            known |= {str(each): f"/potential/parameters/{each}" for each in parameters}
+    known = {**_SHORT, **known}
+    if name in known:
+        return known[name]
+    raise WrongArgumentError(
+        f"there is no number {name!r} in this problem{nearest(name, [*known, *_OPTIONS])}; accepted are"
+        f" {', '.join(sorted(known))} and JSON pointers"
+    )
+
+
+def put(document: Document, pointer: str, value: object) -> None:
+    """Replace the number at a JSON pointer.
+
+    Raises
+    ------
+    WrongArgumentError
+        There is no object or list on the way.
+    """
+    *way, last = [part.replace("~1", "/").replace("~0", "~") for part in pointer.split("/")[1:]]
+    target: object = document
+    try:
+        for part in way:
+            target = target[int(part)] if isinstance(target, list) else target[part]  # type: ignore[index]  # told below
+        if isinstance(target, list):
+            target[int(last)] = written(value)
+        else:
+            target[last] = written(value)  # type: ignore[index]  # told below
+    except (KeyError, IndexError, TypeError, ValueError) as fault:
+        raise WrongArgumentError(f"{pointer} is nowhere in the problem") from fault
+
+
+def changed(document: Mapping[str, object], numbers: Mapping[str, object]) -> Document:
+    """Return a copy of a document with other numbers at these JSON pointers."""
+    other = copy.deepcopy(dict(document))
+    place(other, numbers)
+    return other
+
+
+def nearest(word: str, known: Sequence[str]) -> str:
+    """Return ``; did you mean '…'?`` with the nearest of the known words, or nothing."""
+    found = difflib.get_close_matches(word, known, n=1)
+    return f"; did you mean {found[0]!r}?" if found else ""
+
+
+def _body(body: Body) -> object:
+    if isinstance(body, Mapping):
+        return written(body)
+    names = {2: "AC", 3: "ABC"}.get(len(body))
+    if names is None or isinstance(body, str):
+        raise WrongArgumentError(f"body={body!r}; (A, C), (A, B, C) or a dict is accepted")
+    return dict(zip(names, map(written, body), strict=True))
+
+
+def _potential(potential: str | Mapping[str, object], numbers: Mapping[str, object]) -> object:
+    if not isinstance(potential, str):
+        found: Document = {"potential": written(potential)}
+        place(found, numbers)
+        return found["potential"]
+    names = set(_NAME.findall(potential))
+    for name in numbers:
+        if name not in names:
+            guess = nearest(name, [*names, *_OPTIONS])
+            raise WrongArgumentError(f"{name!r} is no option and not in the formula {potential!r}{guess}")
+    return {"type": "expression", "expression": potential, "parameters": written(numbers)}
+
+
+def _curve(motion: object, name: str, value: object) -> Document:
+    kept = (
+        {k: v for k, v in motion.items() if k not in ("lambda", "nu")} if isinstance(motion, Mapping) else {}
+    )
+    return {"type": "planar", **kept, name: written(value)}
+
+
+def _time(known: object, time: object, samples: int | None, **spans: object) -> object:
+    if time is not None:
+        return written(time)
+    given = {name: written(value) for name, value in spans.items() if value is not None}
+    kept = known if isinstance(known, Mapping) else DEFAULT_TIME
+    if not given:
+        return {**kept, **({} if samples is None else {"samples": samples})}
+    count = samples or kept.get("samples", DEFAULT_TIME["samples"])
+    return given if "times" in given else {**given, "samples": count}
+
+
+def _one_of(section: str, **given: object) -> None:
+    named = [name for name, value in given.items() if value is not None]
+    if len(named) > 1:
+        raise WrongArgumentError(f"{' and '.join(named)} both set {section}; one of them is accepted")

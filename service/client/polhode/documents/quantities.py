@@ -1,0 +1,82 @@
+"""Numbers with their errors, and exact numbers on their way into a document."""
+
+import math
+from collections.abc import Mapping, Sequence
+from decimal import Decimal
+from fractions import Fraction
+from typing import Self
+
+import numpy as np
+
+from polhode.errors import WrongArgumentError
+
+Exact = int | float | str | Fraction | Decimal
+"""A number of a problem. Text such as ``"17/10"`` is exact; a float means its shortest decimal."""
+
+
+class Quantity(float):
+    """A float that knows the bound of its absolute error.
+
+    Attributes
+    ----------
+    error
+        Bound of the absolute error of the float, in the same unit.
+    digits
+        All proven digits as a decimal, in the tier ``certified``; otherwise None.
+    radius
+        The proven radius about ``digits``, a decimal; otherwise None.
+    """
+
+    error: float
+    digits: str | None
+    radius: str | None
+
+    @classmethod
+    def read(cls, told: object) -> Self | None:
+        """Return what a document tells as ``{value, error}`` or ``{value, radius}``; None for none."""
+        if not isinstance(told, Mapping):
+            return None
+        value, radius = told.get("value"), told.get("radius")
+        number = cls(str(value))
+        number.digits = number.radius = None
+        if radius is None:
+            number.error = float(str(told.get("error")))
+            return number
+        number.digits, number.radius = str(value), str(radius)
+        # The float is a rounding of the digits.
+        rounding = abs(Fraction(number.digits) - Fraction(float(number)))
+        number.error = math.nextafter(float(Fraction(number.radius) + rounding), math.inf)
+        return number
+
+    def __repr__(self) -> str:
+        return f"{float(self)!r} ± {self.error:.1e}"
+
+    __str__ = __repr__
+
+
+def written(value: object) -> object:
+    """Return a value as JSON has it: exact numbers as text, arrays and tuples as lists.
+
+    Raises
+    ------
+    WrongArgumentError
+        It has no place in a document.
+    """
+    match value:
+        case None | bool() | int() | str():
+            return value
+        case float():
+            if not math.isfinite(value):
+                raise WrongArgumentError(f"{value} is not finite; a finite number is accepted")
+            return float(value)
+        case Fraction() | Decimal():
+            return str(value)
+        case np.generic() | np.ndarray():
+            return written(value.tolist())
+        case Mapping():
+            return {str(name): written(each) for name, each in value.items()}
+        case Sequence() | range():
+            return [written(each) for each in value]
+    raise WrongArgumentError(
+        f"{value!r} has no place in a document; int, float, str, Fraction, Decimal, lists and dicts have one"
+    )

@@ -1,0 +1,96 @@
+"""What can go wrong for somebody who asks a service."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+
+class PolhodeError(Exception):
+    """Any of the errors below."""
+
+
+class WrongArgumentError(PolhodeError, ValueError):
+    """An argument cannot become a part of a request; the message says what would have been accepted."""
+
+
+class UnreachableError(PolhodeError, ConnectionError):
+    """The service did not answer for longer than the client's patience."""
+
+
+class UnfinishedError(PolhodeError, TimeoutError):
+    """A job or a sweep was not finished within the time that the caller wanted to wait; it goes on."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToldFault:
+    """One fault of a request: where it is, what it is, and what would have been accepted."""
+
+    pointer: str
+    """JSON pointer into what was sent; ``?name`` for a parameter of a query."""
+    code: str
+    message: str
+
+
+class RefusedError(PolhodeError):
+    """The service refused a request.
+
+    Parameters
+    ----------
+    status
+        Of the HTTP answer.
+    document
+        The whole answer, such as the ``counterexample`` of an inadmissible potential.
+    """
+
+    def __init__(self, status: int, document: Mapping[str, object]) -> None:
+        self.status, self.document = status, document
+        self.code = str(document.get("type", "")).rpartition(":")[2] or f"http_{status}"
+        self.detail = str(document.get("detail") or document.get("title") or f"HTTP status {status}")
+        self.faults = tuple(_faults(document.get("errors")))
+        # With faults the detail only repeats them.
+        first = self.detail if not self.faults else str(document.get("title") or self.detail)
+        lines = [f"{self.code}: {first}", *(f"  {f.pointer or '/'}: {f.message}" for f in self.faults)]
+        super().__init__("\n".join(lines))
+
+    @property
+    def pointer(self) -> str | None:
+        """Where the first fault is; None if the error has no place."""
+        return self.faults[0].pointer if self.faults else None
+
+
+class MissingError(RefusedError, LookupError):
+    """There is no such job, solution, sweep or path."""
+
+
+class FailedError(PolhodeError):
+    """A job failed or was cancelled.
+
+    Parameters
+    ----------
+    job
+        The job as the service shows it.
+    """
+
+    def __init__(self, job: Mapping[str, object]) -> None:
+        error = job.get("error")
+        told: Mapping[str, object] = error if isinstance(error, Mapping) else {}
+        self.job, self.document = job, told
+        self.code = str(told.get("code") or job.get("state"))
+        self.detail = str(told.get("detail") or f"job {job.get('id')} is {job.get('state')}")
+        pointer = told.get("pointer")
+        self.pointer = None if pointer is None else str(pointer)
+        super().__init__(f"{self.code}: {self.detail}" + (f" ({self.pointer})" if self.pointer else ""))
+
+
+def refused(status: int, document: object) -> RefusedError:
+    """Return the error for an answer that is none of success."""
+    told = document if isinstance(document, Mapping) else {"detail": str(document)[:500]}
+    return (MissingError if status == 404 else RefusedError)(status, told)
+
+
+def _faults(errors: object) -> Sequence[ToldFault]:
+    if not isinstance(errors, list):
+        return ()
+    named = [error for error in errors if isinstance(error, Mapping)]
+    return [
+        ToldFault(*(str(error.get(name, "")) for name in ("pointer", "code", "message"))) for error in named
+    ]

@@ -1,0 +1,209 @@
+"""A solved motion: its numbers with their errors, and the motion as a function of time."""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Generic
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import ArrayLike, NDArray
+
+from polhode.documents.problems import Document
+from polhode.documents.quantities import Quantity
+from polhode.errors import PolhodeError
+from polhode.evaluation import attitude
+from polhode.evaluation.function import FloatArray, FunctionOfTime, PairOfDoubles
+from polhode.evaluation.samples import Samples
+from polhode.showing import drawing
+from polhode.showing.notebooks import sphere_svg, table_html
+from polhode.transport.carriers import CarrierT, ThreadCarrier
+from polhode.transport.exchange import ARROW, ask, ask_json
+from polhode.transport.steps import Operation, operation
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+
+_ERROR_HEADER = "polhode-error"
+_PICTURE_POINTS = 400
+
+
+class Motion(Generic[CarrierT]):
+    """A motion that the service has computed and stored.
+
+    Attributes
+    ----------
+    document
+        The summary as the service tells it, with everything that has no attribute here.
+    """
+
+    def __init__(self, carrier: CarrierT, document: Document) -> None:
+        self.carrier, self.document = carrier, document
+        self._function: FunctionOfTime | None = None
+
+    @property
+    def id(self) -> str:
+        """Of the solution."""
+        return str(self.document["id"])
+
+    @property
+    def problem(self) -> Mapping[str, object]:
+        """The document that was solved."""
+        problem = self.document["problem"]
+        assert isinstance(problem, Mapping)
+        return problem
+
+    @property
+    def period(self) -> Quantity | None:
+        """Period of all six variables; None if there is none, or none is known."""
+        return Quantity.read(self.document.get("period"))
+
+    @property
+    def energy(self) -> Quantity:
+        """h, in the unit of moments over squared times."""
+        energy = Quantity.read(self.document["energy"])
+        assert energy is not None
+        return energy
+
+    @property
+    def error(self) -> float:
+        """Bound of the absolute error of each of the six variables over the times of the problem."""
+        return float(str(self.document["error"]))
+
+    @property
+    def aperiodic(self) -> str | None:
+        """Why it has no period: ``separatrix``, ``equilibrium``, ``collision`` or ``pole``."""
+        told = self.document.get("aperiodic")
+        return None if told is None else str(told)
+
+    @property
+    def tier(self) -> str:
+        """The tier of accuracy."""
+        return str(self.document["tier"])
+
+    @property
+    def method(self) -> str:
+        """How it was computed: ``quadrature`` or ``integration``."""
+        return str(self.document["method"])
+
+    @property
+    def stability(self) -> Mapping[str, object] | None:
+        """Whether small disturbances leave the plane, if the outputs asked for it."""
+        told = self.document.get("stability")
+        return told if isinstance(told, Mapping) else None
+
+    @operation
+    def at(self, times: ArrayLike) -> Operation[Samples]:
+        """Return the variables at any times, one or many, evaluated here with the bits of the service.
+
+        Raises
+        ------
+        WrongArgumentError
+            The motion has no period, and a time is outside the range that was computed.
+        """
+        return (yield from self._at(times))
+
+    @operation
+    def function(self) -> Operation[FunctionOfTime]:
+        """Return the motion as a function of time; it is fetched once."""
+        return (yield from self._fetched())
+
+    @operation
+    def samples(self) -> Operation[Samples]:
+        """Return the samples at the times of the problem, as they are stored."""
+        return (yield from self._stored())
+
+    @operation
+    def frame(self, times: ArrayLike | None = None) -> Operation["pd.DataFrame"]:
+        """Return a pandas frame with a row a time: those of the problem if ``times`` is left out."""
+        samples = (yield from self._stored()) if times is None else (yield from self._at(times))
+        return samples.frame()
+
+    @operation
+    def enclosures(self) -> Operation[Mapping[str, object]]:
+        """Return the proven samples of the tier certified: decimals with radii.
+
+        Raises
+        ------
+        MissingError
+            The motion is of another tier.
+        """
+        return (yield from ask_json(self.carrier.terms, "GET", f"/v1/solutions/{self.id}/enclosures"))
+
+    @operation
+    def plot(
+        self, columns: Sequence[str] = ("g1", "g2", "g3", "p", "r"), *, ax: "Axes | None" = None
+    ) -> Operation["Axes"]:
+        """Draw columns over time, one period or the times of the problem, with matplotlib."""
+        samples = yield from self._whole()
+        return drawing.curves(samples, columns, ax)
+
+    @operation
+    def sphere(self, *, ax: "Axes | None" = None) -> Operation["Axes"]:
+        """Draw the path of the vertical on the unit sphere, seen from the body, with matplotlib."""
+        samples = yield from self._whole()
+        return drawing.sphere(samples.gamma, ax)
+
+    def _at(self, times: ArrayLike) -> Operation[Samples]:
+        function = yield from self._fetched()
+        asked: NDArray[np.float64] = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        columns = attitude.columns_at(function, asked)
+        errors = attitude.errors_at(function, asked)
+        return Samples({"t": asked, **columns}, {"t": 0.0, **{name: errors[name] for name in columns}})
+
+    def _fetched(self) -> Operation[FunctionOfTime]:
+        if self._function is None:
+            told = yield from ask_json(self.carrier.terms, "GET", f"/v1/solutions/{self.id}/function")
+            self._function = _read_function(told)
+        return self._function
+
+    def _stored(self) -> Operation[Samples]:
+        path = f"/v1/solutions/{self.id}/trajectory"
+        reply = yield from ask(self.carrier.terms, "GET", path, accept=ARROW)
+        table = pa.ipc.open_stream(reply.content).read_all()
+        columns = {name: table.column(name).to_numpy() for name in table.column_names}
+        error = float(reply.headers[_ERROR_HEADER])
+        return Samples(columns, {name: 0.0 if name == "t" else error for name in columns})
+
+    def _whole(self) -> Operation[Samples]:
+        """Return enough samples for a picture: of one period, or of all that was computed."""
+        function = yield from self._fetched()
+        times: FloatArray = np.linspace(function.breaks[0], function.breaks[-1], _PICTURE_POINTS)
+        return (yield from self._at(times))
+
+    def __repr__(self) -> str:
+        return f"<motion {self.id}: period {self.period}, energy {self.energy}, error {self.error:.1e}>"
+
+    def _repr_html_(self) -> str:
+        picture = ""
+        if isinstance(self.carrier, ThreadCarrier):
+            try:
+                picture = sphere_svg(self.carrier.run(partial(Motion._whole, self)()).gamma)
+            except (PolhodeError, KeyError):
+                picture = ""  # facts are better than nothing
+        error = f"{self.error:.1e}"
+        facts = {"period": self.period or self.aperiodic, "energy": self.energy, "error": error}
+        return table_html(
+            "Motion", {**facts, "method": f"{self.method}, {self.tier}", "id": self.id}, picture
+        )
+
+
+def _read_function(told: Mapping[str, object]) -> FunctionOfTime:
+    columns, errors, advances = told["columns"], told["errors"], told["advances"]
+    assert isinstance(columns, list)
+    assert isinstance(errors, Mapping)
+    assert isinstance(advances, Mapping)
+    return FunctionOfTime(
+        columns=tuple(map(str, columns)),
+        breaks=np.array(told["breaks"], dtype=np.float64),
+        coefficients=np.array(told["coefficients"], dtype=np.float64),
+        period=None if told["period"] is None else _pair(told["period"]),
+        error=float(str(told["error"])),
+        errors={str(name): float(error) for name, error in errors.items()},
+        advances={str(name): _pair(gained) for name, gained in advances.items()},
+    )
+
+
+def _pair(told: object) -> PairOfDoubles:
+    assert isinstance(told, Mapping)
+    return PairOfDoubles(*(float(told[name]) for name in ("hi", "lo", "error")))

@@ -1,0 +1,132 @@
+"""One request and its answer, sent again until there is one; and its errors."""
+
+import json
+import random
+import time
+import uuid
+from collections.abc import Mapping
+
+from polhode.errors import UnreachableError, refused
+from polhode.transport.steps import LostConnectionError, Operation, Pause, Reply, Send
+from polhode.transport.terms import Terms
+
+MERGE_PATCH = "application/merge-patch+json"
+JSON, ARROW, EVENTS = "application/json", "application/vnd.apache.arrow.stream", "text/event-stream"
+
+FIRST_PATIENCE = 10.0
+"""Seconds to wait for a service that has not answered yet: its address may be wrong."""
+_FIRST_PAUSE, _LONGEST_PAUSE = 0.05, 5.0
+_PASSING = (429, 502, 503, 504)
+"""Statuses that another try may not have."""
+_END_OF_ARROW = b"\xff\xff\xff\xff\x00\x00\x00\x00"
+_AT_WORK = "idempotency_key_in_use"
+
+
+def ask(
+    terms: Terms,
+    method: str,
+    path: str,
+    document: object = None,
+    *,
+    accept: str = JSON,
+    headers: Mapping[str, str] | None = None,
+) -> Operation[Reply]:
+    """Return the successful answer to a request.
+
+    Without an answer, and when the service is busy or starts, it is sent again with growing, random pauses.
+    What makes something has an Idempotency-Key, so that it is made once however often it is sent.
+
+    Raises
+    ------
+    RefusedError
+        The service refused it.
+    UnreachableError
+        There was no answer for longer than the client's patience.
+    """
+    url = terms.url + path
+    if method == "GET" and terms.cache is not None and (kept := terms.cache.find(url, accept)):
+        return kept
+    own = {"Accept": f"{accept}, {JSON};q=0.1, application/problem+json", **(headers or {})}
+    content = None
+    if document is not None:
+        content = json.dumps(document, allow_nan=False).encode()
+        own.setdefault("Content-Type", JSON)
+    if method == "POST":
+        own.setdefault("Idempotency-Key", str(uuid.uuid4()))
+    reply = yield from _answered(terms, Send(method, path, own, content))
+    if not 200 <= reply.status < 300:
+        raise refused(reply.status, _document(reply))
+    if method == "GET" and terms.cache is not None:
+        terms.cache.keep(url, accept, reply)
+    return reply
+
+
+def ask_json(
+    terms: Terms,
+    method: str,
+    path: str,
+    document: object = None,
+    *,
+    headers: Mapping[str, str] | None = None,
+) -> Operation[dict[str, object]]:
+    """Return the JSON object with which the service answers; raises as :func:`ask`."""
+    reply = yield from ask(terms, method, path, document, headers=headers)
+    found = _document(reply)
+    if not isinstance(found, dict):
+        raise refused(reply.status, "the answer is not a JSON object: is there another service?")
+    return found
+
+
+def open_stream(terms: Terms, path: str, headers: Mapping[str, str]) -> Operation[Reply]:
+    """Return the head of an answer whose lines follow; whatever its status is."""
+    return (yield from _answered(terms, Send("GET", path, {"Accept": EVENTS, **headers}, None, True)))
+
+
+def _answered(terms: Terms, request: Send) -> Operation[Reply]:
+    began, tries = time.monotonic(), 0
+    while True:
+        pause = random.uniform(0.5, 1.0) * min(_FIRST_PAUSE * 2**tries, _LONGEST_PAUSE)
+        tries += 1
+        try:
+            reply = yield request
+        except LostConnectionError as fault:
+            reason = str(fault)
+            patience = terms.patience if terms.has_answered else min(FIRST_PATIENCE, terms.patience)
+        else:
+            terms.has_answered = True
+            if not _is_passing(reply) and not _is_torn(reply):
+                return reply
+            reason, patience = f"HTTP status {reply.status}", terms.patience
+            pause = max(pause, _retry_after(reply))
+        if time.monotonic() - began + pause > patience:
+            raise UnreachableError(
+                f"{terms.url} has not answered for {time.monotonic() - began:.0f} s ({reason}); is a service"
+                " running there? POLHODE_URL or connect(url) name another address"
+            )
+        yield Pause(pause)
+
+
+def _is_passing(reply: Reply) -> bool:
+    if reply.status == 409:
+        return _AT_WORK.encode() in reply.content
+    return reply.status in _PASSING
+
+
+def _is_torn(reply: Reply) -> bool:
+    """Tell whether an Arrow stream lacks its end: some proxies end an answer whose server has died."""
+    is_arrow = reply.headers.get("content-type", "").startswith(ARROW)
+    return is_arrow and reply.status == 200 and not reply.content.endswith(_END_OF_ARROW)
+
+
+def _retry_after(reply: Reply) -> float:
+    try:
+        return min(float(reply.headers.get("retry-after", "0")), 60.0)
+    except ValueError:
+        return 0.0
+
+
+def _document(reply: Reply) -> object:
+    try:
+        return json.loads(reply.content)
+    except ValueError:
+        return reply.content.decode("utf-8", "replace")

@@ -1,0 +1,116 @@
+"""Operations as generators: they yield what they need from outside, and never wait or send themselves.
+
+The same operation is carried out by a thread or by an event loop; ``operation`` makes it a method that
+returns its result in the one case, and something to await in the other.
+"""
+
+from collections.abc import Callable, Coroutine, Generator, Mapping
+from dataclasses import dataclass, field
+from functools import update_wrapper
+from typing import Concatenate, Generic, ParamSpec, Protocol, Self, TypeVar, overload
+
+P = ParamSpec("P")
+T = TypeVar("T")
+Owner = TypeVar("Owner")
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Send a request, and receive the whole answer."""
+
+    method: str
+    path: str
+    """Below the address of the service, with the query."""
+    headers: Mapping[str, str] = field(default_factory=dict)
+    content: bytes | None = None
+    is_stream: bool = False
+    """Receive the head only; the lines follow one by one by :class:`NextLine`."""
+
+
+@dataclass(frozen=True, slots=True)
+class NextLine:
+    """Receive the next line of the stream that was opened last."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """Wait."""
+
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """What came back. Names of headers are in lower case."""
+
+    status: int = 0
+    headers: Mapping[str, str] = field(default_factory=dict)
+    content: bytes = b""
+    line: str | None = None
+    """What :class:`NextLine` asked for; None at the end of the stream."""
+
+
+class LostConnectionError(Exception):
+    """No answer, or not all of it, has arrived; thrown into the operation that asked."""
+
+
+Step = Send | NextLine | Pause
+Operation = Generator[Step, Reply, T]
+
+
+class Thread(Protocol):
+    """Carries out operations in the thread that calls."""
+
+    def run(self, steps: Operation[T]) -> T:
+        """Return the operation's result."""
+
+
+class Loop(Protocol):
+    """Carries out operations in an event loop."""
+
+    async def run_soon(self, steps: Operation[T]) -> T:
+        """Return the operation's result."""
+
+
+class Synchronous(Protocol):
+    """Whose operations return their results."""
+
+    @property
+    def carrier(self) -> Thread:
+        """Who carries them out."""
+
+
+class Asynchronous(Protocol):
+    """Whose operations are awaited."""
+
+    @property
+    def carrier(self) -> Loop:
+        """Who carries them out."""
+
+
+class operation(Generic[Owner, P, T]):  # noqa: N801 - used as a decorator
+    """A method written once, as a generator, for both kinds of owner."""
+
+    def __init__(self, function: Callable[Concatenate[Owner, P], Operation[T]]) -> None:
+        self.function = function
+        update_wrapper(self, function)  # type: ignore[arg-type]  # takes the name and the docstring
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, instance: Synchronous, owner: type) -> Callable[P, T]: ...
+    @overload
+    def __get__(self, instance: Asynchronous, owner: type) -> Callable[P, Coroutine[object, object, T]]: ...
+    def __get__(self, instance: object, owner: type) -> object:
+        """Return the method bound to ``instance``."""
+        if instance is None:
+            return self
+        function = self.function
+
+        def bound(*given: P.args, **named: P.kwargs) -> object:
+            steps = function(instance, *given, **named)  # type: ignore[arg-type]  # the owner, by descriptor
+            carrier: object = instance.carrier  # type: ignore[attr-defined]  # both kinds of owner have one
+            return carrier.run_soon(steps) if hasattr(carrier, "run_soon") else carrier.run(steps)  # type: ignore[attr-defined]
+
+        update_wrapper(bound, function)
+        return bound

@@ -1,0 +1,168 @@
+"""Motions over the live service: numbers with their errors, and the function of time with its bits."""
+
+import asyncio
+
+import numpy as np
+import pytest
+
+import polhode as ph
+
+PERIODIC = {
+    "body": {"A": 2, "B": "3/2", "C": 1},
+    "potential": {
+        "type": "expression",
+        "expression": "a*g1 + b/g3^2",
+        "parameters": {"a": -1, "b": "1/20"},
+    },
+    "motion": {"type": "planar", "lambda": 1},
+    "time": {"stop": 10, "samples": 11},
+    "outputs": ["gamma", "omega", "orientation"],
+}
+INTEGRATED = {
+    "body": {"A": 2, "B": "3/2", "C": 1},
+    "potential": {"type": "gravity", "a": 1, "c": "-1/2"},
+    "motion": {"type": "state", "omega": ["2/5", "1/10", "9/10"], "gamma": ["3/5", 0, "4/5"]},
+    "time": {"stop": 5, "samples": 6},
+}
+
+
+def served(service, motion, start, stop, samples):
+    """Return what the service evaluates at times that are doubles."""
+    query = f"start={start}&stop={stop}&samples={samples}"
+    return service.call("GET", f"/v1/solutions/{motion.id}/trajectory?{query}").document
+
+
+@pytest.mark.parametrize(
+    ("problem", "spans"),
+    [
+        (PERIODIC, [(0, 8, 65), (-1024, 1024, 129), (2**30, 2**30 + 16, 33)]),
+        (INTEGRATED, [(0, 5, 41)]),
+    ],
+    ids=["with orientation, over a period", "without a period"],
+)
+def test_the_function_has_the_bits_and_the_errors_of_the_service(connected, service, problem, spans):
+    motion = connected.solve(problem)
+    for start, stop, samples in spans:
+        told = served(service, motion, start, stop, samples)
+        here = motion.at(np.linspace(start, stop, samples))
+        assert list(here.columns) == list(told["columns"])
+        for name, values in told["columns"].items():
+            assert here[name].tobytes() == np.array(values).tobytes(), name
+        # The service tells the largest of the bounds, by the same operations.
+        assert here.error == told["error"]
+
+
+def test_times_that_were_not_computed_are_refused(connected):
+    motion = connected.solve(INTEGRATED)
+    assert motion.period is None
+    with pytest.raises(ph.WrongArgumentError, match="not known to be periodic"):
+        motion.at(5.5)
+
+
+def test_numbers_carry_their_errors(connected, base, service):
+    motion = connected.solve(base)
+    told = service.call("GET", f"/v1/solutions/{motion.id}").document
+    assert (float(motion.period), motion.period.error) == tuple(told["period"].values())
+    assert (float(motion.energy), motion.energy.error) == tuple(told["energy"].values())
+    assert motion.error == told["error"] <= 1e-9
+    # The path closes after a period: within the error of the period times the speed, and that of both values.
+    start, end = motion.at([0.0, float(motion.period)]).gamma
+    speed = np.abs(motion.at(0.0).omega).sum()
+    assert np.abs(end - start).max() <= motion.period.error * speed + 2 * motion.at(motion.period).error
+
+
+def test_proven_digits_are_kept_and_their_rounding_counts(connected, base):
+    motion = connected.solve(base | {"accuracy": {"tier": "certified", "bits": 128}})
+    period = motion.period
+    assert len(period.digits) > 30
+    assert float(period.radius) < 1e-30 < period.error < 1e-15  # the float has a rounding of half an ulp
+    assert motion.enclosures()["columns"]["g1"][0].keys() == {"value", "radius"}
+
+
+def test_samples_are_those_of_the_problem(connected, base):
+    motion = connected.solve(base)
+    frame = motion.frame()
+    assert frame.t.tolist() == list(range(11))
+    assert frame.attrs["error"] == motion.error
+    # Stored samples are those of the solver, the others of its function: both within their errors.
+    again = motion.frame(times=frame.t)
+    assert np.abs(again - frame).to_numpy().max() <= again.attrs["error"] + frame.attrs["error"]
+
+
+def test_equal_problems_have_one_solution(connected, base):
+    assert connected.solve(base).id == connected.solve(base, lam="1").id
+    job = connected.submit(base)
+    assert job.wait().id == connected.solve(base).id
+    assert job.state == "succeeded"
+
+
+def test_lists_come_back_in_their_order(connected, base):
+    lambdas = ["3/2", "5/4", "3/2", 1]
+    motions = connected.solve_all([ph.problem(base, lam=each) for each in lambdas])
+    assert [motion.problem["motion"]["lambda"] for motion in motions] == ["3/2", "5/4", "3/2", 1]
+    with pytest.raises(ph.SomeFailedError) as some:
+        connected.solve_all([base, base | {"body": {"A": -1, "C": 1}}])
+    assert some.value.motions[0].id == motions[3].id
+    assert some.value.errors[1].pointer == "/body/A"
+    with pytest.raises(ph.SomeFailedError):
+        connected.solve_all([base | {"body": {"A": -1, "C": 1}}])
+
+
+def test_refusals_tell_all_faults_with_their_places(connected, base):
+    with pytest.raises(ph.RefusedError) as refused:
+        connected.solve(base, body=(-2, 1), potential="a*g4", a=1)
+    assert {fault.pointer for fault in refused.value.faults} == {"/body/A", "/potential/expression"}
+    assert "is > 0" in str(refused.value)
+    with pytest.raises(ph.RefusedError) as refused:
+        connected.solve(base, potential="g1 + g2/10")
+    assert refused.value.code == "inadmissible_potential"
+    assert refused.value.document["counterexample"]["g"]
+    with pytest.raises(ph.FailedError) as failed:
+        connected.solve(INTEGRATED, tolerance="1e-15")
+    assert failed.value.code == "accuracy_not_met"
+    with pytest.raises(ph.MissingError):
+        connected.solution("01a2093c-94c9-70fd-9ade-9dd8a9a0e28b")
+
+
+def test_a_verdict_is_the_same_document(connected, service):
+    verdict = connected.judge("g1 + g2/10", body=(2, 1))
+    assert (verdict.verdict, verdict.is_admissible) == ("inadmissible", False)
+    asked = {"body": {"A": 2, "C": 1}, "potential": {"type": "expression", "expression": "g1 + g2/10"}}
+    assert verdict.document == service.call("POST", "/v1/validations", asked).document
+    assert connected.judge("a*g1", body=(2, 1), a="-1/2").is_admissible
+
+
+def test_an_event_loop_gets_the_same(connected, base, service):
+    async def solve():
+        async with ph.connect_async(service.address) as client:
+            motion = await client.solve(base)
+            later = await motion.at([0.0, 1e6])
+            ids = [each.id async for each in client.solutions("period<7")]
+            sweep = await client.sweep(base, lam=[1, "3/2"])
+            return motion.id, later.gamma.tolist(), ids, (await sweep.frame()).period.tolist()
+
+    motion = connected.solve(base)
+    sweep = connected.sweep(base, lam=[1, "3/2"])
+    ids = [each.id for each in connected.solutions("period<7")]
+    here = motion.id, motion.at([0.0, 1e6]).gamma.tolist(), ids, sweep.frame().period.tolist()
+    assert asyncio.run(solve()) == here
+
+
+def test_notebooks_show_facts_and_a_picture(connected, base):
+    html = connected.solve(base)._repr_html_()
+    assert "±" in html
+    assert html.count("<polyline") >= 1
+    assert "inadmissible" in connected.judge("g1 + g2/10", body=(2, 1))._repr_html_()
+
+
+def test_what_never_changes_is_asked_for_once(connected, base, service):
+    motion = connected.solve(base)
+    first = motion.frame()
+    motion.at(0.0)
+    asked = []
+    with ph.connect() as other:
+        other.carrier._http.event_hooks = {"request": [lambda request: asked.append(request.url.path)]}
+        again = other.solution(motion.id)
+        assert again.frame().equals(first)
+        assert again.at(3.5).gamma.tolist() == motion.at(3.5).gamma.tolist()
+    assert asked == [f"/v1/solutions/{motion.id}"]
