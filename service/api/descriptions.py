@@ -6,7 +6,9 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 
+from service.api.examples import describe_examples
 from service.api.keys.access import ACCESS, OPEN
+from service.api.links import describe_links
 from service.api.replies.conditional import VOLATILE
 from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
@@ -99,6 +101,10 @@ def describe(app: FastAPI) -> dict[str, object]:
     }
     _describe_access(document)
     _describe_conditions(document)
+    paths = document["paths"]
+    assert isinstance(paths, dict)
+    describe_links(paths)
+    describe_examples(document)
     return document
 
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from service.api.examples import recorded
 from service.api.replies.errors import TITLES
 from tests.support.conformance import document, faults, nodes, operations
 
@@ -61,7 +62,8 @@ def reached(start: object) -> set[str]:
     waiting = [start]
     while waiting:
         for _, node in nodes(waiting.pop()):
-            name = str(node.get("$ref", "")).removeprefix(SCHEMAS)
+            reference = str(node.get("$ref", ""))
+            name = reference.removeprefix(SCHEMAS) if reference.startswith(SCHEMAS) else ""
             if name and name not in found:
                 found.add(name)
                 waiting.append(schemas()[name])
@@ -129,6 +131,12 @@ def test_requests_refuse_unknown_fields_and_answers_may_have_more():
         assert closed == [], name
 
 
+def example_value(example: dict) -> object:
+    if "$ref" in example:
+        return document()["components"]["examples"][example["$ref"].rpartition("/")[2]]["value"]
+    return example["value"]
+
+
 def examples():
     """Yield every example in the document with its place and schema."""
     for path, node in nodes(document()):
@@ -136,7 +144,7 @@ def examples():
         if isinstance(given, list):
             yield from ((path, node, example) for example in given)
         elif isinstance(given, dict) and "schema" in node:
-            yield from ((path, node["schema"], example["value"]) for example in given.values())
+            yield from ((path, node["schema"], example_value(example)) for example in given.values())
         if "default" in node and "title" in node:
             yield path, node, node["default"]
 
@@ -146,6 +154,68 @@ def test_every_example_and_default_is_as_its_schema_says():
     assert len(found) > 20
     for path, schema, example in found:
         assert faults(schema, example) == [], path
+
+
+TEXT = ("application/json", "application/problem+json", "application/x-ndjson", "text/csv", "text/plain")
+"""What an example can show; the others are files for programs, and pictures."""
+
+
+def test_every_request_and_every_answer_has_an_example():
+    missing = [
+        (*where, media_type)
+        for path, method, operation in operations()
+        for where, holder in [
+            ((method, path, "request"), operation.get("requestBody", {})),
+            *(((method, path, status), answer) for status, answer in operation["responses"].items()),
+        ]
+        for media_type, content in holder.get("content", {}).items()
+        if media_type in TEXT and not content.get("examples")
+    ]
+    assert missing == []
+
+
+def test_recorded_examples_belong_to_operations_and_name_no_machine():
+    assert set(recorded()) <= {operation["operationId"] for _, _, operation in operations()}
+    hosts = {str(node["host"]) for _, node in nodes(recorded()) if "host" in node}
+    workers = {str(node["worker"]) for _, node in nodes(recorded()) if "worker" in node} - {"ok"}
+    assert hosts
+    assert workers
+    assert {name.partition("/")[0] for name in hosts | workers} == {"laptop"}
+
+
+def test_links_lead_to_operations_with_the_parameter_that_they_give():
+    parameters = {
+        operation["operationId"]: {each["name"] for each in operation.get("parameters", [])}
+        for _, _, operation in operations()
+    }
+    found = [
+        (operation["operationId"], link)
+        for _, _, operation in operations()
+        for answer in operation["responses"].values()
+        for link in answer.get("links", {}).values()
+    ]
+    assert all(set(link["parameters"]) <= parameters[link["operationId"]] for _, link in found)
+    reached = {link["operationId"] for _, link in found}
+    with_ids = {name for name, given in parameters.items() if given & {"job_id", "solution_id", "sweep_id"}}
+    assert reached == with_ids
+
+
+def test_links_are_answered(client, stored):
+    """Each link of an answer that is here leads to an answer too."""
+    answers = {"get_job": f"/v1/jobs/{stored.job.id}", "get_solution": f"/v1/solutions/{stored.solution_id}"}
+    places = {operation["operationId"]: (path, method, operation) for path, method, operation in operations()}
+    followed = 0
+    for name, path in answers.items():
+        answer = client.get(path).json()
+        for link in places[name][2]["responses"]["200"]["links"].values():
+            target, method, _ = places[link["operationId"]]
+            ((parameter, expression),) = link["parameters"].items()
+            value = answer[expression.removeprefix("$response.body#/")]
+            if method == "GET":
+                there = client.get(target.replace(f"{{{parameter}}}", value))
+                assert there.status_code == 200 or there.json()["type"].endswith("no_enclosures")
+                followed += 1
+    assert followed > 5
 
 
 def alternatives(schema: dict) -> list[dict]:

@@ -26,7 +26,8 @@ IdempotencyKey = Annotated[
     str | None,
     Header(
         description="1 to 255 visible characters of your choice. The same request with the same key brings"
-        " the same answer for 24 hours, marked `Idempotency-Replayed: true`, and makes nothing twice."
+        " the same answer for 24 hours, marked `Idempotency-Replayed: true`, and makes nothing twice.",
+        json_schema_extra={"pattern": "^[!-~]{1,255}$"},
     ),
 ]
 """The type of an endpoint's parameter that receives the key."""

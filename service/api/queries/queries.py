@@ -104,14 +104,14 @@ def refuse_if_any(faults: Sequence[Fault]) -> None:
         raise invalid_request(faults)
 
 
-def query_parameters(model: type[QueryModel]) -> dict[str, object]:
-    """Return the OpenAPI extension of an endpoint with the query ``model``."""
+def query_parameters(model: type[QueryModel], *needed: str) -> dict[str, object]:
+    """Return the OpenAPI extension of an endpoint with the query ``model``; it refuses without ``needed``."""
     return {
         "parameters": [
             {
                 "name": name,
                 "in": "query",
-                "required": False,
+                "required": name in needed,
                 **({"description": schema["description"]} if "description" in schema else {}),
                 "schema": schema,
             }

@@ -38,7 +38,7 @@ StatisticsAsked = Annotated[Asked[StatisticsQuery], Depends(asked_of(StatisticsQ
     tags=["solutions"],
     response_model=FacetsOut,
     responses=refusals(),
-    openapi_extra=query_parameters(FacetsQuery),
+    openapi_extra=query_parameters(FacetsQuery, "by"),
 )
 def get_solution_facets(asked: FacetsAsked, inside: Inside) -> Response:
     """Count how often each value of some facts occurs among the solutions that match."""
@@ -50,7 +50,7 @@ def get_solution_facets(asked: FacetsAsked, inside: Inside) -> Response:
     tags=["jobs"],
     response_model=FacetsOut,
     responses=refusals(),
-    openapi_extra=query_parameters(FacetsQuery),
+    openapi_extra=query_parameters(FacetsQuery, "by"),
 )
 def get_job_facets(asked: FacetsAsked, inside: Inside) -> Response:
     """Count how often each value of some facts occurs among the jobs that match."""
@@ -62,7 +62,7 @@ def get_job_facets(asked: FacetsAsked, inside: Inside) -> Response:
     tags=["sweeps"],
     response_model=FacetsOut,
     responses=refusals(404),
-    openapi_extra=query_parameters(FacetsQuery),
+    openapi_extra=query_parameters(FacetsQuery, "by"),
 )
 def get_point_facets(sweep_id: SweepId, asked: FacetsAsked, inside: Inside) -> Response:
     """Count how often each value occurs among the computed points that match."""
@@ -78,7 +78,7 @@ def get_point_facets(sweep_id: SweepId, asked: FacetsAsked, inside: Inside) -> R
     tags=["solutions"],
     response_model=StatisticsOut,
     responses=refusals(),
-    openapi_extra=query_parameters(StatisticsQuery),
+    openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
 def get_solution_statistics(asked: StatisticsAsked, inside: Inside) -> Response:
     """Tell how numbers of the solutions that match are spread: extremes, quartiles, histograms."""
@@ -90,7 +90,7 @@ def get_solution_statistics(asked: StatisticsAsked, inside: Inside) -> Response:
     tags=["jobs"],
     response_model=StatisticsOut,
     responses=refusals(),
-    openapi_extra=query_parameters(StatisticsQuery),
+    openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
 def get_job_statistics(asked: StatisticsAsked, inside: Inside) -> Response:
     """Tell how numbers of the jobs that match are spread: extremes, quartiles, histograms."""
@@ -102,7 +102,7 @@ def get_job_statistics(asked: StatisticsAsked, inside: Inside) -> Response:
     tags=["sweeps"],
     response_model=StatisticsOut,
     responses=refusals(404),
-    openapi_extra=query_parameters(StatisticsQuery),
+    openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
 def get_point_statistics(sweep_id: SweepId, asked: StatisticsAsked, inside: Inside) -> Response:
     """Tell how numbers of the computed points that match are spread."""

@@ -138,8 +138,8 @@ def _submitted(record: SweepRecord) -> Response:
 
 def _priority(document: Mapping[str, object]) -> int:
     priority = document.get("priority", 0)
-    assert isinstance(priority, int)
-    return priority
+    assert isinstance(priority, int | float)
+    return int(priority)
 
 
 @router.get(

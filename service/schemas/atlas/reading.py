@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
 
 from service.dynamics.atlas.atlas import LambdaRange
 from service.dynamics.body import RigidBody
@@ -17,7 +17,8 @@ from service.schemas.problem.rules import read_setting
 from service.schemas.problem.sections import Accept, BodyIn
 from service.schemas.reading.choices import WireModel
 from service.schemas.reading.faults import InvalidProblemError, fault_of
-from service.schemas.reading.numbers import Positive, Sign, refuse
+from service.schemas.reading.needs import given, one_of_each, within
+from service.schemas.reading.numbers import Positive, Sign, integer_schema, read_integer, refuse
 from service.schemas.reading.parts import read_parts
 
 SMALLEST, LARGEST = Fraction(1, 10**9), Fraction(10**9)
@@ -36,6 +37,19 @@ def _forward(ends: list[Fraction]) -> list[Fraction]:
     return ends
 
 
+def _read_followed(value: object) -> int:
+    accepted = f"{FEWEST} to {MOST} are accepted"
+    number = read_integer(value, accepted=accepted)
+    if not FEWEST <= number <= MOST:
+        raise refuse("out_of_range", f"out of range; {accepted}")
+    return number
+
+
+Followed = Annotated[
+    int,
+    PlainValidator(_read_followed),
+    WithJsonSchema(integer_schema("101", minimum=FEWEST, maximum=MOST)),
+]
 AtlasOutput = Literal["period"]
 
 
@@ -46,6 +60,8 @@ def _all_outputs() -> list[AtlasOutput]:
 class AtlasIn(WireModel):
     """A body, a potential and a range of λ: what ``POST /v1/atlases`` takes."""
 
+    model_config = one_of_each([within("body", given("A", "C"))])
+
     body: BodyIn = Field(description="The rigid body; A ≠ C. B has no meaning here.")
     potential: PotentialIn = Field(description="The potential, with a formula of g1, g2 and g3.")
     lambda_: Annotated[list[Positive], Field(min_length=2, max_length=2), AfterValidator(_forward)] = Field(
@@ -53,7 +69,7 @@ class AtlasIn(WireModel):
     )
     g1_sign: Sign = Field(default=1, description="Sign of g1 on the curves; 1 if left out.")
     g3_sign: Sign = Field(default=1, description="Sign of g3 where the motion starts; 1 if left out.")
-    samples: Annotated[int, Field(ge=FEWEST, le=MOST)] = Field(
+    samples: Followed = Field(
         default=101,
         description="About how many λ the windows are followed at; each part has at least 9.",
     )

@@ -8,6 +8,7 @@ from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 from service.dynamics.classical.catalogue import CASES
 from service.dynamics.problem import ClassicalMotion
 from service.schemas.reading.choices import WireModel
+from service.schemas.reading.needs import Schema, given, one_of_each, within
 from service.schemas.reading.numbers import Exact, Sign, integer_schema, read_integer, refuse
 
 CaseName = Literal[
@@ -42,8 +43,20 @@ Solution = Annotated[
 PartialTriple = Annotated[list[Exact | None], Field(min_length=3, max_length=3)]
 
 
+def _needed(case: str) -> tuple[str, ...]:
+    return tuple(name for name in CASES[case].fields if name not in OPTIONAL)
+
+
+def _with_what_they_need(needed: tuple[str, ...]) -> Schema:
+    """Return the schema of a motion of one of the cases that need just these fields."""
+    names = sorted(name for name in CASES if _needed(name) == needed)
+    return {"allOf": [within("case", {"enum": names}), given(*needed)]}
+
+
 class ClassicalMotionIn(WireModel):
     """A motion of one of the classical cases; `GET /v1/families` lists which fields each case takes."""
+
+    model_config = one_of_each([_with_what_they_need(needed) for needed in sorted(set(map(_needed, CASES)))])
 
     type: Literal["classical"] = Field(description="Says which kind of motion this is.")
     case: CaseName = Field(description="The case, as `classical` in `GET /v1/families` lists it.")
@@ -78,8 +91,8 @@ class ClassicalMotionIn(WireModel):
             if name not in taken:
                 message = f"the case {self.case} does not take it; accepted are {accepted}"
                 raise refuse("field_of_other_case", message, below=name)
-        for name in taken:
-            if name not in OPTIONAL and getattr(self, name) is None:
+        for name in _needed(self.case):
+            if getattr(self, name) is None:
                 message = f'the case {self.case} needs "{name}": {taken[name]}'
                 raise refuse("missing_field", message, below=name)
         if self.phase is not None:

@@ -20,9 +20,12 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.terms.bound_formula import bound_formula, named_formula
 from service.schemas.problem.potential_model import STAND_IN, FormulaModel, stand_in_parameters
 from service.schemas.reading.faults import Fault, fault_of
+from service.schemas.reading.needs import given, left_out, one_of_each
 from service.schemas.reading.numbers import read_exact, refuse
 
 _VARIABLES = {"F": "w", "G": "g2"}
+_F_FIELDS = tuple(f"F_{quadrant}" for quadrant in QUADRANTS)
+_G_FIELDS = tuple(f"G_{quadrant}" for quadrant in QUADRANTS)
 _FIELDS = {
     name: variable
     for function, variable in _VARIABLES.items()
@@ -54,6 +57,8 @@ Angle = Annotated[
 
 class GeneralIn(FormulaModel):
     """V1[F] + (A g1² + C g3²) G(g2), whose motions have the energy -F(w)."""
+
+    model_config = one_of_each([given("F"), given(*_F_FIELDS)], [left_out(*_G_FIELDS), given(*_G_FIELDS)])
 
     type: Literal["general"] = Field(description="Says which family this is.")
     F: str | None = Field(default=None, description="Formula in w for all quadrants.", examples=["k*w"])

@@ -17,6 +17,7 @@ from service.dynamics.problem import (
 )
 from service.schemas.problem.classical_motion import ClassicalMotionIn
 from service.schemas.reading.choices import TAG_MARK, WireModel, require_kind, tag_by_type
+from service.schemas.reading.needs import given, one_of_each
 from service.schemas.reading.numbers import Exact, Nonzero, Positive, Sign, WindowNumber, refuse
 
 UNIT_TOLERANCE = Fraction(1, 10**12)
@@ -103,6 +104,8 @@ def curve_faults(given: Set[str]) -> Iterator[tuple[str, str, str]]:
 
 class PlanarMotionIn(WireModel):
     """The q = 0, I3 = 0 motion on |g3| = lambda |g1|^(C/A); for A = 2C on g3² = nu g1."""
+
+    model_config = one_of_each([given("lambda"), given("nu")])
 
     type: Literal["planar"] = Field(description="Says which kind of motion this is.")
     lambda_: Positive | None = Field(

@@ -11,6 +11,7 @@ from service.schemas.problem.potentials import PotentialIn
 from service.schemas.problem.tiers import AccuracyIn, TierIn
 from service.schemas.reading.choices import TAG_MARK, WireModel, require_one, tag_by_field
 from service.schemas.reading.long_lists import each_of
+from service.schemas.reading.needs import given, one_of_each, within
 from service.schemas.reading.numbers import (
     MAX_SAMPLES,
     Exact,
@@ -64,6 +65,12 @@ class BodyIn(WireModel):
             "C": None if self.C is None else str(self.C),
             "allow_unphysical": self.allow_unphysical,
         }
+
+
+_WITH_MOMENTS = within("body", given("A", "C"))
+"""Without a classical motion no moment follows from others."""
+_OF_TYPE_CLASSICAL = {"type": "object", "required": ["type"], **within("type", {"const": "classical"})}
+_CLASSICAL = {"required": ["motion"], **within("motion", _OF_TYPE_CLASSICAL)}
 
 
 class TimeSpanIn(WireModel):
@@ -140,6 +147,8 @@ TimeIn = Annotated[
 class ProblemIn(WireModel):
     """A problem."""
 
+    model_config = one_of_each([_WITH_MOMENTS, _CLASSICAL])
+
     body: BodyIn = Field(description="The rigid body.")
     potential: PotentialIn = Field(description="The potential V(g1, g2, g3) of the field of force.")
     motion: MotionIn = Field(description="Which of the motions.")
@@ -193,6 +202,8 @@ class ValidationIn(WireModel):
 
     With a motion and times it is a problem, and checked as ``POST /v1/jobs`` would check it.
     """
+
+    model_config = one_of_each([_WITH_MOMENTS, _CLASSICAL])
 
     body: BodyIn = Field(description="The rigid body.")
     potential: PotentialIn = Field(description="The potential that is judged.")

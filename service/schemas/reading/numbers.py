@@ -3,7 +3,7 @@
 from fractions import Fraction
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, PlainSerializer, PlainValidator, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from service.dynamics.errors import InvalidNumberError
@@ -201,6 +201,8 @@ Sign = Annotated[
 ]
 Priority = Annotated[
     int,
+    # To JSON 70.0 is an integer.
+    BeforeValidator(lambda value: int(value) if isinstance(value, float) and value.is_integer() else value),
     AfterValidator(check_priority),
     Field(json_schema_extra={"minimum": -HIGHEST_PRIORITY, "maximum": HIGHEST_PRIORITY}),
 ]

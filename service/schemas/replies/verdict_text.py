@@ -7,6 +7,7 @@ from fractions import Fraction
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.schemas.reading.faults import Fault
+from service.schemas.replies.classification_text import describe_classification
 from service.schemas.replies.existence_text import existence_sentence
 from service.schemas.replies.response_model import QUADRANTS_OUT
 from service.schemas.replies.verdict import FunctionOut, MotionWindowOut, VerdictOut
@@ -100,6 +101,8 @@ def _lines(verdict: VerdictOut) -> Iterator[str]:
                 yield f"            {existence_sentence(verdict.existence)}"
         for window in verdict.motions:
             yield f"window {window.window:<4} {_window(window)}"
+    if verdict.classical is not None:
+        yield from describe_classification(verdict.classical)
 
 
 def _by_quadrant(what: str, functions: Mapping[str, FunctionOut | None]) -> Iterator[str]:

@@ -108,7 +108,7 @@ def test_a_first_point_without_a_motion_is_accepted(client):
 
 
 def test_priority_is_taken_over(client, jobs, sweep):
-    urgent = client.post("/v1/sweeps", json={**SWEEP, "priority": 7}).json()
+    urgent = client.post("/v1/sweeps", json={**SWEEP, "priority": 7.0}).json()
     assert urgent["priority"] == 7
     assert jobs.claim("worker", lease_seconds=60.0).sweep_id == urgent["id"]
 

@@ -1,0 +1,153 @@
+"""Records the examples of answers in the OpenAPI document: ``python -m tests.support.record_examples``.
+
+Runs a service on an empty database, asks it once for everything, and writes what it answers to
+``service/api/examples.json``. Names of this machine are replaced, and long lists are cut.
+"""
+
+import json
+import re
+import tempfile
+import time
+import urllib.request
+from pathlib import Path
+
+from service.api.examples import RECORDED
+from tests.support.serving import serving
+
+BODY = {"A": 2, "B": "3/2", "C": 1}
+POTENTIAL = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/20"}}
+PROBLEM = {
+    "body": BODY,
+    "potential": POTENTIAL,
+    "motion": {"type": "planar", "lambda": 1},
+    "time": {"stop": 10, "samples": 3},
+}
+CERTIFIED = {**PROBLEM, "time": {"stop": 1, "samples": 2}, "accuracy": {"tier": "certified"}}
+SWEEP = {
+    "base": {**PROBLEM, "accuracy": {"tolerance": 1e-9}},
+    "axes": [{"pointer": "/motion/lambda", "values": ["3/4", 1]}],
+    "keep": ["period", "energy", "error"],
+}
+ATLAS = {
+    "body": {"A": 2, "C": 1},
+    "potential": {
+        "type": "expression",
+        "expression": "a*g1 + b/g3^2 + c*(g1^2 - g2^2)",
+        "parameters": {"a": -1, "b": "1/20", "c": "3/2"},
+    },
+    "lambda": ["9/10", "11/10"],
+    "samples": 9,
+}
+LONG = {"families": 1, "classical": 1, "rows": 1, "shapes": 1}
+"""Lists of these names are cut to so many items."""
+JSON, CSV, NDJSON = "application/json", "text/csv", "application/x-ndjson"
+
+
+class Recorder:
+    def __init__(self, address: str) -> None:
+        self.address = address
+        self.found: dict[str, dict[str, dict[str, dict[str, object]]]] = {}
+
+    def record(self, operation: str, name: str, method: str, path: str, document=None, **headers: str):
+        body = None if document is None else json.dumps(document).encode()
+        sent = {"Content-Type": JSON, "Accept": JSON, **headers}
+        request = urllib.request.Request(self.address + path, data=body, headers=sent, method=method)
+        with urllib.request.urlopen(request, timeout=120) as answer:
+            status, text = answer.status, answer.read().decode()
+            media_type = answer.headers.get("Content-Type", "").partition(";")[0]
+        value = json.loads(text) if media_type == JSON else text
+        if text and operation:
+            shown = cut(json.loads(anonymous(json.dumps(value))))
+            named = (
+                self.found.setdefault(operation, {}).setdefault(str(status), {}).setdefault(media_type, {})
+            )
+            named[name] = shown
+        return value
+
+
+def anonymous(text: str) -> str:
+    """Replace the names of hosts and workers."""
+    return re.sub(
+        r"[\w.-]+/[0-9a-f]{8}(:\d+:[0-9a-f]{8})?\b",
+        lambda name: f"laptop/1b2e6a1f{':1:9c3d5e70' if name[1] else ''}",
+        text,
+    )
+
+
+def cut(value: object) -> object:
+    if isinstance(value, dict):
+        return {
+            name: cut(each[: LONG[name]] if name in LONG and isinstance(each, list) else each)
+            for name, each in value.items()
+        }
+    return [cut(each) for each in value] if isinstance(value, list) else value
+
+
+def ask(recorder: Recorder) -> None:
+    record = recorder.record
+    for operation, path in (
+        ("get_liveness", "/livez"),
+        ("get_readiness", "/readyz"),
+        ("get_accuracy", "/v1/accuracy"),
+        ("list_families", "/v1/families"),
+    ):
+        record(operation, "answer", "GET", path)
+    metrics = (
+        urllib.request.urlopen(recorder.address + "/metrics", timeout=60).read().decode().splitlines(True)
+    )
+    recorder.found["get_metrics"] = {"200": {"text/plain": {"beginning": "".join(metrics[:6])}}}
+    setting = {"body": BODY, "potential": POTENTIAL, "motion": PROBLEM["motion"]}
+    record("validate", "admissible", "POST", "/v1/validations", setting)
+    refuted = {"body": BODY, "potential": {"type": "expression", "expression": "g1 + g2/10"}}
+    record("validate", "inadmissible", "POST", "/v1/validations", refuted)
+    record("draw_atlas", "one window", "POST", "/v1/atlases", ATLAS)
+    record("draw_atlas", "one window", "POST", "/v1/atlases", ATLAS, Accept=CSV)
+    record("submit_job", "a job", "POST", "/v1/jobs", CERTIFIED)
+    job = record("submit_job", "finished in time", "POST", "/v1/jobs", PROBLEM, Prefer="wait=60")
+    record("submit_job", "of a list", "POST", "/v1/jobs", [PROBLEM, {**PROBLEM, "body": {"A": 0, "C": 1}}])
+    certified = record("", "", "POST", "/v1/jobs", CERTIFIED, Prefer="wait=60")
+    solution = f"/v1/solutions/{job['solution']}"
+    record("get_job", "finished", "GET", f"/v1/jobs/{job['id']}")
+    record("get_attempts", "one", "GET", f"/v1/jobs/{job['id']}/attempts")
+    record("list_jobs", "a page", "GET", "/v1/jobs?limit=1")
+    record("list_jobs", "columns", "GET", "/v1/jobs?limit=2&columns=id,state,seconds")
+    record("get_job_facets", "states", "GET", "/v1/jobs/facets?by=state")
+    record("get_job_statistics", "seconds", "GET", "/v1/jobs/statistics?of=seconds&bins=2")
+    record("get_solution", "a solution", "GET", solution)
+    record("get_trajectory", "stored", "GET", f"{solution}/trajectory")
+    record("get_trajectory", "stored", "GET", f"{solution}/trajectory", Accept=CSV)
+    record("get_trajectory", "stored", "GET", f"{solution}/trajectory", Accept=NDJSON)
+    record("get_enclosures", "two times", "GET", f"/v1/solutions/{certified['solution']}/enclosures")
+    record("list_solutions", "a page", "GET", "/v1/solutions?limit=1&order=period")
+    digest = record("", "", "GET", "/v1/solutions?columns=digest&limit=1")["items"][0]["digest"]
+    record("list_problem_solutions", "a page", "GET", f"/v1/problems/{digest}/solutions")
+    record("get_solution_facets", "tiers", "GET", "/v1/solutions/facets?by=tier")
+    record("get_solution_statistics", "periods", "GET", "/v1/solutions/statistics?of=period&bins=2")
+    sweep = record("submit_sweep", "a sweep", "POST", "/v1/sweeps", SWEEP)
+    path = f"/v1/sweeps/{sweep['id']}"
+    while record("get_sweep", "finished", "GET", path)["state"] != "succeeded":
+        time.sleep(0.1)
+    record("list_sweeps", "a page", "GET", "/v1/sweeps?limit=1")
+    record("list_sweep_jobs", "a page", "GET", f"{path}/jobs?limit=1")
+    for media_type in (JSON, CSV, NDJSON):
+        record("get_points", "two points", "GET", f"{path}/points", Accept=media_type)
+    record("get_point_facets", "outcomes", "GET", f"{path}/points/facets?by=outcome")
+    record("get_point_statistics", "periods", "GET", f"{path}/points/statistics?of=period")
+    record("get_status", "now", "GET", "/v1/status")
+    long = {**SWEEP, "axes": [{"pointer": "/motion/lambda", "linspace": ["1/2", 2, 10**6]}]}
+    begun = record("", "", "POST", "/v1/sweeps", long)
+    record("cancel_sweep", "cancelled", "POST", f"/v1/sweeps/{begun['id']}/cancel")
+    queued = record("", "", "POST", "/v1/jobs", {**PROBLEM, "time": {"stop": 11, "samples": 10**5}})
+    record("cancel_job", "cancelled", "POST", f"/v1/jobs/{queued['id']}/cancel")
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as folder, serving(Path(folder)) as service:
+        recorder = Recorder(service.address)
+        ask(recorder)
+    text = json.dumps(recorder.found, indent=1, ensure_ascii=False, sort_keys=True)
+    RECORDED.write_text(text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
