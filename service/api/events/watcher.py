@@ -28,6 +28,8 @@ GAP_SECONDS = 0.1
 """Time between two looks at least, however many messages come."""
 LOOK_SHARE = 4.0
 """A look that took a second is followed by a pause of so many seconds at least."""
+TOGETHER = 20
+"""Streams that are woken in one turn of the event loop."""
 WAIT_SECONDS = 5.0
 """A stream that has nothing to tell returns to its caller so often."""
 PAGE = 200
@@ -214,14 +216,14 @@ class EventWatcher:
             self._is_failing = True
             return
         self._is_failing = False
-        self._pass_on(listeners, told, around)
+        await self._pass_on(listeners, told, around)
 
     def _see(self, known: dict[Subject, float | None], is_around: bool) -> _Sight:
         if not is_around:
             self._lookout.forget()
         return self._lookout.look_at(known), self._lookout.look_around() if is_around else None
 
-    def _pass_on(
+    async def _pass_on(
         self,
         listeners: list[_Listener],
         told: dict[Subject, Told | None],
@@ -237,7 +239,9 @@ class EventWatcher:
         followed = {each.subject for each in listeners}
         self._versions |= {subject: each.at for subject, each in told.items() if each is not None}
         self._versions = {subject: at for subject, at in self._versions.items() if subject in followed}
-        for listener in listeners:
+        for k, listener in enumerate(listeners):
+            if k % TOGETHER == TOGETHER - 1:
+                await asyncio.sleep(0)  # other requests are not kept waiting for all streams
             is_new = not listener.has_been_served
             listener.has_been_served = True
             if listener.subject in told:
