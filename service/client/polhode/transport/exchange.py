@@ -77,9 +77,9 @@ def ask_json(
     return found
 
 
-def open_stream(terms: Terms, path: str, headers: Mapping[str, str]) -> Operation[Reply]:
-    """Return the head of an answer whose lines follow; whatever its status is."""
-    return (yield from _answered(terms, Send("GET", path, {"Accept": EVENTS, **headers}, None, True)))
+def open_stream(path: str) -> Operation[Reply]:
+    """Return the head of an answer whose lines follow, whatever its status is; it is asked for once."""
+    return (yield Send("GET", path, {"Accept": EVENTS}, None, True))
 
 
 def _answered(terms: Terms, request: Send) -> Operation[Reply]:

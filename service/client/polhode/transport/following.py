@@ -11,6 +11,8 @@ from polhode.transport.terms import Progress, Terms
 
 Resource = dict[str, object]
 FINAL = ("succeeded", "failed", "cancelled")
+_WITHOUT_EVENTS = (200, 404, 405, 406)
+"""Statuses of a service that has no events; 200 with another content, as of a page of a proxy."""
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.02, 1.0
 
 
@@ -58,10 +60,10 @@ def _listened(
 ) -> Operation[Resource]:
     """Return what events told last, at the end of their stream, or when it broke."""
     try:
-        head = yield from open_stream(terms, f"{path}/events", {})
+        head = yield from open_stream(f"{path}/events")
         if head.status != 200 or not head.headers.get("content-type", "").startswith(EVENTS):
-            # An older service, or a proxy in between: from now on this client asks.
-            terms.has_events = False
+            # None: an older service, or a proxy in between. Others may have events later, as a busy service.
+            terms.has_events = head.status not in _WITHOUT_EVENTS
             return resource
         data: list[str] = []
         while (line := (yield NextLine()).line) is not None:
