@@ -97,8 +97,8 @@ def test_every_path_says_its_methods(client, places):
 
 
 def test_what_never_changes_is_kept_and_what_may_change_is_asked_for(client, places, jobs):
-    immutable = {path for path in places if path.endswith(("/trajectory", "/enclosures", "/points"))}
-    assert len(immutable) == 3
+    immutable = {path for path in places if path.endswith(("/trajectory", "/enclosures", "/points", "/grid"))}
+    assert len(immutable) == 4
     for template, path in places.items():
         if template not in VOLATILE and not template.startswith("/docs"):
             expected = IMMUTABLE if template in immutable else REVALIDATE
