@@ -175,6 +175,7 @@ NEEDED_QUERY = {
     "/v1/jobs/statistics": "?of=attempt",
     "/v1/solutions/facets": "?by=tier",
     "/v1/solutions/statistics": "?of=period",
+    "/v1/sweeps/{sweep_id}/grid": "?of=period",
     "/v1/sweeps/{sweep_id}/points/facets": "?by=outcome",
     "/v1/sweeps/{sweep_id}/points/statistics": "?of=period",
 }

@@ -22,6 +22,28 @@ def arrow_stream(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[s
     return bytes(sink.getvalue().to_pybytes())
 
 
+def matrix_stream(
+    columns: Mapping[str, NDArray[np.float64]],
+    numbers: Mapping[str, NDArray[np.float64]],
+    words: Mapping[str, NDArray[np.object_]],
+    metadata: Mapping[str, str],
+) -> bytes:
+    """Return one record batch with a list for each row of the matrices; NaN and None are null."""
+    arrays = {name: pa.array(values) for name, values in columns.items()}
+    for name, matrix in {**numbers, **words}.items():
+        flat = pa.array(
+            matrix.reshape(-1), type=pa.float64() if name in numbers else pa.string(), from_pandas=True
+        )
+        ends = pa.array(np.arange(len(matrix) + 1, dtype=np.int32) * matrix.shape[1])
+        arrays[name] = pa.ListArray.from_arrays(ends, flat)
+    batch = pa.record_batch(list(arrays.values()), names=list(arrays))
+    batch = batch.replace_schema_metadata(dict(metadata))
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, batch.schema) as writer:
+        writer.write_batch(batch)
+    return bytes(sink.getvalue().to_pybytes())
+
+
 def arrow_batches(
     kinds: Mapping[str, ColumnKind],
     batches: Iterable[Mapping[str, NDArray[np.generic]]],

@@ -69,6 +69,7 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/v1/status": {"GET": Role.READ},
     "/v1/problems/{digest}/solutions": {"GET": Role.READ},
     "/v1/sweeps/{sweep_id}/package": {"GET": Role.READ},
+    "/v1/sweeps/{sweep_id}/grid": {"GET": Role.READ},
     "/v1/sweeps/{sweep_id}/points": {"GET": Role.READ},
     "/v1/sweeps/{sweep_id}/points/facets": {"GET": Role.READ},
     "/v1/sweeps/{sweep_id}/points/statistics": {"GET": Role.READ},

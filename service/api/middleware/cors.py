@@ -18,9 +18,9 @@ _SENT = (
 )
 # A wildcard would leave out Authorization, and older browsers do not know it.
 _SHOWN = (
-    "Content-Disposition, ETag, Idempotency-Replayed, Link, Location, Polhode-Error, Polhode-Points,"
-    " Polhode-Points-Done, Polhode-Samples, Preference-Applied, RateLimit, RateLimit-Policy, Retry-After,"
-    " Server, X-Request-ID"
+    "Content-Disposition, ETag, Idempotency-Replayed, Link, Location, Polhode-Deviation, Polhode-Error,"
+    " Polhode-Points, Polhode-Points-Done, Polhode-Samples, Preference-Applied, RateLimit, RateLimit-Policy,"
+    " Retry-After, Server, X-Request-ID"
 )
 
 

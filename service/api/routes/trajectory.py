@@ -34,6 +34,7 @@ from service.dynamics.equations.orientation import (
     column_names,
     evaluated_alone,
     orientation_errors,
+    parts_of,
     trajectory_columns,
     trajectory_errors,
 )
@@ -42,6 +43,7 @@ from service.dynamics.problem import TimeSpan
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.ball_columns import is_part
 from service.dynamics.solution.dense_output import DenseOutput
+from service.dynamics.solution.preview import deviation, preview_times
 from service.jobs.errors import SolutionNotFoundError
 from service.schemas.problem.asked_series import asked_series
 from service.schemas.reading.faults import Fault
@@ -56,6 +58,9 @@ from service.storage.solutions.standing import standing_of
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
 SOURCE_HEADER = "Polhode-Samples"
+DEVIATION_HEADER = "Polhode-Deviation"
+"""Header with the largest difference of a preview's lines from the curves, as a share of their ranges."""
+MOST_PREVIEWED = 10_000
 TIMES = ("start", "stop", "samples")
 """The parameters that ask for other times than the stored ones."""
 
@@ -74,6 +79,14 @@ class TrajectoryQuery(QueryModel):
     stop: Instant | None = Field(default=None, description="Last time, not before start.")
     samples: int | None = Field(
         default=None, ge=1, le=MAX_SAMPLES, description="Equidistant from start to stop, both included."
+    )
+    preview: int | None = Field(
+        default=None,
+        ge=2,
+        le=MOST_PREVIEWED,
+        description="So many times at which the columns are drawn best, closer together where they are bent;"
+        f" over those of the problem, or from start to stop. {DEVIATION_HEADER} tells how far the drawn lines"
+        " are off at most, as a share of a column's range.",
     )
     columns: str | None = Field(default=None, description="Names with commas between, such as t,g1,g3.")
     format: FormatName | None = Field(default=None, description=FORMAT_HELP)
@@ -106,13 +119,14 @@ def get_trajectory(
     Samples that are no longer stored are recomputed from the dense output.
     """
     media_type = chosen(asked.parameters.format, accept)
-    query, is_stored = asked.parameters, asked.sent.isdisjoint(TIMES)
+    query, is_stored = asked.parameters, asked.sent.isdisjoint((*TIMES, "preview"))
     faults = [*asked.faults, *([] if is_stored else _faults_of_times(asked, inside.settings))]
     if faults:
         refuse_if_any([*faults, *_faults_of_columns(inside, solution_id, query.columns)])
     tag = tag_of_thing(request, media_type, standing_of(inside.database, solution_id))
     if known := unchanged(request, tag, IMMUTABLE, Vary="Accept"):
         return known
+    told: dict[str, str] = {}
     if is_stored:
         packet = inside.solutions.samples_if_kept(solution_id)
         samples = _remade(inside, solution_id) if packet is None else _stored(inside, solution_id, packet)
@@ -120,9 +134,12 @@ def get_trajectory(
         dense = decode_dense(inside.solutions.dense(solution_id))
         _require_series(dense.columns)
         alone = dense if query.columns is None else evaluated_alone(dense, _names(query.columns))
-        samples = _evaluated(alone, _times(query))
+        if query.preview is None:
+            samples = _evaluated(alone, _times(query))
+        else:
+            samples, told = _previewed(inside, solution_id, alone, query)
     file = named_file(f"trajectory-{solution_id}", media_type)
-    headers = {**validators(tag, IMMUTABLE), **file, SOURCE_HEADER: samples.source}
+    headers = {**validators(tag, IMMUTABLE), **file, SOURCE_HEADER: samples.source, **told}
     about = _about(inside.solutions.get(solution_id)) if media_type == PARQUET else {}
     return write(_selected(samples, query.columns), media_type, headers, about)
 
@@ -196,6 +213,26 @@ def _evaluated(dense: DenseOutput, times: SampleTimes) -> _Samples:
     return _Samples(columns, error, errors, "evaluated")
 
 
+def _previewed(
+    inside: Resources, solution_id: str, dense: DenseOutput, query: TrajectoryQuery
+) -> tuple[_Samples, dict[str, str]]:
+    """Return a preview, and how far it is off."""
+    assert query.preview is not None
+    if query.stop is None:
+        asked = asked_series(inside.solutions.get(solution_id).problem)
+        given = sample_times(asked.time.to_domain(), dense.period).doubles
+        start, stop = float(given.min()), float(given.max())
+    else:
+        start, stop = float(query.start or 0), float(query.stop)
+    chosen_times = preview_times(dense, start, stop, query.preview)
+    samples = _evaluated(dense, SampleTimes(chosen_times, np.zeros(len(chosen_times))))
+    parts = {name: columns for name, columns in parts_of(dense).items() if name in samples.columns}
+    if query.columns is not None:
+        parts = {name: columns for name, columns in parts.items() if name in _names(query.columns)}
+    off = deviation(dense, parts, chosen_times, lambda times: trajectory_columns(dense, times))
+    return samples, {DEVIATION_HEADER: repr(off)}
+
+
 def _require_series(columns: Collection[str]) -> None:
     if not columns:
         detail = "the problem asked for no function of time, so this solution has no trajectory"
@@ -205,7 +242,12 @@ def _require_series(columns: Collection[str]) -> None:
 def _faults_of_times(asked: Asked[TrajectoryQuery], settings: Settings) -> Iterator[Fault]:
     """Yield the faults of the times, beside those of unreadable parameters."""
     query = asked.parameters
-    for name in ("stop", "samples"):
+    if query.preview is not None and "samples" in asked.sent:
+        message = "preview and samples; one of the two is accepted"
+        yield Fault("?preview", "conflicting_parameters", message)
+    # A preview has times of its own, and may do without an end.
+    needed = ["stop", "samples"] if "preview" not in asked.sent else ["stop"] if "start" in asked.sent else []
+    for name in needed:
         if name not in asked.sent:
             message = "start, stop and samples belong together; only start may be left out"
             yield Fault(f"?{name}", "missing_parameter", message)

@@ -102,6 +102,17 @@ def evaluated_alone(dense: DenseOutput, names: Collection[str]) -> DenseOutput:
     return dense.only(wanted + (others if set(names) & set(_turning(dense)) else []))
 
 
+def parts_of(dense: DenseOutput) -> dict[str, tuple[str, ...]]:
+    """Return for each of :func:`trajectory_columns` the columns of ``dense`` that bound its derivatives.
+
+    A turned quaternion is bent no more than the whole of that of the first period.
+    """
+    plain: dict[str, tuple[str, ...]] = {
+        name: (name,) for name in dense.columns if name not in LOCAL_QUATERNION
+    }
+    return {**plain, **dict.fromkeys(QUATERNION, LOCAL_QUATERNION)} if has_orientation(dense) else plain
+
+
 def trajectory_errors(dense: DenseOutput, times: FloatArray) -> dict[str, float]:
     """Return the bound of the absolute error, at any of ``times``, of each of :func:`trajectory_columns`."""
     times = np.asarray(times, dtype=np.float64)

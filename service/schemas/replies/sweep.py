@@ -72,3 +72,37 @@ class PointPageOut(ResponseModel):
     )
     points: int = Field(description="Of the whole sweep.")
     done: int = Field(description="Points computed so far; the others are missing here.")
+
+
+class GridAxisOut(ResponseModel):
+    """One of the axes of a matrix."""
+
+    pointer: str = Field(description="The number that varies along it.")
+    values: list[float] = Field(description="Its values, as doubles.")
+
+
+class GridPlaceOut(ResponseModel):
+    """A place on an axis that is neither rows nor columns."""
+
+    pointer: str = Field(description="The number that is held there.")
+    index: int = Field(description="The place, from 0.")
+    value: float = Field(description="The number there, as a double.")
+
+
+class GridOut(ResponseModel):
+    """A kept number of a sweep as a matrix."""
+
+    of: str = Field(description="The name of the number.")
+    axes: list[GridAxisOut] = Field(
+        description="That of the rows and that of the columns; of a single axis that of the columns."
+    )
+    at: list[GridPlaceOut] = Field(description="The places on the other axes.")
+    indices: list[int] = Field(
+        description="Of the points: [first, step from row to row, step from column to column]."
+    )
+    rows: list[list[float | None]] = Field(description="The numbers; null where a point has none.")
+    outcomes: list[list[str | None]] = Field(
+        description="`solved`, or the code of the reason; null where a point is not computed yet."
+    )
+    points: int = Field(description="Of the matrix.")
+    done: int = Field(description="Points of the matrix that are computed so far.")

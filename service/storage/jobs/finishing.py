@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy import Connection, bindparam, insert, select, update
 
 from service.jobs.job import Claim
+from service.jobs.outcome import Solved
 from service.jobs.states import AttemptOutcome, JobState
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.clock import DatabaseNow
@@ -12,6 +13,7 @@ from service.storage.database.database import is_postgres
 from service.storage.database.ids import new_id
 from service.storage.jobs.joint_statements import NEW, insert_solution, store_and_succeed
 from service.storage.jobs.moves import may_become
+from service.storage.keys.key_store import charge
 from service.storage.marks.mark_rows import copy_labels
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
@@ -57,6 +59,14 @@ _HELD = _SOLVED.with_for_update(read=True, key_share=True)
 """The same, and nobody can delete them before this transaction has ended. SQLite has one writer anyway."""
 _DIGESTS = 500
 """Digests looked up by one statement: databases limit its parameters."""
+
+
+def store_and_charge(connection: Connection, claim: Claim, outcome: Solved) -> bool:
+    """Store the solution of a claimed job on the account of its key, if the claim holds."""
+    if not store_solution(connection, claim, outcome.summary, outcome.dense, outcome.samples):
+        return False
+    charge(connection, claim.key_id, len(outcome.dense) + len(outcome.samples))
+    return True
 
 
 def store_solution(

@@ -11,7 +11,7 @@ from service.jobs.errors import JobFinishedError, JobNotFoundError
 from service.jobs.idempotency import Receipt
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
-from service.jobs.outcome import ChunkOutcome, Outcome, Refused, Solved
+from service.jobs.outcome import ChunkOutcome, Outcome, Refused
 from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
@@ -22,13 +22,12 @@ from service.storage.database.paging import rows_of_page
 from service.storage.examinations.kept_rows import keep_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
-from service.storage.jobs.finishing import store_solution
+from service.storage.jobs.finishing import store_and_charge
 from service.storage.jobs.moves import end_attempt, fence, history, lose, move
 from service.storage.jobs.records import delivery_of, job_of
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.idempotency_store import write_key
-from service.storage.keys.key_store import charge
 from service.storage.marks.mark_rows import marks_of, rewrite
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_JOB_ROWS, Source, chunks_of
@@ -209,7 +208,7 @@ class SqlJobStore:
             with self._database.write() as session:
                 return self._fail(session, claim, outcome.error), take(session.connection())
         with self._database.write_rows() as connection:
-            return _succeed(connection, claim, outcome), take(connection)
+            return store_and_charge(connection, claim, outcome), take(connection)
 
     def finish_failure(self, claim: Claim, error: Mapping[str, object]) -> bool:
         """Mark the job failed for good; a chunk is split into smaller ones."""
@@ -282,13 +281,6 @@ class SqlJobStore:
         further = chunks.replace_failed(session, sweep, job_id)
         job = session.get_one(JobRow, job_id, populate_existing=True)
         self._deliver(session, [job, *further] if job.state == JobState.QUEUED.value else further)
-
-
-def _succeed(connection: Connection, claim: Claim, outcome: Solved) -> bool:
-    if not store_solution(connection, claim, outcome.summary, outcome.dense, outcome.samples):
-        return False
-    charge(connection, claim.key_id, len(outcome.dense) + len(outcome.samples))
-    return True
 
 
 def _job(session: Session, row: JobRow) -> Job:

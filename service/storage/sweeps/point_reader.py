@@ -156,6 +156,20 @@ class PointReader:
         for start in range(0, len(wanted), at_once):
             yield self._gather(wanted[start : start + at_once])
 
+    def among(self, wanted: IntArray) -> Iterator[PointBlock]:
+        """Yield those of the points with the growing indices ``wanted`` that are stored, without series."""
+        for batch in self._batches(self._holding(wanted)):
+            indices = _indices(batch)
+            block = self._read(batch, indices, self._sweep.columns_at(indices), ())
+            yield block.taken(np.isin(indices, wanted, assume_unique=True))
+
+    def _holding(self, ordered: IntArray) -> Iterator[StoredChunk]:
+        """Yield the chunks that have any of the points with these growing indices."""
+        for chunk in self._store.chunks(self._id):
+            first, last = np.searchsorted(ordered, [chunk.first, chunk.first + chunk.count])
+            if first < last:
+                yield chunk
+
     def _gather(self, wanted: IntArray) -> PointBlock:
         places = np.argsort(wanted)
         ordered, size = wanted[places], len(wanted)
@@ -165,12 +179,7 @@ class PointReader:
             np.empty(size, dtype=np.object_),
             {name: np.empty((size, self._sweep.samples)) for name in self._series},
         )
-        holding = (
-            chunk
-            for chunk in self._store.chunks(self._id)
-            if np.diff(np.searchsorted(ordered, [chunk.first, chunk.first + chunk.count]))[0]
-        )
-        for batch in self._batches(holding):
+        for batch in self._batches(self._holding(ordered)):
             indices = _indices(batch)
             block = self._read(batch, indices, self._sweep.columns_at(indices), self._series)
             first, last = np.searchsorted(ordered, [indices[0], indices[-1] + 1])

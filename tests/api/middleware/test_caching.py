@@ -100,9 +100,9 @@ def test_every_path_says_its_methods(client, places):
 
 
 def test_what_never_changes_is_kept_and_what_may_change_is_asked_for(client, places, jobs):
-    endings = ("/trajectory", "/function", "/enclosures", "/points", "/citation", "/package")
+    endings = ("/trajectory", "/function", "/enclosures", "/points", "/grid", "/citation", "/package")
     immutable = {path for path in places if path.endswith(endings)}
-    assert len(immutable) == 6
+    assert len(immutable) == 7
     for template, path in places.items():
         if template not in VOLATILE and not template.startswith("/docs"):
             expected = IMMUTABLE if template in immutable else REVALIDATE

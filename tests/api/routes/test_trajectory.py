@@ -233,3 +233,61 @@ def test_a_solution_without_attitude_says_so(client, stored, times):
     response = get(client, stored, f"?columns=psi1,q0{times}")
     assert response.status_code == 422
     assert response.json()["errors"][0]["code"] == "unknown_column"
+
+
+def test_a_preview_is_drawn_within_a_pixel(client, stored):
+    answer = get(client, stored, "?preview=200&start=0&stop=2")
+    columns, _ = read(answer)
+    assert len(columns["t"]) == 200
+    assert (columns["t"][0], columns["t"][-1]) == (0.0, 2.0)
+    fine = np.linspace(0.0, 2.0, 20_001)
+    told = float(answer.headers["polhode-deviation"])
+    for k, name in enumerate(COLUMNS):
+        # Cosines and sines: their range is 2.
+        off = np.abs(np.interp(fine, columns["t"], columns[name]) - values_at(fine)[:, k]).max() / 2
+        assert off <= told + 1e-12
+    assert told < 1e-3
+    assert answer.headers["polhode-samples"] == "evaluated"
+
+
+def test_a_preview_follows_the_times_of_the_problem_and_the_columns_that_are_asked_for(client, stored):
+    whole, _ = read(get(client, stored, "?preview=50"))
+    assert (whole["t"][0], whole["t"][-1]) == (0.0, 20.0)
+    one = get(client, stored, "?preview=500&columns=t,p")
+    columns, _ = read(one)
+    assert list(columns) == ["t", "p"]
+    # The slowest of the columns alone is drawn better than all together.
+    all_of_them = get(client, stored, "?preview=500")
+    assert float(one.headers["polhode-deviation"]) < float(all_of_them.headers["polhode-deviation"]) / 4
+
+
+def test_a_preview_is_the_same_in_every_format_and_never_changes(client, stored):
+    answers = [get(client, stored, "?preview=30", accept=kind) for kind in FORMATS]
+    found = [read(answer)[0] for answer in answers]
+    for columns in found[1:]:
+        assert {name: list(values) for name, values in columns.items()} == {
+            name: list(values) for name, values in found[0].items()
+        }
+    assert len({answer.headers["polhode-deviation"] for answer in answers}) == 1
+    tag = answers[0].headers["etag"]
+    path = f"/v1/solutions/{stored.solution_id}/trajectory?preview=30"
+    known = client.get(path, headers={"If-None-Match": tag})
+    assert (known.status_code, known.content) == (304, b"")
+    assert client.get(f"{path[:-2]}31").headers["etag"] != tag
+
+
+@pytest.mark.parametrize(
+    ("query", "faults"),
+    [
+        ("?preview=1", {("?preview", "invalid_value")}),
+        ("?preview=10001", {("?preview", "invalid_value")}),
+        ("?preview=20&samples=3", {("?preview", "conflicting_parameters")}),
+        ("?preview=20&start=1", {("?stop", "missing_parameter")}),
+        ("?preview=20&start=3&stop=1", {("?stop", "out_of_range")}),
+        ("?preview=20&columns=x", {("?columns", "unknown_column")}),
+    ],
+)
+def test_faults_of_previews_are_told(client, stored, query, faults):
+    answer = get(client, stored, query)
+    assert answer.status_code == 422
+    assert {(each["pointer"], each["code"]) for each in answer.json()["errors"]} == faults

@@ -1,0 +1,109 @@
+"""GET /v1/sweeps/{id}/grid: a kept number of the points as a matrix."""
+
+import json
+from typing import Annotated
+
+import numpy as np
+import orjson
+from fastapi import APIRouter, Depends, Request, Response
+
+from service.api.dependencies import Inside
+from service.api.formats.arrow import matrix_stream
+from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, Accept, named_file, preferred
+from service.api.queries.grid import GridQuery, GridWish, read_grid_wish
+from service.api.queries.queries import Asked, asked_of, query_parameters
+from service.api.replies.conditional import IMMUTABLE, REVALIDATE, tag_of_thing, unchanged, validators
+from service.api.replies.places import SweepId
+from service.api.replies.responses import refusals
+from service.schemas.replies.sweep import GridOut
+from service.schemas.sweep.reading import read_sweep
+from service.schemas.sweep.sweep import Sweep, SweepAxis
+from service.storage.sweeps.point_grid import PointGrid, cell_indices, read_grid
+from service.storage.sweeps.point_reader import PointReader
+
+router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
+
+
+@router.get(
+    "/{sweep_id}/grid",
+    response_model=GridOut,
+    responses={
+        200: {
+            "model": GridOut,
+            "description": "The matrix. As an Arrow stream it has for each row the number of its axis, and"
+            " the lists of the columns and `outcome`; the rest is JSON in the metadata `polhode.grid`.",
+            "content": {ARROW: {"schema": {"type": "string", "format": "binary"}}},
+        },
+        **refusals(404, 406),
+    },
+    openapi_extra=query_parameters(GridQuery),
+)
+def get_grid(
+    request: Request,
+    sweep_id: SweepId,
+    asked: Annotated[Asked[GridQuery], Depends(asked_of(GridQuery))],
+    inside: Inside,
+    accept: Accept = None,
+) -> Response:
+    """Return a kept number over one or two axes of a grid: rows along the first, columns along the last.
+
+    Of a sweep with more axes `at` chooses a place on each of the others.
+    """
+    name = asked.parameters.format
+    media_type = preferred([JSON, ARROW], accept) if name is None else MEDIA_TYPES[name]
+    record = inside.sweeps.get(sweep_id)
+    sweep = read_sweep(record.document)
+    wish = read_grid_wish(asked, sweep)
+    # As for the points: chunks are only ever added.
+    tag = tag_of_thing(request, media_type, record.id, record.done, record.refused)
+    keeping = REVALIDATE if record.finished_at is None else IMMUTABLE
+    if known := unchanged(request, tag, keeping, Vary="Accept"):
+        return known
+    reader = PointReader(inside.sweeps, record.id, sweep, with_series=False)
+    grid = read_grid(reader, cell_indices(sweep, wish.at), wish.of)
+    headers = {
+        **validators(tag, keeping),
+        "Vary": "Accept",
+        **named_file(f"grid-{record.id}", media_type),
+    }
+    content = _arrow(sweep, wish, grid) if media_type == ARROW else _json(sweep, wish, grid)
+    return Response(content, media_type=media_type, headers=headers)
+
+
+def _about(sweep: Sweep, wish: GridWish, grid: PointGrid) -> dict[str, object]:
+    """Return everything but the cells."""
+    free = [each for place, each in enumerate(sweep.axes) if place not in wish.at]
+    places = [(sweep.axes[place], index) for place, index in sorted(wish.at.items())]
+    first, rows, columns = int(grid.indices[0, 0]), grid.indices[:2, 0], grid.indices[0, :2]
+    return {
+        "of": wish.of,
+        "axes": [{"pointer": each.pointer, "values": _doubles(each)} for each in free],
+        "at": [
+            {"pointer": each.pointer, "index": index, "value": float(each.axis.value(index))}
+            for each, index in places
+        ],
+        "indices": [first, int(rows[-1]) - first, int(columns[-1]) - first],
+        "points": grid.indices.size,
+        "done": int(np.count_nonzero(grid.outcomes != None)),  # noqa: E711  (of each cell)
+    }
+
+
+def _doubles(each: SweepAxis) -> list[float]:
+    return [float(value) for value in each.axis.doubles(0, each.axis.length)]
+
+
+def _json(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
+    # Not by json_response, which refuses NaN: missing numbers are NaN here and must become null.
+    about = _about(sweep, wish, grid)
+    return orjson.dumps(
+        {**about, "rows": grid.numbers, "outcomes": grid.outcomes.tolist()}, option=orjson.OPT_SERIALIZE_NUMPY
+    )
+
+
+def _arrow(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
+    about = _about(sweep, wish, grid)
+    *rows, _ = [each for place, each in enumerate(sweep.axes) if place not in wish.at]
+    values = {each.pointer: np.array(_doubles(each)) for each in rows}
+    return matrix_stream(
+        values, {wish.of: grid.numbers}, {"outcome": grid.outcomes}, {"polhode.grid": json.dumps(about)}
+    )
