@@ -43,7 +43,8 @@ LIMITS = JobLimits(lease_seconds=60.0, job_seconds=60.0, memory_mb=500, max_atte
 
 def ask(client, method, path):
     body = BODIES.get(path) if method == "POST" else None
-    return client.request(method, re.sub("{.*?}", new_id(), path) + NEEDED_QUERY.get(path, ""), json=body)
+    place = re.sub("{.*?}", new_id(), path.replace("{name}", "core.js"))
+    return client.request(method, place + NEEDED_QUERY.get(path, ""), json=body)
 
 
 def come_again(response):
