@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from service.dynamics.motion import COLUMNS
 from service.schemas.reading.pointers import with_values
 from service.schemas.sweep.sweep import Sweep, json_number
+from workers.solvers.compiled.motion import ALL
+from workers.solvers.invariants import drifts_of
 from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.doubles import Sampling, Swept, sweep_sets
 from workers.sweeping.emptiness import have_no_motion_at
-from workers.sweeping.plan import Quick, Side
+from workers.sweeping.family import potential_of
+from workers.sweeping.plan import DRIFTS, Quick, Side
 from workers.sweeping.points import Parameters, Points, are_numbers, listed_exactly
 from workers.sweeping.programs import AffineProgram, Group, affine_program, grouped
 
@@ -51,10 +54,11 @@ class BlockSolver:
         assert grade is not None
         self._grade = grade
         names = [name for name in sweep.series_columns if name != "t"]
-        columns = np.array([COLUMNS.index(name) for name in names], dtype=np.int64)
+        self._keeps_drifts = any(name.startswith("invariants.") for name in sweep.keep)
+        columns = ALL if self._keeps_drifts else np.array(list(map(COLUMNS.index, names)), dtype=np.int64)
         self._sampling = Sampling(problem.time, columns, problem.wants_series)
         self._names = names
-        self._keeps_energy = any(name.startswith("energy") for name in sweep.keep)
+        self._keeps_energy = any("energy" in name for name in sweep.keep)
         self._programs: dict[tuple[int, ...], AffineProgram | None] = {}
         self._known = [listed_exactly(axis) for axis in sweep.axes]
 
@@ -113,10 +117,32 @@ class BlockSolver:
             numbers |= {"energy": energies[:, 0], "energy.error": energies[:, 1]}
             for name in self._sweep.keep:
                 decided &= np.isfinite(numbers[name]) if name in ("energy", "energy.error") else True
+        if self._keeps_drifts:
+            numbers |= self._drifts(points, places, decided, numbers.get("energy"), swept.samples)
         found.add(places, decided, numbers, swept)
         rest = np.flatnonzero(~decided)
         curves = [chosen[place] for place in rest.tolist()]
         found.empty[places[rest]] = have_no_motion_at(problem.body, side.motion, group, rest, curves)
+
+    def _drifts(
+        self,
+        points: Points,
+        places: IntArray,
+        decided: BoolArray,
+        energies: FloatArray | None,
+        samples: FloatArray,
+    ) -> dict[str, FloatArray]:
+        """Return how far the integrals stray along each decided motion; see :func:`.measure_drifts`."""
+        quick, body = self._quick, self._quick.problem.body
+        rows = np.full((len(places), len(DRIFTS)), np.nan)
+        for n in np.flatnonzero(decided).tolist():
+            potential = quick.problem.potential
+            if quick.places:
+                potential = potential_of(body, self._potential_at(points, int(places[n])))
+            energy = 0.0 if energies is None else float(energies[n])
+            found = drifts_of(body, potential, samples[n], energy, is_planar=True)
+            rows[n] = [getattr(found, name) for name in DRIFTS]
+        return {f"invariants.{name}.drift": rows[:, k] for k, name in enumerate(DRIFTS)}
 
     def _numbers(self, swept: Swept) -> dict[str, FloatArray]:
         # Without functions of time a job claims no error of them.
@@ -199,7 +225,8 @@ class _Found:
             if name in numbers:
                 column[places] = numbers[name]
         for k, name in enumerate(self._names):
-            self.series[name][places] = swept.samples[:, :, k]
+            column = COLUMNS.index(name) if swept.samples.shape[2] == len(COLUMNS) else k
+            self.series[name][places] = swept.samples[:, :, column]
         if "t" in self.series:
             self.series["t"][places] = swept.times
 

@@ -13,7 +13,10 @@ from workers.sweeping.family import Path, Poles, SweepFamily, has_symbol, prove_
 
 _CURVE_FIELDS = ("lambda", "nu")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
-_PLAIN_OUTPUTS = {"period", "gamma", "omega"}
+_PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
+DRIFTS = ("energy", "geometric", "areas")
+"""Integrals that every motion has."""
+_DRIFTS = {f"invariants.{name}.drift" for name in DRIFTS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +71,7 @@ def make_plan(sweep: Sweep) -> Plan:
     that those on the axes make. Compiled doubles take the sweeps that besides
 
     * vary nothing but the potential's numbers, λ or nu, B, and g1 at the start,
-    * ask, by method ``auto``, for no outputs but period, gamma and omega,
+    * ask, by method ``auto``, for no outputs but period, gamma, omega, and the drifts of the three integrals,
     * by the tiers ``draft`` and ``standard``, or a tolerance that ``standard`` keeps.
     """
     problem, potential = sweep.first_problem, sweep.base["potential"]
@@ -103,6 +106,8 @@ def _is_quick(sweep: Sweep, problem: Problem) -> bool:
         and set(problem.outputs) <= _PLAIN_OUTPUTS
         and compiled_tier(problem) in ("draft", "standard")
         and isinstance(problem.motion, PlanarMotion)
+        and all(name in _DRIFTS for name in sweep.keep if name.startswith("invariants."))
+        and (problem.wants_series or "invariants" not in problem.outputs)
         and all(
             _is_of_curve(axis) or _is_of_potential(axis) or _is_of_start(axis) or _is_of_moment(axis)
             for axis in sweep.axes
@@ -120,7 +125,7 @@ def _sides(
     sides: dict[int, Side] = {
         each.sign_of_g1: Side(each, energies_of(problem.body, family, each)) for each in motions
     }
-    keeps_energy = any(name.startswith("energy") for name in sweep.keep)
+    keeps_energy = any("energy" in name for name in sweep.keep)
     has_all = all(side.energies is not None for side in sides.values())
     return sides if has_all or not keeps_energy else None
 

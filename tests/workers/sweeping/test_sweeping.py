@@ -152,6 +152,19 @@ IN_BLOCKS |= {
     "that moment of a body that cannot be": sweep(
         ("/body/B", values("3/2", 4, 0, -1)), body={"A": 2, "B": 1, "C": 1, "allow_unphysical": True}
     ),
+    "drifts": sweep(
+        (A, uniform(-2, -1, 2)),
+        (LAMBDA, uniform("1/2", 1, 2)),
+        keep=("invariants.energy.drift", "invariants.geometric.drift", "invariants.areas.drift"),
+        outputs=["gamma", "invariants"],
+    ),
+    "the drift of the areas alone, in periods": sweep(
+        (LAMBDA, uniform("1/2", 1, 2)),
+        keep=("invariants.areas.drift",),
+        series=False,
+        outputs=["invariants"],
+        time={"periods": 2, "samples": 9},
+    ),
     "not linear in its parameters": sweep(
         (A, uniform(-2, -1)),
         (B, values("1/7", 0, -1)),
@@ -183,10 +196,11 @@ ONE_BY_ONE = {
     "windows": sweep(
         ("/motion/window", values(0, 1, 2)), motion={"type": "planar", "lambda": 1, "window": 0}
     ),
-    "invariants": sweep(
+    "further invariants": sweep(
         (A, uniform(-2, -1, 2)),
-        keep=("invariants.energy.drift", "period"),
+        keep=("invariants.energy.drift", "invariants.kovalevskaya"),
         outputs=["gamma", "omega", "invariants"],
+        potential=expression("a*g1", a=-1),
     ),
     "orientation": sweep(
         (A, uniform(-2, -1, 2)), keep=("precession.psi1",), outputs=["gamma", "omega", "orientation"]

@@ -13,14 +13,14 @@ from service.dynamics.bounds import is_within
 from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import energy_integral
 from service.dynamics.motion import Estimate, Motion
-from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.potential import FormulaPotential, Potential
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.evidence import with_claim_shown
 from workers.solvers.integration import taylor
 from workers.solvers.integration.dop853 import Dop853Integrator
 from workers.solvers.integration.errors import IntegratorMissingError, UnsupportedFormulaError
 from workers.solvers.integration.interface import Integrator, neighbour_of
-from workers.solvers.integration.taylor import TaylorIntegrator
+from workers.solvers.integration.taylor import TaylorIntegrator, taylor_integrator
 from workers.solvers.integration.twin import ROUNDING, Span, Twin, run_twin
 
 FloatArray = NDArray[np.float64]
@@ -112,6 +112,8 @@ def choose_integrator(body: RigidBody, potential: Potential, name: IntegratorNam
     if not taylor.AVAILABLE:
         raise IntegratorMissingError("heyoka is not installed here; ask for dop853, or for auto")
     try:
+        if isinstance(potential, FormulaPotential):
+            return taylor_integrator(body, potential)
         return TaylorIntegrator(body, potential)
     except UnsupportedFormulaError:
         if name == "heyoka":
