@@ -225,8 +225,8 @@ class _Found:
             if name in numbers:
                 column[places] = numbers[name]
         for k, name in enumerate(self._names):
-            column = COLUMNS.index(name) if swept.samples.shape[2] == len(COLUMNS) else k
-            self.series[name][places] = swept.samples[:, :, column]
+            at = COLUMNS.index(name) if swept.samples.shape[2] == len(COLUMNS) else k
+            self.series[name][places] = swept.samples[:, :, at]
         if "t" in self.series:
             self.series["t"][places] = swept.times
 
