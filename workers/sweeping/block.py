@@ -18,7 +18,7 @@ from workers.sweeping.doubles import Sampling, Swept, sweep_sets
 from workers.sweeping.emptiness import have_no_motion_at
 from workers.sweeping.family import potential_of
 from workers.sweeping.plan import DRIFTS, Quick, Side
-from workers.sweeping.points import Parameters, Points, are_numbers, listed_exactly
+from workers.sweeping.points import Parameters, SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.programs import AffineProgram, Group, affine_program, grouped
 
 FloatArray = NDArray[np.float64]
@@ -65,7 +65,7 @@ class BlockSolver:
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
         quick = self._quick
-        points = Points(self._sweep, self._known, first, count)
+        points = SweptPoints(self._sweep, self._known, first, count)
         found = _Found(self._sweep, self._names, count)
         squares, signs = self._curves(points)
         parameters = points.parameters(quick.coefficients, quick.places)
@@ -83,7 +83,7 @@ class BlockSolver:
     def _solve_group(
         self,
         found: "_Found",
-        points: Points,
+        points: SweptPoints,
         parameters: Parameters,
         side: Side,
         group: Group,
@@ -126,7 +126,7 @@ class BlockSolver:
 
     def _drifts(
         self,
-        points: Points,
+        points: SweptPoints,
         places: IntArray,
         decided: BoolArray,
         energies: FloatArray | None,
@@ -150,7 +150,7 @@ class BlockSolver:
         period_errors = np.nextafter(swept.period_errors, np.inf)
         return {"period": swept.periods, "period.error": period_errors, "error": error}
 
-    def _curves(self, points: Points) -> tuple[list[fmpq], IntArray]:
+    def _curves(self, points: SweptPoints) -> tuple[list[fmpq], IntArray]:
         """Return λ² and the sign of g1 at every point; the sign is 0 where λ or nu is not one."""
         place, count = self._quick.curve_place, points.count
         sign, side = next(iter(self._quick.sides.items()))
@@ -165,7 +165,7 @@ class BlockSolver:
         poles = self._quick.poles
         return np.zeros(len(parameters), dtype=np.bool_) if poles is None else poles.are_plain(parameters)
 
-    def _groups(self, points: Points, parameters: Parameters, places: IntArray) -> list[Group]:
+    def _groups(self, points: SweptPoints, parameters: Parameters, places: IntArray) -> list[Group]:
         """Return the places by their programs; points without a program are left out."""
         groups, by_key = list[Group](), dict[tuple[int, ...], list[int]]()
         for place, row in zip(places.tolist(), parameters.doubles[places].tolist(), strict=True):
@@ -198,7 +198,7 @@ class BlockSolver:
             self._programs[key] = affine_program(body, made.document, made.paths, key) if known else None
         return self._programs[key]
 
-    def _potential_at(self, points: Points, place: int) -> object:
+    def _potential_at(self, points: SweptPoints, place: int) -> object:
         values = {
             path: json_number(_fraction(points.exact(axis, place)))
             for path, axis in zip(self._quick.paths, self._quick.places, strict=True)

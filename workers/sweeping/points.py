@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 
-class Points:
+class SweptPoints:
     """The numbers on the axes at neighbouring points, as doubles and exactly."""
 
     def __init__(
