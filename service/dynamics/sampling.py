@@ -52,9 +52,21 @@ def sample_times(times: Times, period: Period | None) -> SampleTimes:
         raise PeriodNeededError(
             "times in periods need a periodic motion; give start and stop", pointer="/time"
         )
-    turns = _in_doubles(times)
-    product, rest = two_product(turns.doubles, period.hi)
-    rest = rest + (turns.doubles * period.lo + turns.rests * period.hi)
+    return _multiples(_in_doubles(times), period.hi, period.lo)
+
+
+def sample_times_of_each(times: TimePeriods, periods: FloatArray) -> SampleTimes:
+    """Return the requested times for many periods, shape (periods,): arrays of shape (periods, samples).
+
+    Each row is, to the last bit, what :func:`sample_times` returns for its period alone.
+    """
+    return _multiples(_in_doubles(times), periods[:, None], 0.0)
+
+
+def _multiples(turns: SampleTimes, hi: FloatArray | float, lo: float) -> SampleTimes:
+    """Return so many times the periods hi + lo."""
+    product, rest = two_product(turns.doubles, hi)
+    rest = rest + (turns.doubles * lo + turns.rests * hi)
     # The product is the larger part: the difference is exact (Dekker's sum).
     doubles = product + rest
     return SampleTimes(doubles, rest - (doubles - product))

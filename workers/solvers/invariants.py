@@ -32,16 +32,24 @@ def measure_drifts(body: RigidBody, potential: Potential, motion: Motion) -> Dri
     The energy's value is that of the motion, that of γ·γ is 1, that of the areas
     integral is 0 for a planar motion, else the one at the first sample.
     """
-    omega, gamma = motion.samples[:, :3], motion.samples[:, 3:]
+    is_planar = motion.window is not None
+    return drifts_of(body, potential, motion.samples, motion.energy.value, is_planar=is_planar)
+
+
+def drifts_of(
+    body: RigidBody, potential: Potential, samples: FloatArray, energy: float, *, is_planar: bool
+) -> Drifts:
+    """Compare the integrals at ``samples``, shape (n, 6), with their values, as :func:`measure_drifts`."""
+    omega, gamma = samples[:, :3], samples[:, 3:]
     areas = areas_integral(body, omega, gamma)
     V = _potential_energies(potential, gamma)
     # A potential such as g3^8/g1^3 has a limit at a pole but no value there.
-    is_undefined = ~np.isfinite(V) & np.isfinite(motion.samples).all(axis=1)
+    is_undefined = ~np.isfinite(V) & np.isfinite(samples).all(axis=1)
     energies = kinetic_energy(body, omega) + V
     return Drifts(
-        energy=_largest(energies[~is_undefined] - motion.energy.value),
+        energy=_largest(energies[~is_undefined] - energy),
         geometric=_largest(geometric_integral(gamma) - 1.0),
-        areas=_largest(areas - (0.0 if motion.window is not None else areas[0])),
+        areas=_largest(areas - (0.0 if is_planar else areas[0])),
     )
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from decimal import Decimal
 from fractions import Fraction
 
 import numpy as np
@@ -10,19 +9,24 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.motion import COLUMNS
-from service.dynamics.sweep_axes import ListedAxis
-from service.schemas.reading.numbers import LARGEST
 from service.schemas.reading.pointers import with_values
-from service.schemas.sweep.sweep import Sweep, SweepAxis, json_number
+from service.schemas.sweep.sweep import Sweep, json_number
+from workers.solvers.compiled.motion import ALL
+from workers.solvers.invariants import drifts_of
 from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.doubles import Sampling, Swept, sweep_sets
 from workers.sweeping.emptiness import have_no_motion_at
-from workers.sweeping.plan import Quick, Side
+from workers.sweeping.family import potential_of
+from workers.sweeping.plan import DRIFTS, Quick, Side
+from workers.sweeping.points import Parameters, SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.programs import AffineProgram, Group, affine_program, grouped
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+
+MAX_PROGRAMS = 64
+"""Of a family, by the signs of its coefficients."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,57 +54,95 @@ class BlockSolver:
         assert grade is not None
         self._grade = grade
         names = [name for name in sweep.series_columns if name != "t"]
-        columns = np.array([COLUMNS.index(name) for name in names], dtype=np.int64)
+        self._keeps_drifts = any(name.startswith("invariants.") for name in sweep.keep)
+        columns = ALL if self._keeps_drifts else np.array(list(map(COLUMNS.index, names)), dtype=np.int64)
         self._sampling = Sampling(problem.time, columns, problem.wants_series)
         self._names = names
-        self._keeps_energy = any(name.startswith("energy") for name in sweep.keep)
-        self._shared = affine_program(problem.body, quick.potential, quick.paths)
-        self._known = [_listed_exactly(axis) for axis in sweep.axes]
+        self._keeps_energy = any("energy" in name for name in sweep.keep)
+        self._programs: dict[tuple[int, ...], AffineProgram | None] = {}
+        self._known = [listed_exactly(axis) for axis in sweep.axes]
 
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
-        points = _Points(self._sweep, self._known, first, count)
+        quick = self._quick
+        points = SweptPoints(self._sweep, self._known, first, count)
         found = _Found(self._sweep, self._names, count)
         squares, signs = self._curves(points)
-        usable = self._are_numbers(points)
-        for sign, side in self._quick.sides.items():
-            places = np.flatnonzero(usable & (signs == sign))
-            for group in self._groups(points, places):
-                self._solve_group(found, points, side, group, squares)
+        parameters = points.parameters(quick.coefficients, quick.places)
+        usable = are_numbers(points.doubles.T) & are_numbers(parameters.doubles)
+        if quick.moment_place is not None:
+            usable &= points.have_moment(quick.problem.body, quick.moment_place)
+        for sign, side in quick.sides.items():
+            is_here = usable & (signs == sign)
+            if quick.start_place is not None:
+                is_here &= np.sign(points.doubles[quick.start_place]) == sign
+            for group in self._groups(points, parameters, np.flatnonzero(is_here)):
+                self._solve_group(found, points, parameters, side, group, squares)
         return SolvedBlock(found.solved, found.empty, found.numbers, found.series)
 
     def _solve_group(
         self,
         found: "_Found",
-        points: "_Points",
+        points: SweptPoints,
+        parameters: Parameters,
         side: Side,
         group: Group,
         squares: Sequence[fmpq],
     ) -> None:
         problem, places = self._quick.problem, group.places
         chosen = [squares[place] for place in places.tolist()]
+        at = self._quick.start_place
         swept = sweep_sets(
-            problem.body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade
+            problem.body,
+            side.motion,
+            group.program,
+            group.rows,
+            chosen,
+            self._sampling,
+            self._grade,
+            None if at is None else np.abs(points.doubles[at, places]),
         )
         if swept is None:
             return
-        numbers, parameters = self._numbers(swept), points.doubles[list(self._quick.places)].T[places]
+        numbers, rows = self._numbers(swept), parameters.doubles[places]
         decided = np.isfinite(swept.errors) & (swept.errors <= problem.tolerance)
         # If only the period is asked for, its own error alone decides whether it is accurate enough.
         decided &= swept.period_errors <= problem.tolerance * swept.periods
         decided &= np.isfinite(swept.samples).all(axis=(1, 2))
-        decided &= ~swept.passes_pole | self._are_plain(parameters)
-        decided &= self._quick.family.keeps_its_sign(parameters, swept.approaches)
+        decided &= ~swept.passes_pole | self._are_plain(rows)
+        decided &= self._quick.family.keeps_its_sign(rows, swept.approaches)
         if self._keeps_energy and side.energies is not None:
-            exact = [points.exact_row(place, self._quick.places) for place in places.tolist()]
+            exact = [parameters.exact(place) for place in places.tolist()]
             energies = np.array(side.energies.rounded(exact, chosen)).reshape(-1, 2)
             numbers |= {"energy": energies[:, 0], "energy.error": energies[:, 1]}
             for name in self._sweep.keep:
                 decided &= np.isfinite(numbers[name]) if name in ("energy", "energy.error") else True
+        if self._keeps_drifts:
+            numbers |= self._drifts(points, places, decided, numbers.get("energy"), swept.samples)
         found.add(places, decided, numbers, swept)
         rest = np.flatnonzero(~decided)
         curves = [chosen[place] for place in rest.tolist()]
         found.empty[places[rest]] = have_no_motion_at(problem.body, side.motion, group, rest, curves)
+
+    def _drifts(
+        self,
+        points: SweptPoints,
+        places: IntArray,
+        decided: BoolArray,
+        energies: FloatArray | None,
+        samples: FloatArray,
+    ) -> dict[str, FloatArray]:
+        """Return how far the integrals stray along each decided motion; see :func:`.measure_drifts`."""
+        quick, body = self._quick, self._quick.problem.body
+        rows = np.full((len(places), len(DRIFTS)), np.nan)
+        for n in np.flatnonzero(decided).tolist():
+            potential = quick.problem.potential
+            if quick.places:
+                potential = potential_of(body, self._potential_at(points, int(places[n])))
+            energy = 0.0 if energies is None else float(energies[n])
+            found = drifts_of(body, potential, samples[n], energy, is_planar=True)
+            rows[n] = [getattr(found, name) for name in DRIFTS]
+        return {f"invariants.{name}.drift": rows[:, k] for k, name in enumerate(DRIFTS)}
 
     def _numbers(self, swept: Swept) -> dict[str, FloatArray]:
         # Without functions of time a job claims no error of them.
@@ -108,7 +150,7 @@ class BlockSolver:
         period_errors = np.nextafter(swept.period_errors, np.inf)
         return {"period": swept.periods, "period.error": period_errors, "error": error}
 
-    def _curves(self, points: "_Points") -> tuple[list[fmpq], IntArray]:
+    def _curves(self, points: SweptPoints) -> tuple[list[fmpq], IntArray]:
         """Return λ² and the sign of g1 at every point; the sign is 0 where λ or nu is not one."""
         place, count = self._quick.curve_place, points.count
         sign, side = next(iter(self._quick.sides.items()))
@@ -119,68 +161,49 @@ class BlockSolver:
             return [abs(value) for value in values], np.sign(points.doubles[place]).astype(np.int64)
         return [value * value for value in values], np.where(points.doubles[place] > 0.0, sign, 0)
 
-    def _are_numbers(self, points: "_Points") -> BoolArray:
-        """Tell which points have numbers that are safely within the limits of documents."""
-        sizes = np.abs(points.doubles)
-        limit = float(LARGEST) / 2.0
-        usable: BoolArray = ((sizes == 0.0) | ((sizes > 1.0 / limit) & (sizes < limit))).all(axis=0)
-        return usable
-
     def _are_plain(self, parameters: FloatArray) -> BoolArray:
         poles = self._quick.poles
         return np.zeros(len(parameters), dtype=np.bool_) if poles is None else poles.are_plain(parameters)
 
-    def _groups(self, points: "_Points", places: IntArray) -> list[Group]:
+    def _groups(self, points: SweptPoints, parameters: Parameters, places: IntArray) -> list[Group]:
         """Return the places by their programs; points without a program are left out."""
-        shared, groups = self._shared, list[Group]()
-        if shared is not None and len(places):
-            rows = self._shared_rows(shared, points, places)
+        groups, by_key = list[Group](), dict[tuple[int, ...], list[int]]()
+        for place, row in zip(places.tolist(), parameters.doubles[places].tolist(), strict=True):
+            by_key.setdefault(self._key(row), []).append(place)
+        for key, members in by_key.items():
+            here = np.array(members, dtype=np.int64)
+            shared = self._program(key)
+            if shared is None:
+                continue
+            exact = [parameters.exact(place) for place in here.tolist()] if shared.needs_exact else None
+            rows = shared.rows(parameters.doubles[here], exact)
             generic = shared.are_generic(rows)
-            groups.append(shared.group(rows[generic], places[generic]))
-            places = places[~generic]
+            groups.append(shared.group(rows[generic], here[generic]))
+            places = np.setdiff1d(places, here[generic])
         documents = {place: self._potential_at(points, place) for place in places.tolist()}
         return [
             group for group in [*groups, *grouped(self._quick.problem.body, documents)] if len(group.rows)
         ]
 
-    def _shared_rows(self, shared: AffineProgram, points: "_Points", places: IntArray) -> FloatArray:
-        own = self._quick.places
-        exact = [points.exact_row(place, own) for place in places.tolist()] if shared.needs_exact else None
-        return shared.rows(points.doubles[list(own)].T[places], exact)
+    def _key(self, row: Sequence[float]) -> tuple[int, ...]:
+        """Return what else than its constants a program depends on: a family writes sums by signs."""
+        if self._quick.potential.get("type") == "expression":
+            return (1,) * len(row)
+        return tuple(int(np.sign(number)) for number in row)
 
-    def _potential_at(self, points: "_Points", place: int) -> object:
+    def _program(self, key: tuple[int, ...]) -> AffineProgram | None:
+        if key not in self._programs:
+            body, made = self._quick.problem.body, self._quick.coefficients
+            known = all(key) and len(self._programs) < MAX_PROGRAMS
+            self._programs[key] = affine_program(body, made.document, made.paths, key) if known else None
+        return self._programs[key]
+
+    def _potential_at(self, points: SweptPoints, place: int) -> object:
         values = {
             path: json_number(_fraction(points.exact(axis, place)))
             for path, axis in zip(self._quick.paths, self._quick.places, strict=True)
         }
         return with_values(dict(self._quick.potential), dict(values))
-
-
-class _Points:
-    """The numbers on the axes at neighbouring points, as doubles and exactly."""
-
-    def __init__(
-        self, sweep: Sweep, known: Sequence[Mapping[float, fmpq | None]], first: int, count: int
-    ) -> None:
-        self.count = count
-        self.doubles = np.stack(list(sweep.columns(first, count).values()))
-        self._sweep = sweep
-        self._known = known
-        self._first = first
-
-    def exact(self, axis: int, place: int) -> fmpq:
-        """Return the number on an axis at the ``place``-th point."""
-        double = float(self.doubles[axis, place])
-        known = self._known[axis]
-        if double not in known:
-            # A double means its shortest decimal.
-            return fmpq(*Decimal(repr(double)).as_integer_ratio())
-        found = known[double]
-        return _ratio(self._sweep.values(self._first + place)[axis]) if found is None else found
-
-    def exact_row(self, place: int, axes: Sequence[int]) -> list[fmpq]:
-        """Return the numbers on several axes."""
-        return [self.exact(axis, place) for axis in axes]
 
 
 class _Found:
@@ -202,20 +225,10 @@ class _Found:
             if name in numbers:
                 column[places] = numbers[name]
         for k, name in enumerate(self._names):
-            self.series[name][places] = swept.samples[:, :, k]
+            at = COLUMNS.index(name) if swept.samples.shape[2] == len(COLUMNS) else k
+            self.series[name][places] = swept.samples[:, :, at]
         if "t" in self.series:
             self.series["t"][places] = swept.times
-
-
-def _listed_exactly(axis: SweepAxis) -> dict[float, fmpq | None]:
-    """Return listed numbers and ends that their doubles may not equal; None if two share a double."""
-    if isinstance(axis.axis, ListedAxis):
-        given = axis.axis.listed
-    else:
-        given = (axis.axis.value(0), axis.axis.value(axis.axis.length - 1))
-    first: dict[float, Fraction] = {}
-    shared = {double for value in given if first.setdefault(double := float(value), value) != value}
-    return {double: None if double in shared else _ratio(value) for double, value in first.items()}
 
 
 def _ratio(value: Fraction) -> fmpq:

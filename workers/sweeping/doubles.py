@@ -9,14 +9,16 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.problem import PlanarMotion, TimePeriods, Times
-from service.dynamics.sampling import sample_times
-from service.dynamics.solution.dense_output import Period
-from workers.solvers.compiled.batch import NO_TIMES, Batch, Tier, errors_of, solve_batch
+from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods, Times
+from service.dynamics.sampling import SampleTimes, sample_times, sample_times_of_each
+from service.dynamics.solution.dense_output import EPSILON, Period
+from workers.solvers.compiled.batch import NO_TIMES, Batch, Tier, bounds_of, solve_batch
 from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.evaluation.program import Program
 from workers.solvers.compiled.frame import Frame, make_frame
+from workers.solvers.compiled.motion import ALL
 from workers.solvers.compiled.records import FOUND, Records, copied, new_records
+from workers.solvers.compiled.solve import START_ULPS
 from workers.solvers.compiled.time_map.sampling import sample_one
 
 FloatArray = NDArray[np.float64]
@@ -46,6 +48,11 @@ DEPTHS = (1.0 / math.cosh(13.0), 1e-9, 1e-14, 1e-25, 1e-50, 1e-100)
 """|sin v| from the last place near a pole that the solver looks at to where one power is left."""
 
 
+AT_START = SampleTimes(np.zeros(1), np.zeros(1))
+SURE = 2.0**-20
+"""Of g1' or g3' at a given start: nearer to an end of the window doubles do not tell that it is inside."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sampling:
     """Where and which variables are wanted."""
@@ -65,22 +72,28 @@ def sweep_sets(
     lambdas_squared: Sequence[fmpq],
     sampling: Sampling,
     tier: Tier,
+    starts: FloatArray | None = None,
 ) -> Swept | None:
     """Solve the program with each of the ``rows`` of constants, on the curve of the same place's λ².
 
-    ``motion`` gives everything but λ. None if motions of its kind are not solved here.
+    ``motion`` gives everything but λ, and but |g1| at its start where there are ``starts``, shape (sets,).
+    None if motions of its kind are not solved here.
     """
     frame = make_frame(body, motion)
     if frame is None:
         return None
-    batch = Batch(program, rows, _loops(frame, lambdas_squared), tier, columns=sampling.columns)
+    loops = _loops(frame, lambdas_squared)
+    if starts is not None:
+        loops["size_of_g1"] = starts
+    batch = Batch(program, rows, loops, tier, columns=sampling.columns)
+    late = _lateness(batch) if isinstance(motion.start, StartAtPoint) else np.zeros(len(loops))
     if isinstance(sampling.time, TimePeriods) and len(sampling.columns):
-        return _each_with_its_times(batch, sampling.time)
+        return _each_with_its_times(batch, sampling.time, late)
     shared = not isinstance(sampling.time, TimePeriods) and sampling.has_times
     asked = sample_times(sampling.time, None) if shared else NO_TIMES
     run = solve_batch(replace(batch, times=asked if len(sampling.columns) else NO_TIMES))
     latest = np.abs(asked.doubles).max() if shared else _latest(sampling, run.found["period"])
-    return _swept(run.loops, run.found, run.errors_at(latest), asked.doubles, run.samples)
+    return _swept(run.loops, run.found, _errors(run.found, latest, late), asked.doubles, run.samples)
 
 
 def logarithms_of(lambdas_squared: Sequence[fmpq]) -> list[float]:
@@ -93,7 +106,27 @@ def _loops(frame: Frame, lambdas_squared: Sequence[fmpq]) -> Records:
     return frame.loops(logarithms_of(lambdas_squared))
 
 
-def _each_with_its_times(batch: Batch, time: TimePeriods) -> Swept:
+def _lateness(batch: Batch) -> FloatArray:
+    """Return the time that the rounding of each given start is worth, as a single motion counts it.
+
+    It is inf where the start may be at an end of the window, or where there is no motion.
+    """
+    states = np.abs(solve_batch(replace(batch, times=AT_START, columns=ALL)).samples[:, 0])
+    slowest = states[:, 4] * np.minimum(states[:, 0], states[:, 2])
+    late = np.full(len(slowest), np.inf)
+    is_sure = slowest > SURE
+    late[is_sure] = START_ULPS * EPSILON / slowest[is_sure]
+    return late
+
+
+def _errors(found: Records, latest: FloatArray | float, late: FloatArray) -> FloatArray:
+    """Return the bounds of the errors of samples up to |t| = ``latest``; inf where not decided."""
+    bounds = bounds_of(found)
+    errors = replace(bounds, time=bounds.time + late).error_at(latest, found["period"], found["period_error"])
+    return np.where((found["panels"] > 0) & ~np.isnan(errors), errors, np.inf)
+
+
+def _each_with_its_times(batch: Batch, time: TimePeriods, late: FloatArray) -> Swept:
     """Solve one after the other: in periods each motion has times of its own."""
     sets = len(batch.loops)
     times = np.full((sets, time.samples), np.nan)
@@ -108,7 +141,7 @@ def _each_with_its_times(batch: Batch, time: TimePeriods) -> Swept:
             asked = sample_times(time, Period(float(about.period), 0.0, float(about.period_error)))
             times[n] = asked.doubles
             sample_one(run.loops, run.panels, times[n], asked.rests, batch.columns, desk, samples[n])
-    return _swept(loops, found, errors_of(found, np.abs(times).max(axis=1)), times, samples)
+    return _swept(loops, found, _errors(found, np.abs(times).max(axis=1), late), times, samples)
 
 
 def _swept(
@@ -122,14 +155,8 @@ def _latest(sampling: Sampling, periods: FloatArray) -> FloatArray:
     """Return the largest |t| of each motion whose times depend on its period."""
     if not isinstance(sampling.time, TimePeriods) or not sampling.has_times:
         return periods
-    return np.array(
-        [
-            np.abs(sample_times(sampling.time, Period(period, 0.0, 0.0)).doubles).max()
-            if math.isfinite(period)
-            else math.nan
-            for period in periods.tolist()
-        ]
-    )
+    latest: FloatArray = np.abs(sample_times_of_each(sampling.time, periods).doubles).max(axis=1)
+    return latest
 
 
 def _pass_a_pole(loops: Records, found: Records) -> BoolArray:

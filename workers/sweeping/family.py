@@ -164,6 +164,16 @@ def _is_affine(document: Mapping[str, object], paths: Sequence[Path]) -> bool:
         return False
 
 
+def has_symbol(document: Mapping[str, object], name: str) -> bool:
+    """Tell whether a potential's formula has a symbol; it does as far as nobody can tell."""
+    if document.get("type") != "expression":
+        return document.get("type") not in ("gravity", *_LISTS)
+    try:
+        return degree_in(parse(str(document.get("expression"))), {name}) > 0
+    except FormulaError:
+        return True
+
+
 def degree_in(tree: Tree, names: set[str]) -> int:
     """Return a bound of the degree in the symbols ``names``: 0, 1, or more as 2."""
 

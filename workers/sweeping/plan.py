@@ -4,14 +4,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from service.dynamics.problem import PlanarMotion, Problem, StartAtPoint
+from service.dynamics.problem import PlanarMotion, Problem
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.solvers.planar.choose import compiled_tier
+from workers.sweeping.coefficients import Coefficients, coefficients_of
 from workers.sweeping.energies import Energies, energies_of
-from workers.sweeping.family import Path, Poles, SweepFamily, prove_family, smooth_poles
+from workers.sweeping.family import Path, Poles, SweepFamily, has_symbol, prove_family, smooth_poles
 
 _CURVE_FIELDS = ("lambda", "nu")
-_PLAIN_OUTPUTS = {"period", "gamma", "omega"}
+_START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
+_PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
+DRIFTS = ("energy", "geometric", "areas")
+"""Integrals that every motion has."""
+_DRIFTS = {f"invariants.{name}.drift" for name in DRIFTS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +39,14 @@ class Quick:
     """Of the numbers in the potential that vary."""
     places: tuple[int, ...]
     """Of their axes, in the same order."""
+    coefficients: Coefficients
+    """What these numbers make, in which the potential is linear."""
     curve_place: int | None
     """Of the axis of λ or nu."""
+    start_place: int | None
+    """Of the axis of g1 at the start."""
+    moment_place: int | None
+    """Of the axis of B, on which planar motions do not depend."""
     sides: Mapping[int, Side]
     """By the sign of g1."""
     family: SweepFamily
@@ -56,29 +67,36 @@ class Plan:
 def make_plan(sweep: Sweep) -> Plan:
     """Return the plan of a sweep.
 
-    Verdicts are hoisted if no axis touches the body, and those that touch the
-    potential do so linearly. Compiled doubles take the sweeps that besides
+    Verdicts are hoisted if no axis touches A or C, and the potential is linear in numbers
+    that those on the axes make. Compiled doubles take the sweeps that besides
 
-    * vary nothing but the potential's numbers and λ or nu,
-    * ask, by method ``auto``, for no outputs but period, gamma and omega,
-    * by the tier ``draft`` or a tolerance looser than that of ``standard``,
-    * and do not start at a given g1.
+    * vary nothing but the potential's numbers, λ or nu, B, and g1 at the start,
+    * ask, by method ``auto``, for no outputs but period, gamma, omega, and the drifts of the three integrals,
+    * by the tiers ``draft`` and ``standard``, or a tolerance that ``standard`` keeps.
     """
     problem, potential = sweep.first_problem, sweep.base["potential"]
-    moves_body = any(axis.path[0] == "body" for axis in sweep.axes)
-    if moves_body or not isinstance(problem.motion, PlanarMotion) or not isinstance(potential, dict):
+    if not isinstance(problem.motion, PlanarMotion) or not isinstance(potential, dict):
         return Plan(sweep, is_judged=False, quick=None)
-    paths = tuple(axis.path[1:] for axis in sweep.axes if _is_of_potential(axis))
-    family = prove_family(problem.body, potential, paths)
+    moves_body = any(axis.path[0] == "body" for axis in sweep.axes if axis.path != _MOMENT)
+    moves_body |= any(axis.path == _MOMENT for axis in sweep.axes) and has_symbol(potential, "B")
+    places = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
+    paths = tuple(sweep.axes[k].path[1:] for k in places)
+    first = [sweep.axes[k].axis.value(0) for k in places]
+    coefficients = None if moves_body else coefficients_of(problem.body, potential, paths, first)
+    if coefficients is None:
+        return Plan(sweep, is_judged=False, quick=None)
+    family = prove_family(problem.body, coefficients.document, coefficients.paths)
     if family is None:
         return Plan(sweep, is_judged=False, quick=None)
     sides = _sides(sweep, problem, problem.motion, family)
     if not _is_quick(sweep, problem) or sides is None:
         return Plan(sweep, is_judged=True, quick=None)
-    places = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
-    curve_place = next((k for k, axis in enumerate(sweep.axes) if _is_of_curve(axis)), None)
+    curve, start, moment = (
+        next((k for k, axis in enumerate(sweep.axes) if is_it(axis)), None)
+        for is_it in (_is_of_curve, _is_of_start, _is_of_moment)
+    )
     poles = smooth_poles(problem.body, family, problem.motion)
-    quick = Quick(problem, potential, paths, places, curve_place, sides, family, poles)
+    quick = Quick(problem, potential, paths, places, coefficients, curve, start, moment, sides, family, poles)
     return Plan(sweep, is_judged=True, quick=quick)
 
 
@@ -88,8 +106,12 @@ def _is_quick(sweep: Sweep, problem: Problem) -> bool:
         and set(problem.outputs) <= _PLAIN_OUTPUTS
         and compiled_tier(problem) in ("draft", "standard")
         and isinstance(problem.motion, PlanarMotion)
-        and not isinstance(problem.motion.start, StartAtPoint)
-        and all(_is_of_curve(axis) or _is_of_potential(axis) for axis in sweep.axes)
+        and all(name in _DRIFTS for name in sweep.keep if name.startswith("invariants."))
+        and (problem.wants_series or "invariants" not in problem.outputs)
+        and all(
+            _is_of_curve(axis) or _is_of_potential(axis) or _is_of_start(axis) or _is_of_moment(axis)
+            for axis in sweep.axes
+        )
     )
 
 
@@ -103,7 +125,7 @@ def _sides(
     sides: dict[int, Side] = {
         each.sign_of_g1: Side(each, energies_of(problem.body, family, each)) for each in motions
     }
-    keeps_energy = any(name.startswith("energy") for name in sweep.keep)
+    keeps_energy = any("energy" in name for name in sweep.keep)
     has_all = all(side.energies is not None for side in sides.values())
     return sides if has_all or not keeps_energy else None
 
@@ -114,3 +136,11 @@ def _is_of_potential(axis: SweepAxis) -> bool:
 
 def _is_of_curve(axis: SweepAxis) -> bool:
     return len(axis.path) == 2 and axis.path[0] == "motion" and axis.path[1] in _CURVE_FIELDS
+
+
+def _is_of_start(axis: SweepAxis) -> bool:
+    return axis.path == _START
+
+
+def _is_of_moment(axis: SweepAxis) -> bool:
+    return axis.path == _MOMENT

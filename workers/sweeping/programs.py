@@ -1,10 +1,10 @@
 """Evaluates the constants of a formula's program at every point, without recompiling the formula.
 
-A formula affine in its parameters compiles to one program whose constants are
+A potential affine in its parameters compiles to one program whose constants are
 affine in them too, with exact coefficients: they are read off from a few
-formulas compiled at numbers that make nothing vanish. Where a constant becomes
+formulas compiled at numbers that make nothing vanish, and held against one more. Where a constant becomes
 0, 1 or -1, or meets another one, the compiler would write a shorter program;
-such points are compiled one by one, and so are those of the other families.
+such points are compiled one by one.
 """
 
 import math
@@ -57,7 +57,7 @@ class Affine:
         at_zero, found = _ratio(self.at_zero), list[float]()
         for row in parameters:
             value = sum((slope * row[k] for k, slope in slopes), at_zero)
-            found.append(_nearest_double(int(value.p), int(value.q)))
+            found.append(nearest_double(int(value.p), int(value.q)))
         return found
 
 
@@ -110,33 +110,35 @@ class AffineProgram:
 
 
 def affine_program(
-    body: RigidBody, document: Mapping[str, object], paths: Sequence[Path]
+    body: RigidBody, document: Mapping[str, object], paths: Sequence[Path], signs: Sequence[int]
 ) -> AffineProgram | None:
-    """Return the program of an expression that is affine in the parameters at ``paths``.
+    """Return the program of a potential that is affine in the numbers at ``paths``, which have these signs.
 
-    None for other potentials, and where the probes do not share one program.
+    None where the probes do not share one program. A family writes a sum by the signs of its terms.
     """
-    if document.get("type") != "expression":
-        return None
-    start = [_PROBE + 1_009 * k * _STEP for k in range(len(paths))]
+    start = [sign * (_PROBE + 1_009 * k * _STEP) for k, sign in enumerate(signs)]
     try:
         origin = _tape(body, document, paths, start)
         steps = [
             _tape(body, document, paths, [p + _STEP * (k == j) for j, p in enumerate(start)])
             for k in range(len(paths))
         ]
+        other = [p * (1 + _STEP) for p in start]
+        witness = _tape(body, document, paths, other)
     except (DynamicsError, ValueError):
         return None
     program, constants = make_program(origin)
-    if any(make_program(tape)[0].key != program.key for tape in steps):
+    if any(make_program(tape)[0].key != program.key for tape in (*steps, witness)):
         return None
     numbers, moved = _numbers(origin), [_numbers(tape) for tape in steps]
     varying: dict[int, Affine] = {}
-    for slot, number in enumerate(numbers):
+    for slot, (number, seen) in enumerate(zip(numbers, _numbers(witness), strict=True)):
         if number is None:
             continue
-        slopes = tuple(((other[slot] or number) - number) / _STEP for other in moved)
+        slopes = tuple(((each[slot] or number) - number) / _STEP for each in moved)
         at_zero = number - sum((s * p for s, p in zip(slopes, start, strict=True)), Fraction(0))
+        if at_zero + sum((s * p for s, p in zip(slopes, other, strict=True)), Fraction(0)) != seen:
+            return None
         affine = Affine(at_zero, slopes)
         if not affine.is_constant:
             varying[slot] = affine
@@ -208,7 +210,7 @@ def _ratio(value: Fraction) -> fmpq:
     return fmpq(value.numerator, value.denominator)
 
 
-def _nearest_double(numerator: int, denominator: int) -> float:
+def nearest_double(numerator: int, denominator: int) -> float:
     """Return the double nearest to a ratio, NaN where it is too large."""
     try:
         return numerator / denominator

@@ -201,7 +201,7 @@ def _remainder(times: FloatArray, turns: FloatArray, period: Period, rests: Floa
     return ((times - product) - rest) - small
 
 
-def two_product(a: FloatArray, b: float) -> tuple[FloatArray, FloatArray]:
+def two_product(a: FloatArray, b: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     """Return a·b as an unevaluated sum of two doubles (Dekker 1971)."""
     product = a * b
     a_high = _SPLIT * a - (_SPLIT * a - a)

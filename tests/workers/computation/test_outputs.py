@@ -82,8 +82,8 @@ def test_precession_is_that_of_the_table_and_its_columns_are_served():
 
 
 def test_a_libration_does_not_precess():
-    precession = solve("-g1 + 1/20/g3^2", outputs=("orientation",)).summary["precession"]
-    for angle in precession.values():
+    precession = solve("-g1 + 1/20/g3^2", outputs=("orientation",), accuracy={"tier": "high"})
+    for angle in precession.summary["precession"].values():
         assert abs(angle["value"]) <= angle["error"] <= 1e-12
 
 

@@ -131,12 +131,8 @@ def test_a_budget_that_nothing_fits_is_told():
 
 def test_the_way_of_a_tier_is_told_in_the_evidence():
     golden = GOLDEN[0]
-    draft, standard = (
-        solve_document(json.dumps(document(golden, {"tier": tier}))).summary["evidence"]
-        for tier in ("draft", "standard")
-    )
-    assert "compiled" in draft
-    assert "closed_form" in standard
+    for tier in ("draft", "standard"):
+        assert "compiled" in solve_document(json.dumps(document(golden, {"tier": tier}))).summary["evidence"]
     forced = document(golden, {"tier": "standard"}, method="quadrature")
     assert "nodes" in solve_document(json.dumps(forced)).summary["evidence"]
     assert read_problem(forced).method == "quadrature"

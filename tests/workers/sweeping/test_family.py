@@ -81,7 +81,7 @@ def test_what_is_not_admissible_for_all_numbers_is_not_proved(document, paths):
 
 def test_constants_are_those_of_the_formula_compiled_alone():
     document = expression("a*g1/3 - 2*(b + 1/7)/(-g3^2)/20 + sqrt(2)*(a-b)*g1", a=1, b=1)
-    program = affine_program(BODY, document, (A, B))
+    program = affine_program(BODY, document, (A, B), (1, 1))
     numbers = [(Fraction(1, 3), Fraction(2, 7)), (Fraction(-13, 10), Fraction(1, 100))]
     doubles = np.array([[float(number) for number in row] for row in numbers])
     exact = [[fmpq(number.numerator, number.denominator) for number in row] for row in numbers]
@@ -97,7 +97,7 @@ def test_constants_are_those_of_the_formula_compiled_alone():
 @pytest.mark.parametrize(("a", "b"), [(0, 2), (1, 2), (-1, 2), (2, 2), (5, 2)])
 def test_numbers_that_change_the_program_are_seen(a, b):
     document = expression("a*g1 + b*g1*g2 + 5*g2", a=1, b=1)
-    program = affine_program(BODY, document, (A, B))
+    program = affine_program(BODY, document, (A, B), (1, 1))
     rows = program.rows(np.array([[a, b]], dtype=float), None)
     assert not program.are_generic(rows)[0]
 

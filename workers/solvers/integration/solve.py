@@ -13,7 +13,7 @@ from service.dynamics.bounds import is_within
 from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import energy_integral
 from service.dynamics.motion import Estimate, Motion
-from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.potential import FormulaPotential, Potential
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.evidence import with_claim_shown
 from workers.solvers.integration.errors import IntegratorMissingError, UnsupportedFormulaError
@@ -113,6 +113,8 @@ def choose_integrator(body: RigidBody, potential: Potential, name: IntegratorNam
     if not taylor.AVAILABLE:
         raise IntegratorMissingError("heyoka is not installed here; ask for dop853, or for auto")
     try:
+        if isinstance(potential, FormulaPotential):
+            return taylor.taylor_integrator(body, potential)
         return taylor.TaylorIntegrator(body, potential)
     except UnsupportedFormulaError:
         if name == "heyoka":

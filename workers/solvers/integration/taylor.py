@@ -11,6 +11,7 @@ some ten thousand steps. This is the only module that knows heyoka.
 from collections import deque
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from math import comb, copysign, inf
 from typing import Any, Protocol, Self
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.formula.tape import Tape
-from service.dynamics.potentials.potential import NoClosedFormError, Potential
+from service.dynamics.potentials.potential import FormulaPotential, NoClosedFormError, Potential
 from workers.solvers.integration.errors import UnsupportedFormulaError
 from workers.solvers.integration.interface import (
     Moments,
@@ -139,10 +140,13 @@ class TaylorIntegrator:
         self._body, self._potential = body, potential
         self._equations = _equations(Moments.of(body, rounding), potential, rounding)
         self._steppers: dict[float, Any] = {}  # heyoka's integrators by their tolerance; it has no types
+        self._neighbour: TaylorIntegrator | None = None
 
     def neighbour(self) -> "TaylorIntegrator":
         """See Integrator.neighbour."""
-        return TaylorIntegrator(self._body, self._potential, neighbour_of)
+        if self._neighbour is None:
+            self._neighbour = TaylorIntegrator(self._body, self._potential, neighbour_of)
+        return self._neighbour
 
     def run(
         self,
@@ -212,6 +216,15 @@ class TaylorIntegrator:
         stepper.time = 0.0
         stepper.state[:] = state
         return stepper
+
+
+@lru_cache(maxsize=4)
+def taylor_integrator(body: RigidBody, potential: FormulaPotential) -> TaylorIntegrator:
+    """Return the integrator of the equations; raises what :class:`TaylorIntegrator` does.
+
+    Motions of one body in one potential share it: its machine code takes longer to make than to run.
+    """
+    return TaylorIntegrator(body, potential)
 
 
 def _equations(

@@ -64,8 +64,8 @@ _ANY_METHOD: tuple[Method, ...] = ("auto", "quadrature", "integration", "both")
 _FREE: tuple[Method, ...] = ("auto", "both")
 """Methods that leave the choice to the table."""
 _ANY_GRADE: tuple[Grade, ...] = ("draft", "loose", "standard", "high", "certified")
-_NOT_BY_DOUBLES: tuple[Grade, ...] = ("standard", "certified")
-_BY_DOUBLES: tuple[Grade, ...] = ("draft", "loose", "high")
+_NOT_BY_DOUBLES: tuple[Grade, ...] = ("certified",)
+_BY_DOUBLES: tuple[Grade, ...] = ("draft", "loose", "standard", "high")
 
 # fmt: off
 FUNCTIONS_OF_TIME: tuple[Row, ...] = (

@@ -9,7 +9,7 @@ from service.dynamics.potentials.families.expression import expression_potential
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.integration.dop853 import Dop853Integrator
 from workers.solvers.integration.interface import joined, neighbour_of
-from workers.solvers.integration.taylor import TaylorIntegrator
+from workers.solvers.integration.taylor import TaylorIntegrator, taylor_integrator
 
 
 @pytest.mark.parametrize(
@@ -63,6 +63,19 @@ def test_chunks_do_not_show():
     right = run.coefficients.sum(axis=1)
     left = (run.coefficients * (-1.0) ** np.arange(run.coefficients.shape[1])[:, None]).sum(axis=1)
     assert np.abs(right[:-1] - left[1:]).max() <= 4e-15
+
+
+def test_a_shared_integrator_has_the_bits_of_a_new_one():
+    field, other = (expression_potential("-g1 + g3^2/7", {}, BODY) for _ in range(2))
+    states = [np.array([0.3, 0.1, -0.2, 0.6, 0.0, 0.8]), np.array([-0.1, 0.7, 0.2, 0.0, 1.0, 0.0])]
+    shared = taylor_integrator(BODY, field)
+    assert taylor_integrator(BODY, other) is shared
+    for state in (states[0], states[1], states[0]):
+        for mine, new in ((shared, TaylorIntegrator(BODY, field)), (shared.neighbour(), None)):
+            fresh = new or TaylorIntegrator(BODY, field).neighbour()
+            runs = [each.run(state, 3.0, local_tolerance=1e-12, max_steps=1000) for each in (mine, fresh)]
+            assert np.array_equal(runs[0].breaks, runs[1].breaks)
+            assert np.array_equal(runs[0].coefficients, runs[1].coefficients)
 
 
 def test_rounded_numbers_have_a_neighbour_on_the_side_of_the_truth():

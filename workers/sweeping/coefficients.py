@@ -1,0 +1,186 @@
+"""Finds the numbers in which a potential is linear, where it is not linear in those that a sweep varies.
+
+``a^3*g1 + b^2/g3^2`` is linear in a³ and b². Such a part of a formula, made of parameters and numbers alone,
+is worked out exactly at every point and takes the place of a parameter: the compiler would have folded it
+into the very same constant.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from flint import fmpq
+
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
+from service.dynamics.exact import exact_number
+from service.dynamics.formula.errors import FormulaError
+from service.dynamics.formula.parser import parse
+from service.dynamics.formula.printer import format_tree
+from service.dynamics.formula.traversal import fold_tree
+from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree
+from service.schemas.reading.pointers import with_values
+from workers.sweeping.family import Path, degree_in, potential_of
+
+LARGEST_EXPONENT = 64
+"""Of a coefficient; its exact digits grow with it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Coefficients:
+    """Numbers in which the potential is affine, as functions of those on the axes."""
+
+    document: Mapping[str, object]
+    """A potential in which they can be set."""
+    paths: tuple[Path, ...]
+    """Where, in the potential."""
+    names: tuple[str, ...] = ()
+    """Of the parameters on the axes, where the coefficients are made of them."""
+    trees: tuple[Tree, ...] | None = None
+    """None: the coefficients are the numbers on the axes."""
+    fixed: Mapping[str, fmpq] | None = None
+    """The other parameters."""
+
+    def at(self, row: Sequence[fmpq]) -> list[fmpq] | None:
+        """Return the coefficients at a point with these numbers on the axes, None where one has no value."""
+        if self.trees is None:
+            return list(row)
+        numbers = {**(self.fixed or {}), **dict(zip(self.names, row, strict=True))}
+        try:
+            return [_value(tree, numbers) for tree in self.trees]
+        except ZeroDivisionError:
+            return None
+
+
+def coefficients_of(
+    body: RigidBody, document: Mapping[str, object], paths: tuple[Path, ...], first: Sequence[Fraction]
+) -> Coefficients | None:
+    """Return the coefficients of a potential whose numbers at ``paths`` vary; None if they are not found.
+
+    ``first`` are those numbers at one point, where the formula in the coefficients is compiled and held
+    against the client's own.
+    """
+    plain = Coefficients(document, paths)
+    if document.get("type") != "expression" or any(path[0] != "parameters" for path in paths):
+        return plain
+    names = tuple(path[-1] for path in paths)
+    try:
+        tree = parse(str(document.get("expression")))
+        if degree_in(tree, set(names)) <= 1:
+            return plain
+        given = document.get("parameters")
+        parameters = dict(given) if isinstance(given, dict) else {}
+        fixed = {name: _ratio(exact_number(value)) for name, value in parameters.items() if name not in names}
+        found = _Split(names, {*parameters, *names})
+        linear = format_tree(fold_tree(tree, found.build)[0])
+    except (FormulaError, ValueError):
+        return None
+    made = found.names()
+    kept = {name: value for name, value in parameters.items() if name not in names}
+    linear_document = {**document, "expression": linear, "parameters": {**kept, **dict.fromkeys(made, 1)}}
+    coefficients = Coefficients(
+        linear_document, tuple(("parameters", name) for name in made), names, tuple(found.parts), fixed
+    )
+    values = coefficients.at([_ratio(number) for number in first])
+    if values is None:
+        return None
+    shown = dict(zip(coefficients.paths, map(str, values), strict=True))
+    own = dict(zip(paths, map(str, first), strict=True))
+    try:
+        compiled = potential_of(body, with_values(linear_document, dict(shown))).tape
+        is_same = compiled == potential_of(body, with_values(dict(document), dict(own))).tape
+    except (DynamicsError, ValueError):
+        return None
+    return coefficients if is_same else None
+
+
+class _Split:
+    """Replaces the largest parts that are made of parameters and numbers, of which one varies."""
+
+    def __init__(self, varying: Sequence[str], known: set[str]) -> None:
+        self.parts: list[Tree] = []
+        self._varying, self._known = set(varying), known
+
+    def names(self) -> list[str]:
+        """Return the names of the parts, which are those of no parameter."""
+        return [self._name(k) for k in range(len(self.parts))]
+
+    def build(self, _: int, node: Tree, below: Sequence[tuple[Tree, bool, bool]]) -> tuple[Tree, bool, bool]:
+        """Return the tree, whether it is exact, and whether it varies; see :func:`fold_tree`."""
+        if isinstance(node, Number):
+            return node, True, False
+        if isinstance(node, Symbol):
+            return node, node.name in self._known, node.name in self._varying
+        is_exact = all(exact for _, exact, _ in below) and _is_exact(node)
+        varies = any(varying for _, _, varying in below)
+        trees = [tree if is_exact else self._part(tree, exact and varying) for tree, exact, varying in below]
+        return _with_operands(node, trees), is_exact, varies
+
+    def _part(self, tree: Tree, is_part: bool) -> Tree:
+        if not is_part:
+            return tree
+        if tree not in self.parts:
+            self.parts.append(tree)
+        return Symbol(self._name(self.parts.index(tree)))
+
+    def _name(self, place: int) -> str:
+        name = f"coefficient{place}"
+        while name in self._known:
+            name += "_"
+        return name
+
+
+def _is_exact(node: Tree) -> bool:
+    if isinstance(node, Call):
+        return False
+    if isinstance(node, Binary) and node.operator == "^":
+        exponent = node.right.operand if isinstance(node.right, Negation) else node.right
+        return (
+            isinstance(exponent, Number)
+            and exponent.value.denominator == 1
+            and exponent.value <= LARGEST_EXPONENT
+        )
+    return True
+
+
+def _with_operands(node: Tree, operands: Sequence[Tree]) -> Tree:
+    if isinstance(node, Binary):
+        return Binary(node.operator, operands[0], operands[1])
+    if isinstance(node, Negation):
+        return Negation(operands[0])
+    if isinstance(node, Call):
+        return Call(node.function, operands[0])
+    return node
+
+
+def _value(tree: Tree, numbers: Mapping[str, fmpq]) -> fmpq:
+    def value(_: int, node: Tree, below: Sequence[fmpq]) -> fmpq:
+        match node:
+            case Number():
+                return _ratio(node.value)
+            case Symbol():
+                return numbers[node.name]
+            case Negation():
+                return -below[0]
+            case Binary():
+                return _combined(node.operator, *below)
+        raise AssertionError
+
+    return fold_tree(tree, value)
+
+
+def _combined(operator: str, left: fmpq, right: fmpq) -> fmpq:
+    match operator:
+        case "+":
+            return left + right
+        case "-":
+            return left - right
+        case "*":
+            return left * right
+        case "/":
+            return left / right
+    return left ** int(right.p)
+
+
+def _ratio(value: Fraction) -> fmpq:
+    return fmpq(value.numerator, value.denominator)

@@ -1,0 +1,103 @@
+"""The numbers of neighbouring points: those on the axes, and those in which the potential is linear."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+from flint import fmpq
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.sweep_axes import ListedAxis
+from service.schemas.reading.numbers import LARGEST
+from service.schemas.sweep.sweep import Sweep, SweepAxis
+from workers.sweeping.coefficients import Coefficients
+from workers.sweeping.programs import nearest_double
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+class SweptPoints:
+    """The numbers on the axes at neighbouring points, as doubles and exactly."""
+
+    def __init__(
+        self, sweep: Sweep, known: Sequence[Mapping[float, fmpq | None]], first: int, count: int
+    ) -> None:
+        self.count = count
+        self.doubles = np.stack(list(sweep.columns(first, count).values()))
+        self._sweep = sweep
+        self._known = known
+        self._first = first
+
+    def exact(self, axis: int, place: int) -> fmpq:
+        """Return the number on an axis at the ``place``-th point."""
+        double = float(self.doubles[axis, place])
+        known = self._known[axis]
+        if double not in known:
+            # A double means its shortest decimal.
+            return fmpq(*Decimal(repr(double)).as_integer_ratio())
+        found = known[double]
+        return _ratio(self._sweep.values(self._first + place)[axis]) if found is None else found
+
+    def exact_row(self, place: int, axes: Sequence[int]) -> list[fmpq]:
+        """Return the numbers on several axes."""
+        return [self.exact(axis, place) for axis in axes]
+
+    def parameters(self, coefficients: Coefficients, axes: Sequence[int]) -> "Parameters":
+        """Return the coefficients that the numbers on these axes make."""
+        if coefficients.trees is None:
+            return Parameters(self.doubles[list(axes)].T, lambda place: self.exact_row(place, axes))
+        exact = [coefficients.at(self.exact_row(place, axes)) for place in range(self.count)]
+        width = len(coefficients.paths)
+        doubles = np.array([[math.nan] * width if row is None else list(map(_double, row)) for row in exact])
+        return Parameters(doubles.reshape(-1, width), lambda place: exact[place] or [])
+
+    def have_moment(self, body: RigidBody, axis: int) -> BoolArray:
+        """Tell at which points the body with the number on an axis as its B is one."""
+        least, most = (
+            (fmpq(0), None)
+            if body.allow_unphysical
+            else (_ratio(abs(body.A - body.C)), _ratio(body.A + body.C))
+        )
+        moments = [self.exact(axis, place) for place in range(self.count)]
+        return np.array([B > 0 and least <= B and (most is None or most >= B) for B in moments])
+
+
+class Parameters:
+    """The numbers in which a potential is linear, at neighbouring points."""
+
+    def __init__(self, doubles: FloatArray, exact: Callable[[int], list[fmpq]]) -> None:
+        self.doubles = doubles
+        """Shape (points, parameters); NaN where they have no value."""
+        self.exact = exact
+        """Returns those of one point."""
+
+
+def are_numbers(doubles: FloatArray) -> BoolArray:
+    """Tell which rows have numbers that are all safely within the limits of documents."""
+    sizes = np.abs(doubles)
+    limit = float(LARGEST) / 2.0
+    usable: BoolArray = ((sizes == 0.0) | ((sizes > 1.0 / limit) & (sizes < limit))).all(axis=1)
+    return usable
+
+
+def listed_exactly(axis: SweepAxis) -> dict[float, fmpq | None]:
+    """Return listed numbers and ends that their doubles may not equal; None if two share a double."""
+    if isinstance(axis.axis, ListedAxis):
+        given = axis.axis.listed
+    else:
+        given = (axis.axis.value(0), axis.axis.value(axis.axis.length - 1))
+    first: dict[float, Fraction] = {}
+    shared = {double for value in given if first.setdefault(double := float(value), value) != value}
+    return {double: None if double in shared else _ratio(value) for double, value in first.items()}
+
+
+def _double(value: fmpq) -> float:
+    return nearest_double(int(value.p), int(value.q))
+
+
+def _ratio(value: Fraction) -> fmpq:
+    return fmpq(value.numerator, value.denominator)
