@@ -36,7 +36,7 @@ from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
 from service.verdicts.memory import KeptExaminations
-from service.verdicts.starting import VERDICT_WORKERS, VerdictChildren
+from service.verdicts.starting import VerdictChildren, verdict_children
 from service.versions import version_of
 
 logger = logging.getLogger(__name__)
@@ -75,7 +75,7 @@ def create_app(
         presence = ServicePresence(database, host=settings.host_name)
         examinations = ExaminationStore(database)
         kept = KeptExaminations(examinations)
-        verdicts = VerdictQueue(children, settings, children=VERDICT_WORKERS)
+        verdicts = VerdictQueue(children, settings, children=verdict_children())
         app.state.resources = Resources(
             settings=settings,
             database=database,

@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.benchmarks.measuring import Row, Table
 
 REPORT = Path(__file__).parents[2] / "docs" / "performance.md"
-PICTURE = REPORT.with_suffix(".png")
+PICTURE = REPORT.with_suffix(".svg")
 HEADS = ("target", "measured", "asked", "reached", "ours: time, error", "rival: time, error")
 HEAD = """\
 # Speed against accuracy
@@ -30,7 +30,7 @@ def document(rows: Sequence[Row], tables: Sequence[Table], circumstances: Sequen
     parts = [
         HEAD.format(circumstances="; ".join(circumstances)),
         "## Targets\n\n" + _markdown(HEADS, [row.cells() for row in rows]),
-        f"![Error against time: tiers, DOP853, heyoka]({PICTURE.name})\n",
+        f"![Error against time: kernels and whole jobs at each tier, DOP853, heyoka]({PICTURE.name})\n",
         *(f"## {table.title}\n\n{table.remark}\n\n{_markdown(table.heads, table.rows)}" for table in tables),
     ]
     return "\n".join(parts)
