@@ -19,7 +19,7 @@ absolute distance of any of the six variables (p, q, r, γ₁, γ₂, γ₃) fro
 same times, unless something else is said. Times are medians of warm calls that begin with the potential and
 end with the samples, the structure of the problem being known; target 5 begins with the solution. They are
 processor time, but by the clock where other processes or threads take part (targets 7, 8 and 10, the service,
-the table of tiers). Integrators start from the exact state rounded to doubles. DOP853 is
+whole requests, the tables of tiers). Integrators start from the exact state rounded to doubles. DOP853 is
 `scipy.integrate.solve_ivp` with the equations in plain Python floats, for targets 1 and 9 at the loosest rtol
 that reaches 1e-10, else at the one that comes closest; the compilation of heyoka is not counted.
 """
