@@ -40,7 +40,7 @@ from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
 from service.verdicts.memory import KeptExaminations
-from service.verdicts.starting import VERDICT_WORKERS, VerdictChildren
+from service.verdicts.starting import VerdictChildren, verdict_children
 from service.versions import version_of
 
 logger = logging.getLogger(__name__)
@@ -83,7 +83,7 @@ def create_app(
         lookout = Lookout(ChangeReader(database), sweeps, documents_of(database, settings))
         events = EventWatcher(lookout, capacity=settings.event_streams)
         bell.when_anything(events.wake, events.stop)
-        verdicts = VerdictQueue(children, settings, children=VERDICT_WORKERS)
+        verdicts = VerdictQueue(children, settings, children=verdict_children())
         app.state.resources = Resources(
             settings=settings,
             database=database,

@@ -39,8 +39,6 @@ _TOGETHER = 50
 """Problems of one potential that are examined by one call."""
 _FAULTS_TOLD = 1000
 """Faults listed for a whole list; later problems get one fault each."""
-_AT_WORK = 2
-"""Calls of one list that wait or run at the same time."""
 
 _Document = dict[str, object]
 _Verdict = Mapping[str, object] | None
@@ -253,7 +251,7 @@ async def _examine(
                 found.update(zip(batch, answers, strict=True))
 
     async with asyncio.TaskGroup() as group:
-        for _ in range(min(_AT_WORK, len(waiting))):
+        for _ in range(min(inside.verdicts.most, len(waiting))):
             group.create_task(examine_some())
     return found
 

@@ -1,12 +1,25 @@
 """Starts the children that compute verdicts, beside what else a service does at its start."""
 
+import os
 import threading
 
 from service.sandbox import Sandbox
 from service.settings import Settings
 
-VERDICT_WORKERS = 3
-"""Child processes that compute verdicts; lists together, and each key, leave one of them free for others."""
+LEAST_CHILDREN, MOST_CHILDREN = 3, 17
+
+
+def verdict_children() -> int:
+    """Return the number of child processes that compute verdicts.
+
+    There is one for each processor that this process may use, so that lists are examined on all of them, and
+    one more, since lists together, and each key, leave one free for others. Each takes 30 MB.
+    """
+    try:
+        processors = len(os.sched_getaffinity(0))
+    except AttributeError:  # only Linux has it
+        processors = os.cpu_count() or 1
+    return min(max(LEAST_CHILDREN, processors + 1), MOST_CHILDREN)
 
 
 class VerdictChildren:
@@ -17,7 +30,7 @@ class VerdictChildren:
 
     def __init__(self, settings: Settings) -> None:
         self._sandbox = Sandbox(
-            VERDICT_WORKERS, memory_mb=settings.job_memory_mb, preload=("service.verdicts.formulas",)
+            verdict_children(), memory_mb=settings.job_memory_mb, preload=("service.verdicts.formulas",)
         )
         self._starting = threading.Thread(target=self._sandbox.start, name="start of verdicts", daemon=True)
         self._starting.start()

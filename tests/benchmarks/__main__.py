@@ -22,6 +22,7 @@ from tests.benchmarks import (
     throughput,
 )
 from tests.benchmarks.measuring import Effort, Row, Table, circumstances, say
+from tests.benchmarks.whole import jobs, requests, tiers
 from workers.computation.compiled_code import keep_compiled_code
 
 TARGETS: tuple[Callable[[Effort], list[Row]], ...] = (
@@ -42,6 +43,9 @@ TABLES: tuple[Callable[[Effort], Table], ...] = (
     costs.outputs,
     costs.parts,
     certified.others,
+    jobs.jobs,
+    requests.requests,
+    tiers.tiers,
     service.around,
     throughput.engines,
     throughput.service,

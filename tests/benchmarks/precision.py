@@ -1,4 +1,7 @@
-"""Work against precision: 1000 samples over 10 periods of an elliptic motion, as numbers and as a picture."""
+"""Work against precision: 1000 samples over 10 periods of an elliptic motion, as numbers and as a picture.
+
+``python -m tests.benchmarks.precision`` draws the picture again from the table in docs/performance.md.
+"""
 
 import json
 from collections.abc import Callable
@@ -15,6 +18,7 @@ from service.storage.codecs.arrays import decode_arrays
 from tests.benchmarks.costs import PROBLEMS
 from tests.benchmarks.measuring import Effort, Result, Table, clock, in_words, median
 from tests.benchmarks.motions import SAMPLES, FloatArray, Measured, elliptic, taylor_of_elliptic
+from tests.benchmarks.report import PICTURE, REPORT
 from workers.calibration.reference import samples_of
 from workers.computation.compute import solve_document
 from workers.solvers.compiled.batch import TOLERANCES
@@ -26,6 +30,8 @@ LEAST = "2e-15"
 PERIODS = 10
 COMPILED, JOB, SCIPY, HEYOKA = "compiled solver", "whole job", "DOP853", "heyoka"
 Curves = dict[str, list[Result]]
+TITLE = "Work against precision"
+UNITS = {"µs": 1e-6, "ms": 1e-3, "s": 1.0}
 
 
 def curves(effort: Effort) -> Curves:
@@ -60,32 +66,45 @@ def table(found: Curves) -> Table:
         "the tiers do neither (targets 2 and 3). A whole job computes the stored series as well; "
         f"for {LEAST} its samples are rounded from enclosures."
     )
-    return Table("Work against precision", remark, ("way", "tier or tolerance", "time", "error"), rows)
+    return Table(TITLE, remark, ("way", "tier or tolerance", "time", "error"), rows)
 
 
 def draw(found: Curves, path: Path) -> None:
-    """Draw error against time into a PNG."""
+    """Draw error against time into an SVG: kernels beside bare integrations, and whole jobs beside them."""
     mpl.use("Agg")
-    figure, axes = plt.subplots(figsize=(8, 5), layout="constrained")
-    for (way, points), marker in zip(found.items(), "osDv", strict=True):
-        ordered = sorted(points, key=lambda point: point.error)
-        errors, seconds = [p.error for p in ordered], [p.seconds for p in ordered]
-        line = "--" if way in (COMPILED, JOB) else "-"
-        axes.loglog(errors, seconds, line, marker=marker, label=way)
-        if way in (COMPILED, JOB):
-            for point in points:
-                axes.annotate(
-                    point.name, (point.error, point.seconds), (4, 5), textcoords="offset points", fontsize=8
-                )
+    mpl.rcParams["svg.hashsalt"] = path.name  # the same picture for the same numbers
+    figure, both = plt.subplots(1, 2, figsize=(11, 5), sharex=True, sharey=True, layout="constrained")
+    for axes, (way, title) in zip(both, {COMPILED: "kernels", JOB: "whole jobs"}.items(), strict=True):
+        for name, marker in ((way, "o"), (SCIPY, "D"), (HEYOKA, "v")):
+            ordered = sorted(found[name], key=lambda point: point.error)
+            errors, seconds = [p.error for p in ordered], [p.seconds for p in ordered]
+            axes.loglog(errors, seconds, "--" if name == way else "-", marker=marker, label=name)
+        for point in found[way]:
+            place = point.error, point.seconds
+            axes.annotate(point.name, place, (4, 5), textcoords="offset points", fontsize=8)
+        axes.set_title(f"Work against precision: {title}")
+        axes.set_xlabel("largest error of the six variables")
+        axes.grid(visible=True, which="major", alpha=0.3)
+        axes.legend()
     axes.margins(x=0.1)
-    axes.invert_xaxis()
-    axes.set_xlabel("largest error of the six variables")
-    axes.set_ylabel("seconds for 1000 samples over 10 periods")
-    axes.set_title("Work against precision, A = 2C, V = −γ₁ + 1/(20 γ₃²)")
-    axes.grid(visible=True, which="major", alpha=0.3)
-    axes.legend()
-    figure.savefig(path, dpi=110)
+    axes.invert_xaxis()  # that of both
+    both[0].set_ylabel("seconds for 1000 samples over 10 periods")
+    figure.suptitle("A = 2C, V = −γ₁ + 1/(20 γ₃²)")
+    figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
+
+
+def read(page: str) -> Curves:
+    """Return the points of the table that :func:`table` has made, from a page that has it."""
+    _, _, rest = page.partition(f"## {TITLE}\n")
+    found: Curves = {COMPILED: [], JOB: [], SCIPY: [], HEYOKA: []}
+    for line in rest.partition("\n## ")[0].splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if cells[0] in found:
+            way, name, taken, error = cells
+            number, unit = taken.split()
+            found[way].append(Result(name, float(number) * UNITS[unit], float(error)))
+    return found
 
 
 def _point(
@@ -112,3 +131,7 @@ def _by_heyoka(motion: Measured, state: FloatArray, grid: FloatArray, tol: float
         samples = np.asarray(integrator.propagate_grid(grid)[-1])
         taken.append(clock() - began)
     return Result(f"{tol:.0e}", float(np.median(taken)), motion.error(grid, samples))
+
+
+if __name__ == "__main__":
+    draw(read(REPORT.read_text(encoding="utf-8")), PICTURE)

@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.benchmarks.measuring import Row, Table
 
 REPORT = Path(__file__).parents[2] / "docs" / "performance.md"
-PICTURE = REPORT.with_suffix(".png")
+PICTURE = REPORT.with_suffix(".svg")
 HEADS = ("target", "measured", "asked", "reached", "ours: time, error", "rival: time, error")
 HEAD = """\
 # Speed against accuracy
@@ -19,7 +19,7 @@ absolute distance of any of the six variables (p, q, r, γ₁, γ₂, γ₃) fro
 same times, unless something else is said. Times are medians of warm calls that begin with the potential and
 end with the samples, the structure of the problem being known; target 5 begins with the solution. They are
 processor time, but by the clock where other processes or threads take part (targets 7, 8 and 10, the service,
-the table of tiers). Integrators start from the exact state rounded to doubles. DOP853 is
+whole requests, the tables of tiers). Integrators start from the exact state rounded to doubles. DOP853 is
 `scipy.integrate.solve_ivp` with the equations in plain Python floats, for targets 1 and 9 at the loosest rtol
 that reaches 1e-10, else at the one that comes closest; the compilation of heyoka is not counted.
 """
@@ -30,7 +30,7 @@ def document(rows: Sequence[Row], tables: Sequence[Table], circumstances: Sequen
     parts = [
         HEAD.format(circumstances="; ".join(circumstances)),
         "## Targets\n\n" + _markdown(HEADS, [row.cells() for row in rows]),
-        f"![Error against time: tiers, DOP853, heyoka]({PICTURE.name})\n",
+        f"![Error against time: kernels and whole jobs at each tier, DOP853, heyoka]({PICTURE.name})\n",
         *(f"## {table.title}\n\n{table.remark}\n\n{_markdown(table.heads, table.rows)}" for table in tables),
     ]
     return "\n".join(parts)

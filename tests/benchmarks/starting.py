@@ -29,12 +29,21 @@ PROBLEM = {
     "time": {"stop": 10, "samples": 101},
     "accuracy": {"tier": "draft"},
 }
+STATE = {
+    "body": {"A": 2, "B": "3/2", "C": 1},
+    "potential": {"type": "gravity", "a": -1},
+    "motion": {"type": "state", "gamma": ["0.6", "0", "0.8"], "omega": ["0", "1", "0.1"]},
+    "time": {"stop": 10, "samples": 101},
+}
+KINDS = ("draft", "standard", "high", "certified", "integration", "sweep")
+"""What is used for the first time, and again, when the workers are warm. A service that does not tell of its
+workers is asked as soon as it is ready."""
 ROWS = (
     "polhode --help",
     "serve: until /readyz answers 200",
     "serve: until the first solution, draft",
-    "first job of tier high after that",
-    "second job of tier high",
+    "serve: until the workers are warm",
+    *(f"{which} {kind}" for kind in KINDS for which in ("first", "warm")),
 )
 
 
@@ -77,9 +86,15 @@ def measure(command: Path) -> list[float]:
         try:
             wait_until_ready(address)
             ready = time.monotonic() - began
-            solve(address, "draft", 1)
+            use(address, "draft", 0)
             solved = time.monotonic() - began
-            high = [seconds_of(lambda k=k: solve(address, "high", k)) for k in (2, 3)]
+            while state_of_workers(address) == "starting":
+                time.sleep(0.02)
+            warm = time.monotonic() - began
+            uses = []
+            for kind in KINDS:
+                first, *later = (seconds_of(lambda k=k: use(address, kind, k)) for k in range(1, 5))  # noqa: B023
+                uses += [first, median(later)]
         finally:
             service.send_signal(signal.SIGTERM)
             try:
@@ -87,7 +102,7 @@ def measure(command: Path) -> list[float]:
             finally:
                 if service.poll() is None:
                     os.killpg(service.pid, signal.SIGKILL)
-    return [helped, ready, solved, *high]
+    return [helped, ready, solved, warm, *uses]
 
 
 def seconds_of(call: Callable[[], object]) -> float:
@@ -107,26 +122,34 @@ def wait_until_ready(address: str) -> None:
     raise TimeoutError(address)
 
 
-def solve(address: str, tier: str, number: int) -> None:
-    """Submit a problem that was not solved before, and wait for its solution."""
-    problem = {
-        **PROBLEM,
-        "accuracy": {"tier": tier},
-        "motion": {"type": "planar", "lambda": 1 + number / 100},
-    }
+def state_of_workers(address: str) -> str:
+    with urllib.request.urlopen(f"{address}/readyz", timeout=PATIENCE) as answer:
+        return str(json.load(answer).get("workers", "not told"))
+
+
+def use(address: str, kind: str, number: int) -> None:
+    """Submit what was not computed before, and wait for its end."""
+    motion = {"type": "planar", "lambda": 1 + number / 100}
+    path, document = "jobs", {**PROBLEM, "accuracy": {"tier": kind}, "motion": motion}
+    if kind == "integration":
+        document = {**STATE, "time": {"stop": 10 + number, "samples": 101}}
+    elif kind == "sweep":
+        path, base = "sweeps", {**PROBLEM, "motion": motion}
+        axis = {"pointer": "/motion/lambda", "linspace": [f"{number}.1", f"{number}.2", 10]}
+        document = {"base": base, "axes": [axis], "keep": ["period"]}
     request = urllib.request.Request(
-        f"{address}/v1/jobs",
-        data=json.dumps(problem).encode(),
+        f"{address}/v1/{path}",
+        data=json.dumps(document).encode(),
         headers={"Content-Type": "application/json", "Prefer": "wait=60"},
     )
     with urllib.request.urlopen(request, timeout=PATIENCE) as answer:
         job = json.load(answer)
-    while job["state"] in ("queued", "running"):  # only on a busy machine
-        time.sleep(0.02)
-        with urllib.request.urlopen(f"{address}/v1/jobs/{job['id']}", timeout=PATIENCE) as answer:
+    while job["state"] in ("queued", "running"):  # of jobs only on a busy machine
+        time.sleep(0.002)
+        with urllib.request.urlopen(f"{address}/v1/{path}/{job['id']}", timeout=PATIENCE) as answer:
             job = json.load(answer)
     if job["state"] != "succeeded":
-        raise RuntimeError(job["state"])
+        raise RuntimeError(f"{kind}: {job['state']}")
 
 
 if __name__ == "__main__":

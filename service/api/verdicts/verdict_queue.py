@@ -168,10 +168,10 @@ class VerdictQueue:
 
     def _count_before(self, key_id: str) -> int:
         at_work = sum(call.claimant.key_id == key_id for call in self._running)
-        return self._count_waiting(key_id) - (self._most - at_work)
+        return self._count_waiting(key_id) - (self.most - at_work)
 
     @property
-    def _most(self) -> int:
+    def most(self) -> int:
         """Children that lists together, or one key, may occupy."""
         return max(1, self._children - 1)
 
@@ -218,8 +218,8 @@ class VerdictQueue:
         keys = Counter(call.claimant.key_id for call in self._running)
         lists = sum(call.claimant.is_list for call in self._running)
         for claimant, line in self._waiting.items():
-            has_its_share = claimant.key_id is not None and keys[claimant.key_id] >= self._most
-            if has_its_share or (claimant.is_list and lists >= self._most):
+            has_its_share = claimant.key_id is not None and keys[claimant.key_id] >= self.most
+            if has_its_share or (claimant.is_list and lists >= self.most):
                 for call in line:
                     call.has_waited = True
                 continue

@@ -1,0 +1,91 @@
+"""What a tier costs a user: a job, a request that waits for it, a problem of a list, a point of a sweep."""
+
+import json
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+from service.dynamics.accuracy import TIERS
+from tests.benchmarks.measuring import Effort, Table, in_words, median
+from tests.benchmarks.whole.client import Line
+from tests.benchmarks.whole.jobs import job_of
+from tests.benchmarks.whole.requests import PROBLEM, wait_until_warm, waiting_job
+from tests.support.serving import Service, serving
+
+WORKERS = 2
+FEWER = 10
+"""Of what is measured many at a time, the tier certified does so many times fewer."""
+_PAUSE = 0.01
+WHAT = ("a job alone", "a request that waits", "a problem of a list", "a point of a sweep")
+
+
+def tiers(effort: Effort) -> Table:
+    """Return the seconds of each at every tier, through a service, but for the job alone."""
+    costs = {tier: [_job(tier, effort)] for tier in TIERS}
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        serving(Path(folder), workers=WORKERS) as service,
+    ):
+        wait_until_warm(service)
+        for number, tier in enumerate(TIERS):
+            few = FEWER if tier == "certified" else 1
+            first = 10_000 * number
+            with Line(service.address) as line:  # one for each tier: an idle one is closed
+                waits = [line.seconds(waiting_job(line, first + k, tier)) for k in range(effort.repeats(40))]
+            costs[tier] += [
+                statistics.median(waits),
+                _list(service, tier, first + 1000, effort.repeats(500) // few),
+                _sweep(service, tier, effort.repeats(1000) // few),
+            ]
+    rows = [(name, *(in_words(costs[tier][place]) for tier in TIERS)) for place, name in enumerate(WHAT)]
+    remark = (
+        "Gravity, A = 2C, 101 samples over a period, each motion with its own λ, by the clock; a job alone "
+        f"is processor time in one process. The service has {WORKERS} workers on SQLite; a list and a sweep "
+        "are timed from the POST to the last result, and divided by their number."
+    )
+    return Table("What a tier costs a user", remark, ("what", *TIERS), tuple(rows))
+
+
+def _job(tier: str, effort: Effort) -> float:
+    motion = {"type": "planar", "lambda": "11/10"}
+    return median(job_of({**PROBLEM, "motion": motion, "accuracy": {"tier": tier}}), effort.repeats(15))
+
+
+def _list(service: Service, tier: str, first: int, number: int) -> float:
+    problems = [
+        {
+            **PROBLEM,
+            "motion": {"type": "planar", "lambda": f"{100_000 + first + k}/100000"},
+            "accuracy": {"tier": tier},
+        }
+        for k in range(number)
+    ]
+    began = time.perf_counter()
+    answer = service.call("POST", "/v1/jobs", problems)
+    assert answer.status == 202, answer
+    while _is_any_left(service):
+        time.sleep(_PAUSE)
+    return (time.perf_counter() - began) / number
+
+
+def _is_any_left(service: Service) -> bool:
+    return any(
+        service.call("GET", f"/v1/jobs?state={state}&limit=1").document["total"]
+        for state in ("queued", "running")
+    )
+
+
+def _sweep(service: Service, tier: str, points: int) -> float:
+    document = {
+        "base": {**PROBLEM, "motion": {"type": "planar", "lambda": 1}, "accuracy": {"tier": tier}},
+        "axes": [{"pointer": "/motion/lambda", "linspace": ["6/10", "2", points]}],
+        "keep": ["period", "energy", "error"],
+    }
+    began = time.perf_counter()
+    answer = service.call("POST", "/v1/sweeps", document)
+    assert answer.status == 202, json.dumps(answer.document)
+    path = f"/v1/sweeps/{answer.document['id']}"
+    while service.call("GET", path).document["state"] in ("queued", "running"):
+        time.sleep(_PAUSE)
+    return (time.perf_counter() - began) / points
