@@ -14,10 +14,10 @@ balls, so nothing is lost where numerator and denominator vanish together: at
 such a point the (even) functions are taken a hair beside it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
-from flint import arb
+from flint import arb, ctx
 
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
 from service.dynamics.reduction.start import StartingPoint
@@ -75,6 +75,8 @@ class Libration:
     corners: tuple[float, ...]
     is_even: bool = True
     junctions: tuple[float, ...] = ()
+    halves: dict[int, arb] = field(default_factory=dict, init=False, compare=False, repr=False)
+    """(v₊ − v₋)/2, by precision: every state needs it."""
 
     def somewhere(self) -> arb:
         """Return a v at an odd share of the way between the rest points."""
@@ -90,8 +92,13 @@ class Libration:
     def state(self, theta: arb) -> tuple[arb, ...]:
         """Return the six variables."""
         at, K, near = self._beside(theta, STATE_NUDGE)
-        half = (self.upper - self.lower) / 2
-        return six_variables(self.loop, at, -half * near.sin() * K.sqrt())
+        return six_variables(self.loop, at, -self._half() * near.sin() * K.sqrt())
+
+    def _half(self) -> arb:
+        half = self.halves.get(ctx.prec)
+        if half is None:
+            half = self.halves[ctx.prec] = (self.upper - self.lower) / 2
+        return half
 
     def _beside(self, theta: arb, nudge: arb) -> tuple[LoopPoint, arb, arb]:
         at, K = self._at(theta)
@@ -101,9 +108,9 @@ class Libration:
         return *self._at(theta), theta
 
     def _at(self, theta: arb) -> tuple[LoopPoint, arb]:
-        half = (self.upper - self.lower) / 2
+        whole = 2 * self._half()
         sine, cosine = (theta / 2).sin_cos()
-        above, below = 2 * half * sine * sine, 2 * half * cosine * cosine
+        above, below = whole * sine * sine, whole * cosine * cosine
         at = self.loop.point(self.lower + above if abs(sine) < 0.75 else self.upper - below)
         return at, at.P / (above * below)
 
