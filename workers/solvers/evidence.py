@@ -21,11 +21,14 @@ def with_claim_shown(body: RigidBody, potential: Potential, motion: Motion) -> M
     dense = motion.dense
     if dense.columns != COLUMNS or not isfinite(dense.error):
         return motion
-    from workers.solvers.compiled.shown.evidence import kept_claim  # noqa: PLC0415  (loads the compiler)
+    shown = None
+    if motion.window is not None:
+        # The compiler is loaded only where it is needed.
+        from workers.solvers.compiled.shown.evidence import kept_claim  # noqa: PLC0415
 
-    is_planar = motion.window is not None
-    shown = kept_claim(body, potential, dense, dense.error, motion.energy) if is_planar else None
+        shown = kept_claim(body, potential, dense, dense.error, motion.energy)
     if shown is None:
+        is_planar = motion.window is not None
         shown = hold_against_equations(
             body, potential, dense, dense.error, motion.energy, is_planar=is_planar
         )
