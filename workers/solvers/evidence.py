@@ -21,8 +21,17 @@ def with_claim_shown(body: RigidBody, potential: Potential, motion: Motion) -> M
     dense = motion.dense
     if dense.columns != COLUMNS or not isfinite(dense.error):
         return motion
-    is_planar = motion.window is not None
-    shown = hold_against_equations(body, potential, dense, dense.error, motion.energy, is_planar=is_planar)
+    shown = None
+    if motion.window is not None:
+        # The compiler is loaded only where it is needed.
+        from workers.solvers.compiled.shown.evidence import kept_claim  # noqa: PLC0415
+
+        shown = kept_claim(body, potential, dense, dense.error, motion.energy)
+    if shown is None:
+        is_planar = motion.window is not None
+        shown = hold_against_equations(
+            body, potential, dense, dense.error, motion.energy, is_planar=is_planar
+        )
     evidence = {**motion.evidence, DEFECT: shown.defect, DRIFT: shown.drift, COVERED: shown.settled}
     motion = replace(motion, evidence=evidence)
     if shown.error == dense.error:
@@ -37,6 +46,10 @@ def with_samples_shown(body: RigidBody, potential: Potential, motion: Motion) ->
     For samples that are not those of its function of time.
     """
     if not isfinite(motion.error):
+        return motion
+    from workers.solvers.compiled.shown.evidence import samples_keep_claim  # noqa: PLC0415
+
+    if samples_keep_claim(body, potential, motion.samples, motion.error, motion.energy):
         return motion
     error = hold_samples(body, potential, motion.samples, motion.error, motion.energy)
     return replace(motion, error=largest((motion.error, error)))

@@ -161,6 +161,11 @@ class FormulaPotential(Potential):
     family: str = field()
     notices: tuple[Notice, ...] = field(default=(), compare=False)
 
+    def alone(self) -> "FormulaPotential":
+        """Return the same potential with a tape of its own: what is kept beside a tape is for one problem."""
+        tape = Tape(self.tape.variables, self.tape.instructions, self.tape.result)
+        return FormulaPotential(self.tree, tape, self.family, self.notices)
+
     def formula(self) -> str:
         """Return V as a formula of the grammar."""
         return format_tree(self.tree)

@@ -60,6 +60,8 @@ class ResolvedMotion:
 
         A piece so short that its coefficients are roundings has no slope, but a range.
         """
+        if by == 0.0:
+            return 0.0
         lengths = np.diff(self.breaks)[:, None]
         slopes = np.abs(np.polynomial.chebyshev.chebder(self.coefficients, axis=1)).sum(axis=1)
         slid = slopes * (2.0 * by) / lengths

@@ -58,6 +58,8 @@ class Sampled:
     """Where it may vary quickly."""
     kinks: FloatArray = field(default_factory=lambda: np.zeros(0))
     """Times in [0, period) at which a kink of V is passed, growing."""
+    asked: SampleTimes | None = None
+    """The times at which samples are asked for, if they were computed before."""
 
 
 def asked_times(problem: Problem, period: Period) -> SampleTimes:
@@ -83,7 +85,7 @@ def make_periodic(problem: Problem, place: PeriodicPlace, found: Sampled) -> Mot
 
 def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
     period, start, orbit = found.period, place.start, place.orbit
-    asked = asked_times(problem, period)
+    asked = asked_times(problem, period) if found.asked is None else found.asked
     times, rests = asked.doubles, asked.rests
     # Finer than the samples themselves are known, pieces would follow their errors.
     atol = max(min(1e-14, 1e-3 * problem.tolerance), 0.25 * found.error)

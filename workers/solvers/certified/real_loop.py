@@ -135,7 +135,7 @@ class RealLoop:
             u = cosine * cosine
             log = log_sine_ball(size, u)
             power = ((self._alpha - 1) * log).exp()
-            c_squared = c_squared_ball(self._Z_squared, self._G_squared, self._alpha, log, u)
+            c_squared = c_squared_ball(self._Z_squared, self._G_squared, 2 * self._alpha, log, u)
         return power, power * size, c_squared
 
 

@@ -61,12 +61,13 @@ class CompiledFamily:
             return NOT_MINE
         period = found.period
         end = np.array([period.hi])
-        times = asked_times(problem, period).doubles if problem.wants_series else end
+        asked = asked_times(problem, period)
+        times = asked.doubles if problem.wants_series else end
         if not is_within(found.error_at(times), self.promise(problem)):
             return Declined(found.error_at(times))
         error = found.error_at(end)
         evidence: dict[str, float | int | str] = {"compiled": len(found.panels), "rounding": error}
-        sampled = Sampled(found.sample, period, np.zeros(0), error, evidence, found)
+        sampled = Sampled(found.sample, period, np.zeros(0), error, evidence, found, asked=asked)
         return make_periodic(problem, place, sampled)
 
 
@@ -83,7 +84,9 @@ def arc_in_doubles(body: RigidBody, potential: Potential, motion: PlanarMotion) 
 
 def _is_in(place: Place, found: "SpectralMotion") -> bool:
     window = place.window
-    return found.ends == window.ends and bool(np.allclose(found.g1, window.g1, rtol=0, atol=SAME))
+    return found.ends == window.ends and all(
+        abs(one - other) <= SAME for one, other in zip(found.g1, window.g1, strict=True)
+    )
 
 
 def _arc(found: "SpectralMotion", loop: Loop, g3_sign: int) -> Arc:

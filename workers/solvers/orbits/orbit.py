@@ -14,10 +14,10 @@ balls, so nothing is lost where numerator and denominator vanish together: at
 such a point the (even) functions are taken a hair beside it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
-from flint import arb
+from flint import arb, ctx
 
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
 from service.dynamics.reduction.start import StartingPoint
@@ -75,6 +75,8 @@ class Libration:
     corners: tuple[float, ...]
     is_even: bool = True
     junctions: tuple[float, ...] = ()
+    wholes: dict[int, arb] = field(default_factory=dict, init=False, compare=False, repr=False)
+    """v₊ − v₋, by precision: every state needs it."""
 
     def somewhere(self) -> arb:
         """Return a v at an odd share of the way between the rest points."""
@@ -89,23 +91,30 @@ class Libration:
 
     def state(self, theta: arb) -> tuple[arb, ...]:
         """Return the six variables."""
-        at, K, near = self._beside(theta, STATE_NUDGE)
-        half = (self.upper - self.lower) / 2
-        return six_variables(self.loop, at, -half * near.sin() * K.sqrt())
+        at, K, product = self._beside(theta, STATE_NUDGE)
+        return six_variables(self.loop, at, -product * K.sqrt())
+
+    def _whole(self) -> arb:
+        whole = self.wholes.get(ctx.prec)
+        if whole is None:
+            whole = self.wholes[ctx.prec] = self.upper - self.lower
+        return whole
 
     def _beside(self, theta: arb, nudge: arb) -> tuple[LoopPoint, arb, arb]:
-        at, K = self._at(theta)
-        if at.c.is_finite() and K.is_finite():
-            return at, K, theta
-        theta = theta + nudge
-        return *self._at(theta), theta
+        found = self._at(theta)
+        if found[0].c.is_finite() and found[1].is_finite():
+            return found
+        return self._at(theta + nudge)
 
-    def _at(self, theta: arb) -> tuple[LoopPoint, arb]:
-        half = (self.upper - self.lower) / 2
+    def _at(self, theta: arb) -> tuple[LoopPoint, arb, arb]:
+        """Return the point, K, and h sin θ, whose square is (v − v₋)(v₊ − v)."""
         sine, cosine = (theta / 2).sin_cos()
-        above, below = 2 * half * sine * sine, 2 * half * cosine * cosine
-        at = self.loop.point(self.lower + above if abs(sine) < 0.75 else self.upper - below)
-        return at, at.P / (above * below)
+        along = self._whole() * sine
+        product = along * cosine
+        is_near_lower = -0.75 < sine < 0.75
+        v = self.lower + along * sine if is_near_lower else self.upper - self._whole() * cosine * cosine
+        at = self.loop.point(v)
+        return at, at.P / (product * product), product
 
 
 @dataclass(frozen=True, slots=True)

@@ -101,12 +101,17 @@ class TimeMap:
         low, high = np.full(len(times), -1.0), np.full(len(times), 1.0)
         x = np.clip(2.0 * share - 1.0, -1.0, 1.0)
         half = 0.5 * (self.edges[panel + 1] - self.edges[panel])
+        # Both series at once: the rates have one coefficient less.
+        both = np.stack(
+            [self.integrals[:, panel], np.vstack([self.rates, 0.0 * self.times[:-1]])[:, panel]], axis=1
+        )
         for _ in range(60):
-            miss = _series(self.integrals, panel, x) - target
+            passed, rates = _sum(both, x)
+            miss = passed - target
             low, high = np.where(miss <= 0.0, x, low), np.where(miss >= 0.0, x, high)
             # Where the series of an unproved panel is 0 there is no step, and the bracket is halved.
             with np.errstate(divide="ignore", invalid="ignore"):
-                step = miss / (half * _series(self.rates, panel, x))
+                step = miss / (half * rates)
             settled = np.abs(step) <= SETTLED
             newton = np.clip(x - step, -1.0, 1.0)
             x = np.where(settled | ((newton > low) & (newton < high)), newton, 0.5 * (low + high))
@@ -131,8 +136,9 @@ class TimeMap:
 
     def theta(self, panel: int, x: float) -> arb:
         """Return the phase θ = πu of a place, without rounding it to a double."""
-        left, right = float(self.edges[panel]), float(self.edges[panel + 1])
-        return arb.pi() * (arb(left) * (1 - arb(x)) + arb(right) * (1 + arb(x))) / 2
+        left, right = arb(float(self.edges[panel])), arb(float(self.edges[panel + 1]))
+        # Sums of doubles, halved: exact, and the product nearly so.
+        return arb.pi() * ((left + right) / 2 + (right - left) / 2 * x)
 
 
 def make_time_map(
@@ -278,10 +284,17 @@ def _error(panel: Panel, is_proof_wanted: bool) -> float:
 
 
 def _series(coefficients: FloatArray, panel: NDArray[np.intp], x: FloatArray) -> FloatArray:
-    """Sum the series of each place's panel by Clenshaw's recurrence."""
-    chosen = coefficients[:, panel]
-    first, second = np.zeros_like(x), np.zeros_like(x)
-    for row in chosen[:0:-1]:
-        first, second = row + 2.0 * x * first - second, first
-    result: FloatArray = chosen[0] + x * first - second
+    """Sum the series of each place's panel."""
+    return _sum(coefficients[:, panel], x)
+
+
+def _sum(series: FloatArray, x: FloatArray) -> FloatArray:
+    """Sum series of shape (terms, ..., n) at places of shape (n,), by Clenshaw's recurrence."""
+    first, second, twice = np.zeros(series.shape[1:]), np.zeros(series.shape[1:]), 2.0 * x
+    for row in series[:0:-1]:
+        next_one = twice * first
+        next_one += row
+        next_one -= second
+        first, second = next_one, first
+    result: FloatArray = series[0] + x * first - second
     return result

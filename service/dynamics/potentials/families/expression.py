@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from fractions import Fraction
+from functools import lru_cache
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.binding import bind
@@ -9,11 +10,13 @@ from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import LocatedTree, parse_located
 from service.dynamics.formula.traversal import post_order
 from service.dynamics.formula.tree import Symbol
-from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.potentials.terms.names import require_parameter_names
 
 FAMILY = "expression"
 EXPRESSION_POINTER = "/potential/expression"
+KEPT = 64
+"""Formulas that are remembered with their parameters and moments: lists and sweeps ask for the same ones."""
 
 
 def expression_potential(text: str, parameters: Mapping[str, Fraction], body: RigidBody) -> Potential:
@@ -31,12 +34,17 @@ def expression_potential(text: str, parameters: Mapping[str, Fraction], body: Ri
     """
     require_parameter_names(parameters)
     try:
-        located = parse_located(text)
-        constants = dict(parameters) | _moments(located, body)
-        tree = bind(located.tree, constants, positions=located.positions)
-        return Potential.from_tree(tree, FAMILY)
+        return _made(text, tuple(parameters.items()), body).alone()
     except FormulaError as error:
         raise error.at(pointer=EXPRESSION_POINTER) from error
+
+
+@lru_cache(maxsize=KEPT)
+def _made(text: str, parameters: tuple[tuple[str, Fraction], ...], body: RigidBody) -> FormulaPotential:
+    located = parse_located(text)
+    constants = dict(parameters) | _moments(located, body)
+    tree = bind(located.tree, constants, positions=located.positions)
+    return Potential.from_tree(tree, FAMILY)
 
 
 def _moments(located: LocatedTree, body: RigidBody) -> dict[str, Fraction]:

@@ -23,15 +23,15 @@ def log_sine_ball(sine: arb, square: arb) -> arb:
     return (-square).log1p() / 2 if square < FAR else abs(sine).log()
 
 
-def c_squared_ball(Z_squared: arb, G_squared: arb, alpha: arb, log_sine: arb, square: arb) -> arb:
+def c_squared_ball(Z_squared: arb, G_squared: arb, twice_alpha: arb, log_sine: arb, square: arb) -> arb:
     """Return c² where u is not 0; not finite where its ball contains 0."""
-    return Z_squared - G_squared * (2 * alpha * log_sine).expm1() / square
+    return Z_squared - G_squared * (twice_alpha * log_sine).expm1() / square
 
 
 def c_squared_range(Z_squared: arb, G_squared: arb, alpha: arb, log_sine: arb, square: arb) -> arb:
     """Return c² on a ball of u that may contain 0: R falls from its limit α as u grows."""
     if not square.contains(0):
-        return c_squared_ball(Z_squared, G_squared, alpha, log_sine, square)
+        return c_squared_ball(Z_squared, G_squared, 2 * alpha, log_sine, square)
     edge = square.upper()
     return Z_squared + G_squared * alpha.union(-(alpha * (-edge).log1p()).expm1() / edge)
 

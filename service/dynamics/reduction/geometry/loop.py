@@ -84,8 +84,12 @@ class Loop:
     """λ² of the client's (not mirrored) axes."""
     Z: arb
     G: arb
-    balls: dict[int, tuple[arb, arb]] = field(default_factory=dict, init=False, compare=False, repr=False)
-    """alpha and the factor as balls, cached by precision, since every point needs them."""
+    balls: dict[int, tuple[arb, arb, arb, arb, arb]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
+    """alpha, the factor, 2 alpha, Z² and G² as balls, cached by precision, since every point needs them."""
+    finer: "dict[int, Loop]" = field(default_factory=dict, init=False, compare=False, repr=False)
+    """What :meth:`refined` found, by precision."""
     smooth: dict[int, bool] = field(default_factory=dict, init=False, compare=False, repr=False)
     """Whether V is smooth at the poles, cached by precision."""
 
@@ -110,8 +114,11 @@ class Loop:
 
     def refined(self) -> "Loop":
         """Return the loop with Z and G recomputed at the current precision."""
-        Z, G = _equator(self.alpha, _log_lambda(self))
-        return replace(self, Z=Z, G=G)
+        found = self.finer.get(ctx.prec)
+        if found is None:
+            Z, G = _equator(self.alpha, _log_lambda(self))
+            found = self.finer[ctx.prec] = replace(self, Z=Z, G=G)
+        return found
 
     def point(self, v: arb) -> LoopPoint:
         """Return the point at ``v`` (sin v ≠ 0 and cos v ≠ 0), at the current precision."""
@@ -119,24 +126,26 @@ class Loop:
 
     def point_from(self, sine: arb, cosine: arb) -> LoopPoint:
         """Return the point with these sin v ≠ 0 and cos v ≠ 0: no digits are lost near v = π."""
-        alpha, _ = self._constants()
+        alpha, _, twice, Z_squared, G_squared = self._constants()
         square = cosine * cosine
         log_sine = log_sine_ball(sine, square)
         g1 = self.G * (alpha * log_sine).exp() * self.g1_sign
         g3 = self.Z * sine
-        c = c_squared_ball(self.Z * self.Z, self.G * self.G, alpha, log_sine, square).sqrt()
+        c = c_squared_ball(Z_squared, G_squared, twice, log_sine, square).sqrt()
         g2 = cosine * c
         return LoopPoint(g1, g2, g3, c, self.radicand_at(g1, g2, g3))
 
     def radicand_at(self, g1: arb, g2: arb, g3: arb) -> arb:
         """Return P at a place, in primed axes."""
-        _, factor = self._constants()
+        _, factor, *_ = self._constants()
         return factor * g3 * self._D(g1, g2, g3) / g1
 
-    def _constants(self) -> tuple[arb, arb]:
+    def _constants(self) -> tuple[arb, arb, arb, arb, arb]:
         found = self.balls.get(ctx.prec)
         if found is None:
-            found = self.balls[ctx.prec] = ball(self.alpha), ball(self.factor)
+            alpha = ball(self.alpha)
+            found = alpha, ball(self.factor), 2 * alpha, self.Z * self.Z, self.G * self.G
+            self.balls[ctx.prec] = found
         return found
 
     def energy(self, v: arb) -> arb:

@@ -20,7 +20,9 @@ SHARE = 0.36
 def c_squared(v, alpha):
     sine, cosine = arb(v).sin_cos()
     square = cosine * cosine
-    return c_squared_ball(arb(1) - arb(SHARE), arb(SHARE), arb(alpha), log_sine_ball(sine, square), square)
+    return c_squared_ball(
+        arb(1) - arb(SHARE), arb(SHARE), arb(2 * alpha), log_sine_ball(sine, square), square
+    )
 
 
 @given(st.floats(1e-6, 1.57), st.sampled_from(ALPHAS))
@@ -56,5 +58,5 @@ def test_the_range_holds_every_value(one, other, share, alpha):
     distance = low + share * (high - low)
     inside = arb(distance).sin() ** 2
     if inside > 0:
-        value = c_squared_ball(arb(1) - arb(SHARE), arb(SHARE), arb(alpha), (-inside).log1p() / 2, inside)
+        value = c_squared_ball(arb(1) - arb(SHARE), arb(SHARE), arb(2 * alpha), (-inside).log1p() / 2, inside)
         assert found.overlaps(value)

@@ -1,0 +1,225 @@
+"""What compiled code says that a function of time shows: what arrays say, and never of a false claim."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from service.dynamics.defect.accumulation import Blocks, accumulate
+from service.dynamics.defect.equations import Equations
+from service.dynamics.defect.evidence import hold_against_equations, hold_samples
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.solution.dense_output import DenseOutput
+from tests.support.planar import body, formula, planar
+from tests.support.solving import solve_planar
+from workers.solvers.compiled.evaluation.program import make_program
+from workers.solvers.compiled.shown.discs import gradient_on_discs
+from workers.solvers.compiled.shown.evidence import kept_claim, samples_keep_claim
+from workers.solvers.compiled.shown.gradients import WIDTH, gradients
+from workers.solvers.compiled.shown.states import evaluate, integrals_on, largest_rates
+from workers.solvers.compiled.shown.stretches import defect_and_drift
+
+BODY = body(2, 1, "3/2")
+FORMULAS = (
+    "-g1 + g2*g3^2/7",
+    "exp(g1*g2)/3 - sin(2*g2 + g3) + cos(g1)",
+    "log(3 + g2) * abs(2 + g1) + tan(g2/3)",
+    "(2*g1^2 + g3^2)*(g2^2 - 1/2) + 1/(3 + g1)^(5/2)",
+    "(4 + g3)^(g2/2) - (5 + g1)^(-3) + sqrt(2 + g2)/(3 + g3^2) - 2^g2",
+    "abs(g1 - 3)*g2 + 1/(4 - g2)",
+)
+unit = st.floats(-1.0, 1.0)
+states = st.lists(unit, min_size=6, max_size=6).map(np.array)
+texts = st.sampled_from(FORMULAS)
+
+
+@cache
+def parts(text):
+    potential = formula(text, BODY)
+    program, constants = make_program(potential.tape)
+    return Equations.of(BODY, potential), program, constants
+
+
+def moments():
+    A, B, C = (float(each) for each in (BODY.A, BODY.B, BODY.C))
+    return np.array([A, B, C, B - C, C - A, A - B])
+
+
+def registers(program):
+    count = 3 + len(program.code)
+    return np.empty((4, count, WIDTH)), np.empty((count, 4)), np.empty((count, 4))
+
+
+def on_disc(text, centres, radii):
+    _, program, constants = parts(text)
+    _, c, r = registers(program)
+    bounds, found = np.empty(6), np.empty((2, 3))
+    largest_rates(program.code, constants, program.result, moments(), c, r, centres, radii, bounds)
+    integrals_on(program.code, constants, program.result, moments(), c, r, centres, radii, found)
+    return bounds, found
+
+
+@given(texts, states)
+def test_rates_and_integrals_are_those_of_arrays(text, state):
+    equations, program, constants = parts(text)
+    v, _, _ = registers(program)
+    rates, integrals = np.empty((6, WIDTH)), np.empty((3, WIDTH))
+    columns = np.tile(state[:, None], WIDTH)
+    evaluate(program.code, constants, program.result, moments(), v, columns, rates, integrals, 2)
+    expected, others = equations.at(state[None])
+    # Some twenty roundings of numbers below 100.
+    np.testing.assert_allclose(rates[:, 1], expected[0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(integrals[:, 1], others[0], rtol=0, atol=1e-12)
+
+
+@given(texts, states, st.floats(0.0, 0.8))
+def test_bounds_on_discs_are_those_of_arrays(text, state, radius):
+    """The formulas are the same; roundings are counted here and there by other multiples of 2^-50."""
+    equations, *_ = parts(text)
+    bounds, found = on_disc(text, state, np.full(6, radius))
+    others = equations.bound(state[:, None], np.full((6, 1), radius))[:, 0]
+    np.testing.assert_allclose(bounds, others, rtol=1e-9, atol=1e-12)
+    centres, radii = equations.integrals_on(state[:, None], np.full((6, 1), radius))
+    np.testing.assert_allclose(found[0], centres[:, 0], rtol=0, atol=1e-12)
+    if np.isfinite(radii).all():
+        np.testing.assert_allclose(found[1], radii[:, 0], rtol=1e-9, atol=1e-12)
+
+
+@given(texts, states, st.floats(0.0, 0.5), st.integers(0, 2**32 - 1))
+def test_no_state_of_a_disc_has_larger_rates(text, state, radius, seed):
+    """At real states of the disc, by the arrays of doubles, which know nothing of discs."""
+    equations, *_ = parts(text)
+    bounds, found = on_disc(text, state, np.full(6, radius))
+    assume(np.isfinite(bounds).all())
+    inside = state + radius * np.random.default_rng(seed).uniform(-1.0, 1.0, (50, 6))
+    rates, integrals = equations.at(inside)
+    # The doubles themselves are off by their roundings.
+    assert (np.abs(rates) <= bounds + 1e-12).all()
+    assert (np.abs(integrals - found[0]) <= found[1] + 1e-12).all()
+
+
+@pytest.mark.parametrize("text", ["abs(g1)", "log(g1)", "1/g1", "sqrt(g1)", "g1^(-2)", "g1^g2", "g1/abs(g1)"])
+def test_nothing_is_known_where_a_formula_is_not_analytic(text):
+    bounds, _ = on_disc(text, np.array([0.1, 0.2, 0.3, 0.2, 0.3, 0.4]), np.full(6, 0.25))
+    assert not np.isfinite(bounds).all()
+
+
+def test_partial_derivatives_on_a_point_are_those_at_it():
+    for text in FORMULAS:
+        _, program, constants = parts(text)
+        v, c, r = registers(program)
+        v[0, :3, 0] = c[:3, 0] = 0.3, -0.4, 0.5
+        r[:3, 0] = 0.0
+        gradients(program.code, constants, v, 1)
+        gradient_on_discs(program.code, constants, c, r)
+        # A function is known to 2^-46, and is multiplied a few times.
+        np.testing.assert_allclose(c[program.result], v[:, program.result, 0], rtol=1e-12, atol=1e-12)
+        assert (r[program.result] <= 1e-11).all()
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return solve_planar(planar(BODY, "-g1", PlanarMotion(1)))
+
+
+def kept(motion, text="-g1", dense=None, claim=None):
+    dense = motion.dense if dense is None else dense
+    return kept_claim(
+        BODY, formula(text, BODY), dense, dense.error if claim is None else claim, motion.energy
+    )
+
+
+def test_a_solution_of_the_very_equations_keeps_its_claim(motion):
+    found = kept(motion)
+    arrays = hold_against_equations(
+        BODY, formula("-g1", BODY), motion.dense, motion.dense.error, motion.energy, is_planar=True
+    )
+    assert (found.settled, found.error) == (1.0, arrays.error)
+    # Both are sums of roundings, in another order.
+    assert found.defect == pytest.approx(arrays.defect, rel=0.2)
+    assert found.drift == pytest.approx(arrays.drift, rel=0.2)
+
+
+@given(st.integers(0, 7), st.integers(0, 20), st.floats(-12.0, -4.0), st.integers(0, 5))
+@settings(max_examples=60)
+def test_a_claim_that_arrays_raise_is_not_kept(motion, piece, degree, size, column):
+    """An error is planted in one coefficient: wherever the arrays see it, compiled code leaves it to them."""
+    coefficients = motion.dense.coefficients.copy()
+    coefficients[piece % len(coefficients), degree, column] += 10.0**size
+    dense = replace(motion.dense, coefficients=coefficients)
+    arrays = hold_against_equations(
+        BODY, formula("-g1", BODY), dense, dense.error, motion.energy, is_planar=True
+    )
+    found = kept(motion, dense=dense)
+    if found is None:
+        return
+    # Next to the limit one of them may still explain by roundings what the other does not.
+    assert arrays.error <= 2.0 * dense.error
+    assert found.defect == pytest.approx(arrays.defect, rel=0.2)
+
+
+@pytest.mark.parametrize("size", [1e-4, 1e-7, 1e-10])
+def test_a_planted_error_is_never_kept(motion, size):
+    coefficients = motion.dense.coefficients.copy()
+    coefficients[3, 20, 3] += size
+    assert kept(motion, dense=replace(motion.dense, coefficients=coefficients)) is None
+    assert kept(motion, dense=replace(motion.dense, coefficients=coefficients), claim=10.0 * size) is not None
+
+
+@pytest.mark.parametrize("steepness", ["10^2", "10^6", "10^16"])
+def test_a_wall_between_the_nodes_is_left_to_the_arrays(motion, steepness):
+    assert kept(motion, f"-g1 + (2*g1^2+g3^2)*2*exp(-{steepness}*(g2-3/10)^2)") is None
+
+
+def test_what_is_not_finite_is_not_kept(motion):
+    for spoilt in (np.nan, np.inf):
+        coefficients = motion.dense.coefficients.copy()
+        coefficients[0, 0, 0] = spoilt
+        assert kept(motion, dense=replace(motion.dense, coefficients=coefficients)) is None
+        assert kept(motion, claim=spoilt) is None
+        samples = motion.dense(np.linspace(0.0, 1.0, 50))
+        samples[49, 1] = spoilt
+        assert not samples_keep_claim(BODY, formula("-g1", BODY), samples, 1e-9, motion.energy)
+
+
+@given(st.integers(0, 99), st.integers(0, 5), st.floats(-15.0, -3.0))
+def test_samples_keep_a_claim_only_where_arrays_keep_it(motion, place, column, size):
+    samples = motion.dense(np.linspace(0.0, 7.0, 100))
+    samples[place, column] += 10.0**size
+    potential, claim = formula("-g1", BODY), 1e-11
+    arrays = hold_samples(BODY, potential, samples, claim, motion.energy)
+    if samples_keep_claim(BODY, potential, samples, claim, motion.energy):
+        assert arrays == claim
+
+
+@given(st.lists(st.floats(0.2, 2.0), min_size=3, max_size=3), st.integers(0, 2**32 - 1))
+@settings(max_examples=25)
+def test_the_defect_of_any_polynomials_is_that_of_arrays(lengths, seed):
+    """Not of a motion: D is as large as the polynomials themselves, and pieces are cut."""
+    text = "exp(g1*g2)/3 - sin(2*g2 + g3) + cos(g1)"
+    equations, program, constants = parts(text)
+    decay = 0.3 ** np.arange(21.0)[None, :, None]
+    coefficients = np.random.default_rng(seed).uniform(-1.0, 1.0, (3, 21, 6)) * decay
+    dense = DenseOutput((), np.cumsum([0.0, *lengths]), coefficients, None, 1.0)
+    # Everything explains integrals within such a claim.
+    defect, _ = defect_and_drift(
+        program.code,
+        constants,
+        program.result,
+        moments(),
+        coefficients,
+        np.diff(dense.breaks),
+        1e3,
+        1e-6,
+        np.zeros(3),
+        1e3,
+    )
+    blocks = list(Blocks(dense, equations.at, equations.bound).cut(1e-6))
+    found = accumulate(dense, blocks, has_bounds=True)
+    assume(np.isfinite(defect))
+    assert found.settled_share == 1.0
+    # The pieces, and with them D, have the size 1; what truncation adds is below the goal.
+    assert defect == pytest.approx(float(found.sizes.max()), rel=1e-9, abs=2e-6)

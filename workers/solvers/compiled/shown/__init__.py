@@ -1,0 +1,1 @@
+"""What a function of time shows of its error, by compiled code: the equations at nodes and on discs."""

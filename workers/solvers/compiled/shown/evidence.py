@@ -1,0 +1,92 @@
+"""Holds functions of time and samples that keep their claims against the equations, by compiled code.
+
+What breaks a bound, and what these bounds do not settle, is left to :mod:`service.dynamics.defect.evidence`,
+which says by how much a claim is too small: here no claim is ever changed.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.bounds import is_within
+from service.dynamics.defect.evidence import FINEST, GOAL, Shown
+from service.dynamics.motion import Estimate
+from service.dynamics.potentials.potential import NoClosedFormError, Potential
+from service.dynamics.solution.dense_output import DenseOutput
+from workers.solvers.compiled.evaluation.program import Program, make_program
+from workers.solvers.compiled.shown.stretches import (
+    HIGHEST_DEGREE,
+    defect_and_drift,
+    samples_are_explained,
+)
+
+FloatArray = NDArray[np.float64]
+
+
+def kept_claim(
+    body: RigidBody, potential: Potential, dense: DenseOutput, claim: float, energy: Estimate
+) -> Shown | None:
+    """Return what a planar ``dense`` shows if that is within ``claim``; None if it is not settled."""
+    degree = dense.coefficients.shape[1] - 1
+    found = _program(potential)
+    if found is None or not 0 < degree <= HIGHEST_DEGREE or dense.breaks[0] != 0.0:
+        return None
+    program, constants = found
+    coefficients = np.ascontiguousarray(dense.coefficients)
+    goal = max(GOAL * claim, FINEST * float(np.abs(coefficients).max(initial=1.0)))
+    defect, drift = defect_and_drift(
+        program.code,
+        constants,
+        program.result,
+        _moments(body),
+        coefficients,
+        np.diff(dense.breaks),
+        claim,
+        goal,
+        _reference(energy),
+        energy.error,
+    )
+    return Shown(defect, drift, 1.0, claim) if is_within(defect, 2.0 * claim) else None
+
+
+def samples_keep_claim(
+    body: RigidBody, potential: Potential, samples: FloatArray, claim: float, energy: Estimate
+) -> bool:
+    """Say whether the integrals of planar ``samples``, shape (n, 6), are explained by an error ``claim``."""
+    found = _program(potential)
+    if found is None:
+        return False
+    program, constants = found
+    moments = _moments(body)
+    return samples_are_explained(
+        program.code,
+        constants,
+        program.result,
+        moments,
+        np.ascontiguousarray(samples),
+        claim,
+        _reference(energy),
+        energy.error,
+    )
+
+
+def _program(potential: Potential) -> tuple[Program, FloatArray] | None:
+    try:
+        return make_program(potential.tape)
+    except NoClosedFormError:
+        return None
+
+
+def _moments(body: RigidBody) -> FloatArray:
+    # A moment B that was left out is taken as :func:`.field.rates_at` takes it.
+    A, C = body.A, body.C
+    B = A + C if body.B is None else body.B
+    moments: Sequence[float] = [float(each) for each in (A, B, C, B - C, C - A, A - B)]
+    return np.array(moments)
+
+
+def _reference(energy: Estimate) -> FloatArray:
+    """Return the integrals of a planar motion: its energy, 0 and 1."""
+    return np.array([energy.value, 0.0, 1.0])

@@ -1,0 +1,260 @@
+r"""The defect of a function of time, bounded on whole stretches, by compiled code.
+
+It is what :mod:`service.dynamics.defect` computes for a function of time that keeps its claim: pieces are cut
+until F is bounded about each stretch so well that its interpolation leaves out less than the goal, D is
+summed up from stretch to stretch, and the integrals are compared at all nodes. The theorem is that of
+:mod:`service.dynamics.defect.stretches`, with the same points and the same ellipse.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.defect.stretches import INTERVALS, RHO, ROUNDING, SEMI_AXIS
+from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
+from workers.solvers.compiled.blocks import two_sum
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.shown.gradients import WIDTH
+from workers.solvers.compiled.shown.states import evaluate, integrals_on, largest_rates
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+HIGHEST_DEGREE = 24
+"""Of pieces; those of higher degree need more points than there are here."""
+DEEPEST = 4
+"""Cuts of a piece into four."""
+PARTS = 4
+OWN_ROUNDING = 2.0**-50
+"""Of a state, relative to its size."""
+NODES = chebyshev_points(INTERVALS)
+COUNT = INTERVALS + 1
+TAIL = 4.0 * RHO**-INTERVALS / (RHO - 1.0)
+TRANSFORM = np.ascontiguousarray(chebyshev_coefficients(np.eye(COUNT)).T)
+"""From values at the nodes, rows, to coefficients."""
+INTEGRAL = np.ascontiguousarray(
+    np.polynomial.chebyshev.chebint(TRANSFORM.T, lbnd=-1.0, axis=0).T.astype(np.float64)
+)
+"""From values to coefficients of the integral from −1 on."""
+VANDER = np.ascontiguousarray(np.polynomial.chebyshev.chebvander(NODES, HIGHEST_DEGREE).T)
+"""T_k at the nodes, shape (degree + 1, nodes)."""
+
+
+@kernel
+def _disc(
+    series: FloatArray, middle: float, half: float, centres: FloatArray, radii: FloatArray, T: FloatArray
+) -> None:
+    """Fill in discs that hold the six polynomials, shape (degree + 1, 6), on the ellipse of a stretch."""
+    count = len(series)
+    s = SEMI_AXIS * half
+    rho = 1.0 + s + math.sqrt(s * (2.0 + s))
+    T[0, 0], T[1, 0], T[0, 1], T[1, 1] = 1.0, middle, 0.0, 1.0
+    for k in range(2, count):
+        T[k, 0] = 2.0 * middle * T[k - 1, 0] - T[k - 2, 0]
+        T[k, 1] = 2.0 * T[k - 1, 0] + 2.0 * middle * T[k - 1, 1] - T[k - 2, 1]
+    for a in range(6):
+        centre, total, slope, steep, first, second, whole = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        up, upper, lower = 1.0, 1.0, 1.0
+        for k in range(count):
+            size = abs(series[k, a])
+            centre += T[k, 0] * series[k, a]
+            slope += T[k, 1] * series[k, a]
+            total += size
+            if k > 0:
+                upper, lower = upper * RHO, lower / RHO
+                # |T_k(z) − T_k(0)| on the ellipse of a whole piece.
+                whole += (0.5 * (upper + lower) + (1.0 if k % 2 == 0 else 0.0)) * size
+                steep += k * k * size
+                first += k * k * up * size
+                second += k * k * (k * k - 1.0) / 3.0 * (up / rho if k > 1 else 1.0) * size
+                up *= rho
+        if half == 1.0:
+            wide = whole * (1.0 + ROUNDING)
+        else:
+            slope = abs(slope) + ROUNDING * steep
+            wide = min(s * first, s * slope + 0.5 * s * s * second) * (1.0 + ROUNDING)
+        centres[a], radii[a] = centre, wide + ROUNDING * total
+
+
+@kernel
+def _states_at_nodes(series: FloatArray, middle: float, half: float, states: FloatArray) -> None:
+    count = len(series)
+    states[:, :] = 0.0
+    if half == 1.0:
+        for a in range(6):
+            for k in range(count):
+                x = series[k, a]
+                for m in range(COUNT):
+                    states[a, m] += VANDER[k, m] * x
+        return
+    for m in range(COUNT):
+        x = middle + half * NODES[m]
+        before, now = 1.0, x
+        for a in range(6):
+            states[a, m] = series[0, a]
+        for k in range(1, count):
+            for a in range(6):
+                states[a, m] += now * series[k, a]
+            before, now = now, 2.0 * x * now - before
+
+
+@kernel
+def are_explained(
+    code: IntArray,
+    constants: FloatArray,
+    result: int,
+    moments: FloatArray,
+    c: FloatArray,
+    r: FloatArray,
+    states: FloatArray,
+    integrals: FloatArray,
+    count: int,
+    claim: float,
+    reference: FloatArray,
+    slack: float,
+) -> tuple[bool, float]:
+    """Say whether an error ``claim`` of each state explains its integrals; return the largest departure too.
+
+    Where the kinetic energy alone does not, V and all others are bounded on discs about the state.
+    """
+    drift = 0.0
+    centres, radii, found = np.empty(6), np.empty(6), np.empty((2, 3))
+    for m in range(count):
+        least = np.zeros(3)
+        for a in range(3):
+            omega, gamma = abs(states[a, m]), abs(states[3 + a, m])
+            least[0] += claim * omega * moments[a]
+            least[1] += claim * (omega + gamma) * moments[a]
+            least[2] += claim * 2.0 * gamma
+        least[0] += slack
+        is_small = True
+        for k in range(3):
+            departure = abs(integrals[k, m] - reference[k])
+            if not departure < math.inf:
+                return False, math.nan
+            drift = max(drift, departure)
+            is_small = is_small and departure <= least[k]
+        if is_small:
+            continue
+        for a in range(6):
+            centres[a], radii[a] = states[a, m], claim + OWN_ROUNDING * abs(states[a, m])
+        integrals_on(code, constants, result, moments, c, r, centres, radii, found)
+        for k in range(3):
+            if not abs(found[0, k] - reference[k]) <= found[1, k] + (slack if k == 0 else 0.0):
+                return False, drift
+    return True, drift
+
+
+@kernel
+def samples_are_explained(
+    code: IntArray,
+    constants: FloatArray,
+    result: int,
+    moments: FloatArray,
+    samples: FloatArray,
+    claim: float,
+    reference: FloatArray,
+    slack: float,
+) -> bool:
+    """Say whether an error ``claim`` explains the integrals of all samples, shape (n, 6)."""
+    registers = np.empty((4, 3 + len(code), WIDTH))
+    c, r = np.empty((3 + len(code), 4)), np.empty((3 + len(code), 4))
+    states, rates, integrals = np.empty((6, WIDTH)), np.empty((6, WIDTH)), np.empty((3, WIDTH))
+    for begin in range(0, len(samples), WIDTH):
+        count = min(WIDTH, len(samples) - begin)
+        for m in range(count):
+            for a in range(6):
+                states[a, m] = samples[begin + m, a]
+        evaluate(code, constants, result, moments, registers, states, rates, integrals, count)
+        is_good, _ = are_explained(
+            code, constants, result, moments, c, r, states, integrals, count, claim, reference, slack
+        )
+        if not is_good:
+            return False
+    return True
+
+
+@kernel
+def defect_and_drift(
+    code: IntArray,
+    constants: FloatArray,
+    result: int,
+    moments: FloatArray,
+    coefficients: FloatArray,
+    lengths: FloatArray,
+    claim: float,
+    goal: float,
+    reference: FloatArray,
+    slack: float,
+) -> tuple[float, float]:
+    """Return the bound of |D| on the whole of all pieces, and the largest drift at the nodes.
+
+    Both are NaN where a stretch is not settled, or an error ``claim`` does not explain what the integrals do.
+    """
+    registers = np.empty((4, 3 + len(code), WIDTH))
+    c, r = np.empty((3 + len(code), 4)), np.empty((3 + len(code), 4))
+    states, rates, integrals = np.empty((6, WIDTH)), np.empty((6, WIDTH)), np.empty((3, WIDTH))
+    centres, radii, bounds = np.empty(6), np.empty(6), np.empty(6)
+    T, waiting = np.empty((HIGHEST_DEGREE + 1, 2)), np.empty((PARTS * DEEPEST + 1, 2))
+    gained, lost, first, missing = np.zeros(6), np.zeros(6), np.empty(6), np.zeros(6)
+    series, integral = np.empty(COUNT + 1), np.empty(COUNT + 1)
+    allowed = goal / lengths.sum()
+    defect, drift, is_first = 0.0, 0.0, True
+    for n in range(len(lengths)):
+        waiting[0, 0], waiting[0, 1] = 0.0, 1.0
+        left = 1
+        while left > 0:
+            left -= 1
+            middle, half = waiting[left, 0], waiting[left, 1]
+            _disc(coefficients[n], middle, half, centres, radii, T)
+            largest_rates(code, constants, result, moments, c, r, centres, radii, bounds)
+            is_settled = True
+            for a in range(6):
+                is_settled = is_settled and TAIL * bounds[a] <= allowed
+            if not is_settled:
+                if half < 0.5 * PARTS ** (1.0 - DEEPEST):
+                    return math.nan, math.nan
+                for k in range(PARTS):
+                    waiting[left + k, 0] = middle + (PARTS - 1.0 - 2.0 * k) * half / PARTS
+                    waiting[left + k, 1] = half / PARTS
+                left += PARTS
+                continue
+            _states_at_nodes(coefficients[n], middle, half, states)
+            evaluate(code, constants, result, moments, registers, states, rates, integrals, COUNT)
+            is_good, far = are_explained(
+                code, constants, result, moments, c, r, states, integrals, COUNT, claim, reference, slack
+            )
+            if not is_good:
+                return math.nan, math.nan
+            drift = max(drift, far)
+            time = 0.5 * lengths[n] * half
+            for a in range(6):
+                series[:], integral[:] = 0.0, 0.0
+                for m in range(COUNT):
+                    value, rate = states[a, m], rates[a, m]
+                    for k in range(COUNT):
+                        series[k] += TRANSFORM[m, k] * value
+                    for k in range(COUNT + 1):
+                        integral[k] += INTEGRAL[m, k] * rate
+                step, within = 0.0, 0.0
+                for k in range(COUNT + 1):
+                    gain = time * integral[k]
+                    step += gain
+                    within += abs(
+                        (series[k] if k < COUNT else 0.0) - gain - (states[a, COUNT - 1] if k == 0 else 0.0)
+                    )
+                if is_first:
+                    first[a] = states[a, COUNT - 1]
+                # D at the beginning of the stretch.
+                before = (states[a, COUNT - 1] - first[a]) - gained[a] - lost[a]
+                tail = 2.0 * time * TAIL * bounds[a]
+                size = abs(before) + within + tail + missing[a]
+                if not size < math.inf:
+                    return math.nan, math.nan
+                defect = max(defect, size)
+                missing[a] += tail
+                gained[a], rest = two_sum(gained[a], step)
+                lost[a] += rest
+            is_first = False
+    return defect, drift
