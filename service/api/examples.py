@@ -27,6 +27,7 @@ REFUSALS: Mapping[int, ApiError] = {
         ApiError(406, "not_acceptable", "accepted are application/json and text/csv"),
         ApiError(408, "request_timeout", "the request was not complete in time"),
         ApiError(409, "idempotency_key_in_use", "the first request with this key is still at work"),
+        ApiError(412, "changed_meanwhile", "it has changed since its ETag was read; read it again"),
         ApiError(413, "body_too_large", "at most 1000000 bytes are accepted"),
         ApiError(415, "unsupported_media_type", "accepted is application/json"),
         ApiError(422, "invalid_problem", f"/body/A: {_FAULT.message}", faults=[_FAULT]),

@@ -117,6 +117,14 @@ def ask(recorder: Recorder) -> None:
     record("get_trajectory", "stored", "GET", f"{solution}/trajectory")
     record("get_trajectory", "stored", "GET", f"{solution}/trajectory", Accept=CSV)
     record("get_trajectory", "stored", "GET", f"{solution}/trajectory", Accept=NDJSON)
+    record("get_function", "a function of time", "GET", f"{solution}/function")
+    record("get_trajectory", "a preview", "GET", f"{solution}/trajectory?preview=5&columns=t,g1")
+    record("get_provenance", "of a solution", "GET", f"{solution}/provenance")
+    record("get_citation", "of a solution", "GET", f"{solution}/citation", Accept="application/x-bibtex")
+    record("get_citation", "of a solution", "GET", f"{solution}/citation", Accept="application/yaml")
+    marks = {"labels": {"project": "thesis"}, "note": "the first one"}
+    record("change_solution", "labels and a note", "PATCH", solution, marks)
+    record("change_job", "labels and a note", "PATCH", f"/v1/jobs/{job['id']}", marks)
     record("get_enclosures", "two times", "GET", f"/v1/solutions/{certified['solution']}/enclosures")
     record("list_solutions", "a page", "GET", "/v1/solutions?limit=1&order=period")
     digest = record("", "", "GET", "/v1/solutions?columns=digest&limit=1")["items"][0]["digest"]
@@ -127,6 +135,8 @@ def ask(recorder: Recorder) -> None:
     path = f"/v1/sweeps/{sweep['id']}"
     while record("get_sweep", "finished", "GET", path)["state"] != "succeeded":
         time.sleep(0.1)
+    record("change_sweep", "labels and a note", "PATCH", path, marks)
+    record("get_grid", "a row", "GET", f"{path}/grid?of=period")
     record("list_sweeps", "a page", "GET", "/v1/sweeps?limit=1")
     record("list_sweep_jobs", "a page", "GET", f"{path}/jobs?limit=1")
     for media_type in (JSON, CSV, NDJSON):

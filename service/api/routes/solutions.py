@@ -117,11 +117,17 @@ def _page(request: Request, listing: Listing, inside: Resources) -> Response:
 def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Show a solution without its arrays."""
     standing = standing_of(inside.database, solution_id)
-    tag = solution_tag(request, standing, marks_of_solution(inside.database, solution_id))
+    marks = marks_of_solution(inside.database, solution_id)
+    tag = solution_tag(request, standing, marks)
     if known := unchanged(request, tag, REVALIDATE):
         return known
-    content = inside.answers.get(tag, lambda: json_content(solution_out(inside.solutions.get(solution_id))))
-    return Response(content, media_type=JSON, headers=validators(tag, REVALIDATE))
+
+    def content() -> bytes:
+        # With the marks that are in the tag: they may have changed since.
+        solution = replace(inside.solutions.get(solution_id), marks=marks)
+        return json_content(solution_out(solution))
+
+    return Response(inside.answers.get(tag, content), media_type=JSON, headers=validators(tag, REVALIDATE))
 
 
 def solution_tag(request: Request, standing: SolutionStanding, *changeable: object) -> str:
