@@ -64,7 +64,7 @@ async def show_shell(request: Request) -> Response:
     return Response(page, media_type="text/html", headers=_HEADERS)
 
 
-@router.get("/static/{version}/{name}")
+@router.get("/static/page/{version}/{name}")
 async def show_file(version: str, name: str) -> Response:
     """Return a script, a style sheet or a picture; of the address that pages link to, for ever."""
     file = static_files().get(name)
@@ -80,7 +80,7 @@ async def show_file(version: str, name: str) -> Response:
 def _shell(path: str) -> bytes:
     page = PAGES[path]
     template = _templates().get_template(f"{page.module}.html")
-    text = template.render(page=page, path=path, pages=PAGES, static=f"static/{digest()}")
+    text = template.render(page=page, path=path, pages=PAGES, static=f"static/page/{digest()}")
     return text.encode()
 
 

@@ -2,6 +2,7 @@
 
 import os
 import threading
+from multiprocessing import resource_tracker
 
 from service.sandbox import Sandbox
 from service.settings import Settings
@@ -29,6 +30,7 @@ class VerdictChildren:
     """
 
     def __init__(self, settings: Settings) -> None:
+        _track_quietly()
         self._sandbox = Sandbox(
             verdict_children(), memory_mb=settings.job_memory_mb, preload=("service.verdicts.formulas",)
         )
@@ -43,3 +45,20 @@ class VerdictChildren:
     def close(self) -> None:
         """Kill the children, also those that still start."""
         self._sandbox.close()
+
+
+def _track_quietly() -> None:
+    """Start the process that removes the semaphores of this one, without its warning.
+
+    A service that is stopped at its start leaves them to it, which is what it is for and worries nobody.
+    """
+    name = "PYTHONWARNINGS"
+    before = os.environ.get(name)
+    os.environ[name] = ",".join(filter(None, (before, "ignore:resource_tracker")))
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before

@@ -18,7 +18,15 @@ DOCKER = TOP / "docker"
 COMPOSE = yaml.safe_load((DOCKER / "compose.yaml").read_text(encoding="utf-8"))
 DOCKERFILE = (DOCKER / "Dockerfile").read_text(encoding="utf-8").replace("\\\n", " ")
 OURS = {name: service for name, service in COMPOSE["services"].items() if "build" in service}
-PLACEHOLDERS = {"N": "1", "ROLE": "read", "SPAN": "30d"}
+PLACEHOLDERS = {
+    "N": "1",
+    "ROLE": "read",
+    "SPAN": "30d",
+    "S": "1",
+    "T": "0",
+    "F": "json",
+    "solutions|jobs|sweeps": "jobs",
+}
 FENCED = re.compile(r"```sh\n(.*?)```", re.DOTALL)
 
 

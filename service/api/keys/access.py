@@ -30,7 +30,7 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/accuracy": {"GET": OPEN},
     "/solution": {"GET": OPEN},
     "/sweep": {"GET": OPEN},
-    "/static/{version}/{name}": {"GET": OPEN},
+    "/static/page/{version}/{name}": {"GET": OPEN},
     # The documentation page, into which a key can be typed: it is the same for every installation.
     "/docs": {"GET": OPEN, "HEAD": OPEN},
     "/docs/favicon-32x32.png": {"GET": OPEN, "HEAD": OPEN},

@@ -56,9 +56,16 @@ class EventStream(StreamingResponse):
     media_type = MEDIA_TYPE
 
 
+_SCHEMA = {
+    "type": "object",
+    "description": "One of the events, which follow each other as text.",
+    "properties": {name: {"type": "string"} for name in ("event", "id", "data")},
+}
+
+
 def _described(name: str, data: str) -> dict[int | str, dict[str, object]]:
     example = f": polhode\nretry: 2000\n\nevent: {name}\nid: 41da7f2c6b8a1d00\ndata: {data}\n\n"
-    content = {MEDIA_TYPE: {"schema": {"type": "string"}, "example": example}}
+    content = {MEDIA_TYPE: {"schema": _SCHEMA, "example": example}}
     return {200: {"description": "Events, until the end", "content": content}}
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from service.dynamics.bounds import largest
 from service.dynamics.solution.dense_output import DenseOutput, split_time
 
 FloatArray = NDArray[np.float64]
@@ -141,7 +142,7 @@ def deviation(
 
 def _flat(dense: DenseOutput) -> float:
     """Return the range below which a column is constant within its error."""
-    return 4.0 * max(dense.error, math.ulp(1.0))
+    return 4.0 * largest((dense.error, math.ulp(1.0)))
 
 
 def _within(dense: DenseOutput, times: FloatArray) -> FloatArray:

@@ -4,11 +4,14 @@ import os
 import re
 import shutil
 import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from psycopg.conninfo import make_conninfo
-from sqlalchemy import Connection, inspect, make_url, text
+from sqlalchemy import Connection, Engine, Table, inspect, make_url, text
 from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.schema import AddConstraint, DropConstraint
 
 from service.storage.database.database import make_engine
 from service.storage.tables.schema import METADATA
@@ -47,6 +50,23 @@ def revision(file: Path) -> str:
     return lines[1].strip()
 
 
+@contextmanager
+def _unreferring(engine: Engine, tables: Sequence[Table]) -> Iterator[None]:
+    """Take the foreign keys of tables away; they come back if the block fails, since the tables then stay."""
+    with engine.begin() as connection:
+        there = set(inspect(connection).get_table_names())
+        keys = [key for table in tables if table.name in there for key in table.foreign_key_constraints]
+        for key in keys:
+            connection.execute(DropConstraint(key))
+    try:
+        yield
+    except BaseException:
+        with engine.begin() as connection:
+            for key in keys:
+                connection.execute(AddConstraint(key))
+        raise
+
+
 def load(url: str, file: Path, *, force: bool) -> Contents:
     """Replace the tables by those of ``file``; see :func:`service.storage.upkeep.backup.restore`."""
     dumped = set(_TABLE.findall(_run("pg_restore", None, "--list", str(file))))
@@ -57,10 +77,11 @@ def load(url: str, file: Path, *, force: bool) -> Contents:
             jobs = _count(connection, "jobs") if "jobs" in tables else 0
         if jobs and not force:
             refuse_jobs(jobs)
-        _run("pg_restore", url, "--clean", "--if-exists", "--single-transaction", *_PLAIN, str(file))
+        # Tables of a later version would block the migrations, and their foreign keys the restoring.
+        later = [table for table in METADATA.sorted_tables if table.name not in dumped]
+        with _unreferring(engine, later):
+            _run("pg_restore", url, "--clean", "--if-exists", "--single-transaction", *_PLAIN, str(file))
         with engine.begin() as connection:
-            # Tables of a later version would block its migrations.
-            later = [table for table in METADATA.sorted_tables if table.name not in dumped]
             METADATA.drop_all(connection, tables=later)
             return _contents(connection)
     except SQLAlchemyError as fault:

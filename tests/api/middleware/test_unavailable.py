@@ -37,12 +37,12 @@ BODIES = {
 ROUTES = [(method, path) for path, roles in ACCESS.items() for method in roles if method != "HEAD"]
 WITHOUT_DATABASE = {"/livez", "/openapi.json", "/v1/families", "/v1/validations", "/v1/atlases"}
 WITHOUT_DATABASE |= {path for _, path in ROUTES if path.startswith("/docs")}
-WITHOUT_DATABASE |= {*PAGES, "/static/{version}/{name}"}
+WITHOUT_DATABASE |= {*PAGES, "/static/page/{version}/{name}"}
 LIMITS = JobLimits(lease_seconds=60.0, job_seconds=60.0, memory_mb=500, max_attempts=3, retry_seconds=0.1)
 
 
 def ask(client, method, path):
-    body = BODIES.get(path) if method == "POST" else None
+    body = BODIES.get(path) if method == "POST" else {"note": None} if method == "PATCH" else None
     place = re.sub("{.*?}", new_id(), path.replace("{name}", "core.js"))
     return client.request(method, place + NEEDED_QUERY.get(path, ""), json=body)
 

@@ -14,7 +14,7 @@ LINK = re.compile(r'(?:href|src)="([^"]*)"')
 
 
 def files_of(page: str) -> list[str]:
-    return [link for link in LINK.findall(page) if link.startswith("static/")]
+    return [link for link in LINK.findall(page) if link.startswith("static/page/")]
 
 
 @pytest.mark.parametrize("path", PAGES)
@@ -34,7 +34,7 @@ def test_a_shell_and_its_files_are_from_here_and_need_no_key(client, database, p
             assert client.get(f"/{link.rsplit('/', 1)[0]}/{name}").status_code == 200, (link, name)
 
 
-@pytest.mark.parametrize("path", [*PAGES, "/static/x/core.js"])
+@pytest.mark.parametrize("path", [*PAGES, "/static/page/x/core.js"])
 def test_nothing_inline_runs_and_nothing_comes_from_elsewhere(client, path):
     policy = dict(
         part.split(maxsplit=1) for part in client.get(path).headers["Content-Security-Policy"].split("; ")
@@ -48,17 +48,17 @@ def test_files_are_kept_for_ever_at_the_address_that_pages_link_to(client):
     kept = client.get(f"/{link}")
     assert "immutable" in kept.headers["Cache-Control"]
     assert client.get(f"/{link}", headers={"If-None-Match": kept.headers["ETag"]}).status_code == 304
-    other = client.get("/static/another/core.js")
+    other = client.get("/static/page/another/core.js")
     assert other.content == kept.content
     assert other.headers["Cache-Control"] == "no-cache"
 
 
 def test_plotly_is_that_of_its_wheel(client):
-    answer = client.get("/static/x/plotly.min.js")
+    answer = client.get("/static/page/x/plotly.min.js")
     assert answer.headers["Content-Type"].startswith("text/javascript")
     assert "plotly.js v" in answer.text[:200]
 
 
 @pytest.mark.parametrize("name", ["none.js", "..%2froutes.py", "__init__.py"])
 def test_nothing_else_is_served(client, name):
-    assert client.get(f"/static/x/{name}").status_code == 404
+    assert client.get(f"/static/page/x/{name}").status_code == 404

@@ -1,6 +1,7 @@
 """A client that openapi-python-client generates from the document submits a job and reads its samples."""
 
 import importlib
+import json
 import os
 import subprocess
 import sys
@@ -24,8 +25,12 @@ def generated(tmp_path, monkeypatch):
         f"--path={DOCUMENT}",
         f"--output-path={tmp_path / NAME}",
         "--meta=none",
+        f"--config={tmp_path / 'config.json'}",
         "--fail-on-warning",  # of what it would leave out
     ]
+    # It knows text and files, and takes these kinds of them for unknown.
+    kinds = {"application/x-bibtex": "text/plain", "application/zip": "application/octet-stream"}
+    (tmp_path / "config.json").write_text(json.dumps({"content_type_overrides": kinds}))
     # It formats what it writes, with what it finds on the path.
     path = f"{binaries}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
@@ -40,13 +45,13 @@ def generated(tmp_path, monkeypatch):
 
 def test_a_generated_client_submits_a_job_and_reads_its_samples(generated, service):
     with generated("client").Client(base_url=service.address, timeout=60) as client:
-        problem = generated("models.problem_in").ProblemIn.from_dict(PROBLEM)
+        problem = generated("models.job_in").JobIn.from_dict(PROBLEM)
         submit = generated("api.jobs.submit_job").sync
         job = submit(client=client, body=problem, prefer="wait=60")
         assert job.state == "succeeded"
         solution = generated("api.solutions.get_solution").sync(job.solution, client=client)
         trajectory = generated("api.solutions.get_trajectory").sync(job.solution, client=client)
-        refused = submit(client=client, body=generated("models.problem_in").ProblemIn.from_dict(FLAT))
+        refused = submit(client=client, body=generated("models.job_in").JobIn.from_dict(FLAT))
     columns = trajectory.columns.to_dict()
     assert columns["t"] == [0.0, 5.0, 10.0]
     lengths = [sum(columns[name][k] ** 2 for name in ("g1", "g2", "g3")) for k in range(3)]

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
 from service.jobs.states import JobState
+from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
 from service.storage.database.sqlite_file import file_of
 from service.storage.inspection.inspect import inspect, invariants, repair
@@ -25,6 +26,9 @@ SWEEP = {"seconds": 0.01}
 
 def claim(jobs, lease_seconds=600.0):
     return jobs.claim("worker", lease_seconds=lease_seconds)
+
+
+MARKS = Marks({"project": "thesis"}, "to be looked at")
 
 
 def solve(jobs, digest, **of):
@@ -49,7 +53,7 @@ def live(database):
     """Do all that can be done, in the ordinary way; return the ids of some of it."""
     jobs, sweeps = SqlJobStore(database), SweepStore(database)
     key, _ = KeyStore(database).create(Role.SUBMIT)
-    solved = solve(jobs, "solved", key_id=key.id)
+    solved = solve(jobs, "solved", key_id=key.id, marks=MARKS)
     assert jobs.submit(PROBLEM, "solved").reused
     jobs.submit(PROBLEM, "refused")
     jobs.finish_failure(claim(jobs), {"code": "no_motion", "detail": "none"})
@@ -60,7 +64,9 @@ def live(database):
     stopped = jobs.submit(PROBLEM, "stopped")
     claim(jobs)
     jobs.cancel(stopped.id)
-    done, begun, ended = (sweeps.submit(SWEEP, points=n, most=100, key_id=key.id) for n in (40, 4000, 4000))
+    done, begun, ended = (
+        sweeps.submit(SWEEP, points=n, most=100, key_id=key.id, marks=MARKS) for n in (40, 4000, 4000)
+    )
     work_on(jobs, sweeps, done.id, 40)
     work_on(jobs, sweeps, begun.id, 200)
     sweeps.cancel(ended.id)
@@ -162,6 +168,9 @@ DAMAGE = [
     ("DELETE FROM solutions", "dense_outputs_solution_id", True),
     ("DELETE FROM solutions", "jobs_solution_id", True),
     ("DELETE FROM solutions", "samples_solution_id", True),
+    ("DELETE FROM jobs WHERE digest = 'solved'", "job_labels_job_id", True),
+    ("DELETE FROM solutions", "solution_labels_solution_id", True),
+    ("DELETE FROM sweeps", "sweep_labels_sweep_id", True),
     ("DELETE FROM sweeps", "sweep_chunks_sweep_id", True),
     ("DELETE FROM sweeps", "jobs_sweep_id", True),
     ("DELETE FROM jobs WHERE digest = 'solved'", "attempts_job_id", True),

@@ -45,10 +45,10 @@ def test_children_forked_after_the_order_have_the_integrators_and_older_ones_hav
     assert json.loads(result.stdout) == [[], [], list(LATE)]
 
 
-@pytest.mark.parametrize("server", [None, os.getpid()])
+@pytest.mark.parametrize("server", [lambda: None, os.getpid])
 def test_no_other_process_gets_the_order(monkeypatch, server):
     # The signal would end a process that does not expect it, as the parent of an orphan.
-    monkeypatch.setattr(template, "_server", server)
+    monkeypatch.setattr(template, "_server", server())
     sent = []
     monkeypatch.setattr(os, "kill", lambda *order: sent.append(order))
     WARM_UP.order()

@@ -7,7 +7,7 @@ import pytest
 
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
-from workers.solvers.compiled.batch import Batch, solve_batch
+from workers.solvers.compiled.batch import TOLERANCES, Batch, solve_batch
 from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
@@ -68,7 +68,7 @@ def test_panels_join(solved):
 def test_what_is_said_of_the_map_is_found_again(solved):
     run, worked = solved
     panels, desk = new_records(PANEL, MAX_PANELS), new_records(DESK)[0]
-    number, _ = build_time_map(worked, run.loops[0], 1e-12, panels, desk)
+    number, _ = build_time_map(worked, run.loops[0], TOLERANCES["standard"], panels, desk)
     assert number == len(run.panels)
     error, rate_error = map_error(worked, run.loops[0], panels, number, desk.places)
     found = run.found[0]
