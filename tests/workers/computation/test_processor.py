@@ -13,7 +13,7 @@ from service.sandbox import Sandbox
 from service.schemas.problem.problem import check_problem, problem_digest
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
-from tests.support.api import PLANAR
+from tests.support.api import STATE
 from tests.support.other_processor import environment, masks
 from workers.computation import processor
 from workers.computation.compute import solve_document
@@ -34,7 +34,7 @@ print(json.dumps([found.summary, *(base64.b64encode(packet).decode() for packet 
 def solved_elsewhere() -> SolveOutcome:
     """Solve a problem in a process that sees a processor with fewer features."""
     ran = subprocess.run(
-        [sys.executable, "-c", SOLVE, json.dumps(PLANAR)],
+        [sys.executable, "-c", SOLVE, json.dumps(STATE)],
         cwd=ROOT, env=environment(), capture_output=True, text=True, timeout=300, check=True,
     )  # fmt: skip
     summary, dense, samples = json.loads(ran.stdout)
@@ -42,7 +42,7 @@ def solved_elsewhere() -> SolveOutcome:
 
 
 def test_a_solution_tells_what_computed_it():
-    summary = solve_document(json.dumps(PLANAR)).summary
+    summary = solve_document(json.dumps(STATE)).summary
     assert summary["provenance"] == provenance()
     assert summary["provenance"]["processor"] == processor.processor()
     assert "numpy" in summary["provenance"]["libraries"]
@@ -80,7 +80,7 @@ def test_what_another_processor_solved_is_clean_here(sqlite_url):
     database, sandbox = Database(sqlite_url), Sandbox(1, preload=["workers.computation.compute"])
     try:
         jobs = SqlJobStore(database)
-        jobs.submit(PLANAR, problem_digest(check_problem(PLANAR).canonical))
+        jobs.submit(STATE, problem_digest(check_problem(STATE).canonical))
         claim = jobs.claim("elsewhere", lease_seconds=60.0)
         assert jobs.finish(claim, solved_elsewhere())[0]
         (repetition,) = repeat_solutions(database, sandbox, count=1, seconds=60.0, random=Random(1))
