@@ -10,6 +10,8 @@ import pytest
 from service.schemas.sweep.reading import read_sweep
 from tests.support.sweeps import AXES, SWEEP, energy_of, finish_sweep, is_refused, period_of
 
+pytestmark = pytest.mark.any_database
+
 A, LAMBDA, TWO = "/potential/parameters/a", "/motion/lambda", "/potential/parameters/b"
 ARROW = "application/vnd.apache.arrow.stream"
 CUBE = [{"pointer": TWO, "values": [1, 2, 3]}, AXES[0], {"pointer": LAMBDA, "linspace": [1, 2, 7]}]

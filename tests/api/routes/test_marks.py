@@ -16,6 +16,8 @@ from tests.support.api import STATE, finish
 from tests.support.keys import make
 from tests.support.sweeps import SWEEP, finish_sweep
 
+pytestmark = pytest.mark.any_database
+
 MERGE_PATCH = "application/merge-patch+json"
 MARKED = {**STATE, "labels": {"run": "7", "project": "thesis"}, "note": "first try"}
 OTHER = {**STATE, "time": {"stop": 21, "samples": 3}}
