@@ -58,7 +58,7 @@ def test_without_a_key_the_page_says_what_is_missing(context, guarded):
 
 
 def test_a_service_that_went_away_is_found_again(tab):
-    # Without events, since a stream that is open cannot be broken from here: the page then asks every so often.
+    # Without events: a stream that is open cannot be broken from here. The page then asks every so often.
     tab.page.context.route("**/v1/events", lambda route: route.fulfill(status=404))
     page = tab.open("")
     settle(page)
