@@ -31,9 +31,9 @@ def test_nothing_is_lost_or_doubled_in_a_short_storm(jobs):
 def test_nothing_is_lost_or_doubled_in_a_long_storm_under_load(run):
     plan = Plan(
         seed=4,
-        jobs=examples(200, 2000),
-        seconds=float(examples(12, 120)),
-        kills=examples(30, 300),
+        jobs=examples(60, 2000),
+        seconds=float(examples(5, 120)),
+        kills=examples(8, 300),
         pause_seconds=0.2,
     )
     is_weathered(run(plan), plan)

@@ -36,7 +36,7 @@ router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
         },
         **refusals(404, 406),
     },
-    openapi_extra=query_parameters(GridQuery),
+    openapi_extra=query_parameters(GridQuery, "of"),
 )
 def get_grid(
     request: Request,
