@@ -14,7 +14,7 @@ from service.api.replies.conditional import is_current, tag_of_content
 from service.api.replies.errors import ApiError
 from service.api.replies.places import JobId, SolutionId, SweepId
 from service.api.replies.records import job_out, solution_out, sweep_out
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import json_content, json_response, refusals
 from service.api.routes.solutions import solution_tag
 from service.jobs.job import Job
 from service.jobs.sweeps import SweepRecord
@@ -65,10 +65,10 @@ def change_job(
 
     def change(job: Job) -> Marks:
         check_owner(holder, job.key_id)
-        _require_current(if_match, tag_of_content(_bytes(json_response(job_out(job)))))
+        _require_current(if_match, tag_of_content(json_content(job_out(job))))
         return _changed(job, patch)
 
-    return _tagged(json_response(job_out(inside.jobs.mark(job_id, change))))
+    return _tagged(job_out(inside.jobs.mark(job_id, change)))
 
 
 @router.patch(
@@ -124,10 +124,10 @@ def change_sweep(
 
     def change(record: SweepRecord) -> Marks:
         check_owner(holder, record.key_id)
-        _require_current(if_match, tag_of_content(_bytes(json_response(sweep_out(record)))))
+        _require_current(if_match, tag_of_content(json_content(sweep_out(record))))
         return _changed(record, patch)
 
-    return _tagged(json_response(sweep_out(inside.sweeps.mark(sweep_id, change))))
+    return _tagged(sweep_out(inside.sweeps.mark(sweep_id, change)))
 
 
 def _read(content: bytes) -> dict[str, object]:
@@ -160,10 +160,6 @@ def _require_current(header: str | None, tag: str) -> None:
         raise ApiError(HTTPStatus.PRECONDITION_FAILED, "changed_meanwhile", detail)
 
 
-def _bytes(answer: Response) -> bytes:
-    return bytes(answer.body)
-
-
-def _tagged(answer: Response) -> Response:
-    answer.headers["ETag"] = tag_of_content(_bytes(answer))
-    return answer
+def _tagged(model: JobOut | SweepOut) -> Response:
+    content = json_content(model)
+    return Response(content, media_type=JSON, headers={"ETag": tag_of_content(content)})

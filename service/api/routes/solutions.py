@@ -24,10 +24,11 @@ from service.schemas.query.facts import OF_SOLUTIONS
 from service.schemas.query.kinds import Kind
 from service.schemas.query.list_query import equals
 from service.schemas.reading.faults import Fault
+from service.schemas.reading.marks import Marks
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
 from service.storage.database.ids import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
-from service.storage.solutions.standing import SolutionStanding, marks_of_solution, standing_of
+from service.storage.solutions.standing import SolutionStanding, standing_and_marks
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 by_problem = APIRouter(prefix="/v1/problems", tags=["solutions"])
@@ -116,8 +117,7 @@ def _page(request: Request, listing: Listing, inside: Resources) -> Response:
 )
 def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Show a solution without its arrays."""
-    standing = standing_of(inside.database, solution_id)
-    marks = marks_of_solution(inside.database, solution_id)
+    standing, marks = standing_and_marks(inside.database, solution_id)
     tag = solution_tag(request, standing, marks)
     if known := unchanged(request, tag, REVALIDATE):
         return known
@@ -130,9 +130,9 @@ def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> R
     return Response(inside.answers.get(tag, content), media_type=JSON, headers=validators(tag, REVALIDATE))
 
 
-def solution_tag(request: Request, standing: SolutionStanding, *changeable: object) -> str:
-    """Return the tag of a solution's summary; ``changeable`` is the version of what can change in it."""
-    return tag_of_thing(request, JSON, standing.id, standing.digest, *changeable)
+def solution_tag(request: Request, standing: SolutionStanding, marks: Marks) -> str:
+    """Return the tag of a solution's summary, in which nothing but its marks can change."""
+    return tag_of_thing(request, JSON, standing.id, standing.digest, marks)
 
 
 def _filters(query: SolutionsQuery) -> Iterator[Condition]:
