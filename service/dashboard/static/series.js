@@ -13,8 +13,10 @@ export async function overTime(solution, seen) {
   const form = $("stretch");
   let shown = null;
   let asking = null;
+  let typed = false; // since the last stretch was asked for: what somebody types is not overwritten by a late answer
 
   async function show(query) {
+    typed = false;
     asking?.abort();
     asking = new AbortController();
     const { signal } = asking;
@@ -26,8 +28,10 @@ export async function overTime(solution, seen) {
       return;
     }
     const { t } = shown.columns;
-    form.start.value = t[0];
-    form.stop.value = t.at(-1);
+    if (!typed) {
+      form.start.value = t[0];
+      form.stop.value = t.at(-1);
+    }
     await drawLines();
     const text = `${t.length} samples from ${number(t[0], 10)} to ${number(t.at(-1), 10)}; no value is off by more than ${number(shown.error, 2)}.`;
     $("series-note").textContent = text;
@@ -55,6 +59,7 @@ export async function overTime(solution, seen) {
     });
   }
 
+  form.addEventListener("input", () => (typed = true));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     between(form.start.value, form.stop.value);
