@@ -1,5 +1,7 @@
 """The command line as its users meet it: a process with two streams and an exit code."""
 
+import contextlib
+import io
 import json
 import os
 import signal
@@ -10,11 +12,12 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from unittest import mock
 
 import pytest
 from typer.testing import CliRunner
 
-from service.cli.commands import app
+from service.cli.commands import app, run
 from service.schemas.replies.accuracy import AccuracyTableModel
 from service.storage.database.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore
@@ -34,20 +37,44 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 
 @pytest.fixture
-def polhode(environment, tmp_path):
-    def run(*arguments: object, content: str | None = None) -> "subprocess.CompletedProcess[str]":
+def polhode(environment, tmp_path, monkeypatch):
+    """Run a command of the command line in this process, with the streams and the exit code of one of its own."""
+
+    def run_here(*arguments: object) -> "subprocess.CompletedProcess[str]":
+        command = ["polhode", *map(str, arguments)]
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", command)
+        output, complaints, code = io.StringIO(), io.StringIO(), 0
+        with (
+            mock.patch.dict(os.environ, environment, clear=True),
+            contextlib.redirect_stdout(output),
+            contextlib.redirect_stderr(complaints),
+        ):
+            try:
+                run()
+            except SystemExit as end:
+                code = end.code
+        return subprocess.CompletedProcess(command, code, output.getvalue(), complaints.getvalue())
+
+    return run_here
+
+
+@pytest.fixture
+def process(environment, tmp_path):
+    """Run a command as a process."""
+
+    def run_there(*arguments: object) -> "subprocess.CompletedProcess[str]":
         return subprocess.run(
             [POLHODE, *map(str, arguments)],
             capture_output=True,
             text=True,
             timeout=120,
-            input=content,
             env=environment,
             cwd=tmp_path,
             check=False,
         )
 
-    return run
+    return run_there
 
 
 @pytest.fixture
@@ -60,8 +87,8 @@ def file(tmp_path):
     return write
 
 
-def test_an_admissible_potential_is_described(polhode):
-    result = polhode("validate", EXAMPLES / "bobylev-steklov.json")
+def test_an_admissible_potential_is_described(process):
+    result = process("validate", EXAMPLES / "bobylev-steklov.json")
     assert (result.returncode, result.stderr) == (0, "")
     assert "admissible" in result.stdout
     # h = -a nu/2 with a = -1.
@@ -120,8 +147,8 @@ FLAT = {
 """Between a rest point and the zero of exp(-1/x²)."""
 
 
-def test_a_flat_zero_is_refused_by_name_and_followed_by_integration(polhode, file, capsys):
-    result = polhode("solve", file(FLAT))
+def test_a_flat_zero_is_refused_by_name_and_followed_by_integration(process, file, capsys):
+    result = process("solve", file(FLAT))
     assert result.returncode == 1
     assert result.stderr.startswith("flat_zero: p² vanishes at g2 = 0.333333333333")
     # The others in this process: what a process does with an error is seen above.
@@ -204,8 +231,8 @@ def test_a_database_that_cannot_be_had_is_a_failure_with_a_reason(polhode, url):
     assert len(result.stderr.splitlines()) == 1
 
 
-def test_solve_writes_numbers_for_programs(polhode, tmp_path):
-    result = polhode("solve", EXAMPLES / "bobylev-steklov.json", "--json", "--csv", "samples.csv")
+def test_solve_writes_numbers_for_programs(process, tmp_path):
+    result = process("solve", EXAMPLES / "bobylev-steklov.json", "--json", "--csv", "samples.csv")
     assert result.returncode == 0, result.stderr
     # T for a = -1, C = 1, lambda = 1 to 34 digits: 6.432310535121612579869958267408499; one ulp is 9e-16.
     assert json.loads(result.stdout)["period"]["value"] == pytest.approx(6.432310535121612579, abs=9e-16)
@@ -228,30 +255,30 @@ ENDLESS = {
 
 
 @pytest.mark.parametrize("command", ["solve", "validate"])
-def test_windows_without_end_are_refused_by_name(polhode, file, command):
-    result = polhode(command, file(ENDLESS))
+def test_windows_without_end_are_refused_by_name(process, file, command):
+    result = process(command, file(ENDLESS))
     assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr.startswith("signs_unsettled: ")
 
 
-def test_solve_keeps_the_limit_of_a_verdict(polhode, file, environment):
+def test_solve_keeps_the_limit_of_a_verdict(process, file, environment):
     environment["POLHODE_VERDICT_SECONDS"] = "0.001"
-    result = polhode("solve", file(ENDLESS))
+    result = process("solve", file(ENDLESS))
     assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr.startswith("verdict_time_limit: ")
 
 
 @pytest.fixture
-def reason_of_solve(polhode, file):
+def reason_of_solve(process, file):
     document = json.loads((EXAMPLES / "bobylev-steklov.json").read_text(encoding="utf-8"))
-    result = polhode("solve", file({**document, "potential": {"type": "gravity", "a": -1, "c": 1}}))
+    result = process("solve", file({**document, "potential": {"type": "gravity", "a": -1, "c": 1}}))
     assert (result.returncode, result.stdout) == (1, "")
     return result.stderr
 
 
 @pytest.mark.long
-def test_calibrate_measures_and_stores_what_the_service_then_serves(polhode, environment):
-    result = polhode("calibrate", "--quick", "--json")
+def test_calibrate_measures_and_stores_what_the_service_then_serves(process, environment):
+    result = process("calibrate", "--quick", "--json")
     assert (result.returncode, result.stderr) == (0, "")
     table = json.loads(result.stdout)
     assert table["source"] == "measured"
@@ -261,8 +288,8 @@ def test_calibrate_measures_and_stores_what_the_service_then_serves(polhode, env
     store.close()
 
 
-def test_calibrate_needs_its_database(polhode):
-    result = polhode("calibrate", "--quick", "--database-url", "sqlite:////missing/folder/x.db")
+def test_calibrate_needs_its_database(process):
+    result = process("calibrate", "--quick", "--database-url", "sqlite:////missing/folder/x.db")
     assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr.startswith("cannot migrate the database: ")
 
@@ -349,9 +376,9 @@ def test_no_worker_outlives_a_service_that_was_killed(service):
     assert wait_until(lambda: not is_alive(worker))
 
 
-def test_a_port_in_use_is_a_failure_with_a_reason(service, polhode):
+def test_a_port_in_use_is_a_failure_with_a_reason(service, process):
     port = service.address.rpartition(":")[2]
-    result = polhode("serve", "--port", port)
+    result = process("serve", "--port", port)
     assert result.returncode == 1
     assert "Address already in use" in result.stderr
 

@@ -27,7 +27,7 @@ def kill_at():
     executioner.close()
 
 
-@pytest.fixture(scope="module", params=["sqlite", "postgres"])
+@pytest.fixture(scope="module", params=["sqlite", pytest.param("postgres", marks=pytest.mark.long)])
 def url(request, tmp_path_factory):
     """One database for all tests: whatever a victim leaves behind is worked off before the next one."""
     if request.param == "sqlite":
