@@ -38,7 +38,7 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 @pytest.fixture
 def polhode(environment, tmp_path, monkeypatch):
-    """Run a command of the command line in this process, with the streams and the exit code of one of its own."""
+    """Run a command in this process, with the streams and the exit code of one of its own."""
 
     def run_here(*arguments: object) -> "subprocess.CompletedProcess[str]":
         command = ["polhode", *map(str, arguments)]
