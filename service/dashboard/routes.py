@@ -41,10 +41,10 @@ PAGES = {
     "/solutions": Page("Solutions", "lists", ("query", "follow")),
     "/jobs": Page("Jobs", "lists", ("query", "follow")),
     "/sweeps": Page("Sweeps", "lists", ("query", "follow")),
-    "/families": Page("Families", "families", ("sphere", "follow")),
+    "/families": Page("Families", "families", ("sphere", "starting", "follow")),
     "/accuracy": Page("Accuracy", "accuracy", ("chart",)),
     "/solution": Page("Solution", "solution", ("facts", "sphere", "chart", "series", "body"), "/solutions"),
-    "/sweep": Page("Sweep", "sweep", ("arrays", "chart", "follow"), "/sweeps"),
+    "/sweep": Page("Sweep", "sweep", ("arrays", "chart", "follow", "planes", "starting"), "/sweeps"),
 }
 """The pages by their paths. These are flat: all links are relative, and hold behind a proxy's prefix, too."""
 

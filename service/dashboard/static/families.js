@@ -1,35 +1,28 @@
 // The catalogue: families, named cases, classical cases; each with an example that runs with one click.
-import { $, fill, get, h, post, run, say, troubleOf } from "./core.js";
-import { follow } from "./follow.js";
+import { $, fill, get, h, run, say, troubleOf } from "./core.js";
 import { picture, pointsOf } from "./sphere.js";
+import { solved, whyNot } from "./starting.js";
 
-const OVER = ["succeeded", "failed", "cancelled"];
 const POINTS = 201;
-
-/** Solve a problem; return the finished job. */
-async function solved(problem) {
-  let job = await post("v1/jobs", problem, { headers: { Prefer: "wait=5" } });
-  if (!OVER.includes(job.state)) {
-    await follow({ events: `v1/jobs/${job.id}/events`, path: `v1/jobs/${job.id}`, name: "job", isOver: ({ state }) => OVER.includes(state),
-      seen: (name, found) => { if (name === "job") job = found; } });
-  }
-  return job;
-}
 
 async function runExample(example, place, button) {
   button.disabled = true;
   fill(place, h("p", { class: "hint" }, "Computing…"));
   try {
     const job = await solved(example);
-    if (!job.solution) throw new TypeError(job.error?.detail ?? job.state);
+    if (!job.solution) {
+      fill(place, h("p", { class: "fault" }, whyNot(job)));
+      return;
+    }
     const { columns } = await get(`v1/solutions/${job.solution}/trajectory?columns=t,g1,g2,g3`);
     fill(place, h("a", { href: `./solution?id=${job.solution}` },
       h("span", { class: "thumb" }, picture([{ points: pointsOf(columns, ["g1", "g2", "g3"], POINTS) }], { alt: "Path of the vertical" })), h("span", {}, "See the solution")));
     say("the example is solved");
   } catch (error) {
     fill(place, troubleOf(error));
+  } finally {
+    button.disabled = false;
   }
-  button.disabled = false;
 }
 
 function card({ title, formula, lines, source, example }) {
