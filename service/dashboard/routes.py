@@ -38,9 +38,9 @@ class Page:
 PAGES = {
     "/": Page("Overview", "overview", ("sphere", "follow")),
     "/workbench": Page("Workbench", "workbench", ("fields", "sphere", "verdict")),
-    "/solutions": Page("Solutions", "lists", ("query", "follow")),
-    "/jobs": Page("Jobs", "lists", ("query", "follow")),
-    "/sweeps": Page("Sweeps", "lists", ("query", "follow")),
+    "/solutions": Page("Solutions", "lists", ("query", "marks", "follow")),
+    "/jobs": Page("Jobs", "lists", ("query", "marks", "follow")),
+    "/sweeps": Page("Sweeps", "lists", ("query", "marks", "follow")),
     "/families": Page("Families", "families", ("sphere", "starting", "follow")),
     "/accuracy": Page("Accuracy", "accuracy", ("chart",)),
     "/solution": Page("Solution", "solution", ("facts", "sphere", "chart", "series", "body"), "/solutions"),
