@@ -90,9 +90,15 @@ export async function planeOf(path, axes, isGrid, { of, x, y, group, held }, pla
     index: (cell) => first + Math.floor(cell / width) * byRow + (cell % width) * byColumn };
 }
 
+/** Return the places of values in their order; mostly they are in order already. */
+function sorted(values) {
+  const order = Uint32Array.from(values, (_, k) => k);
+  for (let k = 1; k < values.length; k += 1) if (values[k] < values[k - 1]) return order.sort((left, right) => values[left] - values[right]);
+  return order;
+}
+
 /** Return the cells of each line over x in their order: of a matrix a line for each value of the other axis, of a list one. */
 export function linesOf(plane, { x, group }) {
-  const sorted = (values) => [...values.keys()].sort((left, right) => values[left] - values[right]);
   if (plane.columns) return [{ value: null, rows: sorted(plane.columns(x)) }];
   const order = sorted(plane.values[x]);
   return Array.from(group ? plane.values[group] : [null], (value, n) =>

@@ -104,9 +104,7 @@ export function paint(canvas, { plane, scales, shades, area, colours }) {
 }
 
 /** Return a legend of the marks: how many points of the picture have which reason, in words. */
-export function legend({ codes, words: known }, colours) {
-  const counts = new Array(known.length).fill(0);
-  for (const code of codes) if (code >= 0) counts[code] += 1;
+export function legend({ words: known, counts }, colours) {
   return known.map((word, code) => [word, code]).filter(([word]) => word !== SOLVED).map(([word, code]) => {
     const swatch = h("canvas", { width: 24, height: 14, "aria-hidden": "true" });
     const image = new ImageData(24, 14);
@@ -127,10 +125,40 @@ export function frame({ x, y, of, shades, scales, view, colours }) {
     hovermode: false, dragmode: "zoom", showlegend: false } };
 }
 
-/** Return places along x, sorted, of which stretches keep only their extremes and their gaps, where there are many. */
-function thinned(rows, xs, numbers, [from, to]) {
-  const inside = rows.filter((k) => xs(k) >= from && xs(k) <= to);
-  if (inside.length <= MOST_OF_A_LINE) return inside;
+/** Return the smallest and the largest of some numbers, of which there may be a million. */
+export function endsOf(values) {
+  let [low, high] = [Infinity, -Infinity];
+  for (let k = 0; k < values.length; k += 1) {
+    if (values[k] < low) low = values[k];
+    if (values[k] > high) high = values[k];
+  }
+  return [low, high];
+}
+
+/** Return how many points have each outcome, in the order of the words. */
+export function countsOf({ codes, words: known }) {
+  const counts = new Array(known.length).fill(0);
+  for (let k = 0; k < codes.length; k += 1) if (codes[k] >= 0) counts[codes[k]] += 1;
+  return counts;
+}
+
+/** Return the cells, which are sorted along x, that are in a stretch. */
+function within(rows, xs, [from, to]) {
+  const first = (isPast) => {
+    let [low, high] = [0, rows.length];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (isPast(xs(rows[middle]))) high = middle;
+      else low = middle + 1;
+    }
+    return low;
+  };
+  return rows.subarray(first((x) => x >= from), first((x) => x > to));
+}
+
+/** Return cells of a line, of which stretches keep only their extremes and their gaps, where there are many. */
+function thinned(inside, numbers) {
+  if (inside.length <= MOST_OF_A_LINE) return [...inside];
   const size = Math.ceil(inside.length / (MOST_OF_A_LINE / 4));
   const kept = [];
   for (let first = 0; first < inside.length; first += size) {
@@ -149,6 +177,15 @@ function thinned(rows, xs, numbers, [from, to]) {
   return kept;
 }
 
+/** Return cells of one outcome, of very many some. */
+function some(stretches, codes, code) {
+  const total = stretches.reduce((sum, { length }) => sum + length, 0);
+  const found = [];
+  const step = Math.max(1, Math.floor(total / (20 * MOST_MARKS)));
+  for (const cells of stretches) for (let n = 0; n < cells.length; n += step) if (codes[cells[n]] === code) found.push(cells[n]);
+  return found.filter((_, n) => n % Math.ceil(found.length / MOST_MARKS) === 0);
+}
+
 /**
  * Return lines over one axis. ``groups``: [{name, rows}] with the cells of each line in their order along x;
  * ``xs(cell)`` is where a cell is. Points without a motion stand below, with a symbol for each reason.
@@ -159,14 +196,14 @@ export function lines({ groups, xs, plane, x, of, isLog, isLogX, view, colours }
   const shown = groups.filter((_, n) => n % step === 0);
   const span = view.x ?? [-Infinity, Infinity];
   const numbers = isLog ? plane.numbers.map(Math.abs) : plane.numbers;
-  const traces = shown.map(({ name, rows }, n) => {
-    const kept = thinned(rows, xs, numbers, span);
+  const stretches = shown.map(({ rows }) => within(rows, xs, span));
+  const traces = shown.map(({ name }, n) => {
+    const kept = thinned(stretches[n], numbers);
     return { x: kept.map(xs), y: kept.map((k) => (plane.codes[k] === solved ? numbers[k] : null)), customdata: kept, name: plain(name || short(of)), type: "scatter",
       mode: kept.length > 400 ? "lines" : "lines+markers", marker: { size: 4 }, line: { width: 1.4, color: colours[`c${(n % 6) + 1}`] }, hovertemplate: `${plain(name)}<br>%{y:.8g} at %{x:.6g}<extra></extra>` };
   });
   plane.words.forEach((word, code) => {
-    const all = word === SOLVED ? [] : shown.flatMap(({ rows }) => rows.filter((k) => plane.codes[k] === code && xs(k) >= span[0] && xs(k) <= span[1]));
-    const kept = all.filter((_, n) => n % Math.ceil(all.length / MOST_MARKS) === 0);
+    const kept = word === SOLVED ? [] : some(stretches, plane.codes, code);
     if (kept.length) {
       traces.push({ x: kept.map(xs), y: kept.map(() => code), yaxis: "y2", customdata: kept, name: plain(words(word)), mode: "markers", type: "scatter",
         marker: { symbol: ["x-thin", "cross-thin", "asterisk", "hash"][code % 4], size: 6, line: { width: 1, color: colours.bad } }, hovertemplate: `${plain(words(word))} at %{x:.6g}<extra></extra>` });

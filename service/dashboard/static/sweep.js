@@ -3,7 +3,7 @@ import { $, asked, fill, get, h, number, potentialText, request, run, say, troub
 import { linesOf, planeOf } from "./arrays.js";
 import { draw } from "./chart.js";
 import { follow } from "./follow.js";
-import { cloud, frame, legend, lines, paint, scaleOf, shadesOf, short, SOLVED, told, words } from "./planes.js";
+import { cloud, countsOf, endsOf, frame, legend, lines, paint, scaleOf, shadesOf, short, SOLVED, told, words } from "./planes.js";
 import { askAndStart, lengthOf, narrowed, showPoint, showStretches } from "./starting.js";
 
 const FORMATS = { json: "JSON", csv: "CSV", ndjson: "NDJSON", npz: "NPZ (NumPy)", arrow: "Arrow", parquet: "Parquet" };
@@ -69,7 +69,8 @@ async function redraw(loaded = null) {
   const asks = wish();
   const plane = loaded ?? shown.plane;
   const { x, y, of } = asks;
-  const positive = (pointer) => (plane.columns ? plane.columns(pointer) : plane.values[pointer]).every((value) => value > 0);
+  plane.counts ??= countsOf(plane);
+  const positive = (pointer) => endsOf(plane.columns ? plane.columns(pointer) : plane.values[pointer])[0] > 0;
   const [isLogX, isLogY] = [asks.logx && positive(x), asks.logy && Boolean(y) && positive(y)];
   const scales = plane.values && y ? { x: scaleOf(plane.values[x], isLogX), y: scaleOf(plane.values[y], isLogY) } : null;
   const shades = y ? shadesOf(plane, asks.log) : null;
@@ -80,17 +81,19 @@ async function redraw(loaded = null) {
   form.logy.disabled = !y || !positive(y);
   canvas.hidden = !scales;
   $("under").textContent = "";
-  const groups = y ? [] : linesOf(plane, asks).map(({ value, rows }) => ({ rows, name: value === null ? "" : `${short(asks.group)} = ${number(value, 4)}` }));
+  if (!y) plane.lines ??= linesOf(plane, asks);
+  const groups = y ? [] : plane.lines.map(({ value, rows }) => ({ rows, name: value === null ? "" : `${short(asks.group)} = ${number(value, 4)}` }));
   const drawing = { x, y, of, plane, scales, shades, groups, xs, isLog: asks.log, isLogX, isLogY, view };
   await draw(picture, (colours) => (scales ? frame : y ? cloud : lines)({ ...drawing, colours }));
   fill($("marks"), scales ? legend(plane, palette()) : []);
   repaint();
   listen();
-  performance.mark("points-drawn");
-  const solved = plane.words.indexOf(SOLVED);
-  const drawn = plane.codes.reduce((count, code) => count + (code === solved), 0);
-  const waiting = plane.codes.reduce((count, code) => count + (code < 0), 0);
-  $("picture-note").textContent = `${drawn.toLocaleString("en")} motions, ${(plane.codes.length - drawn - waiting).toLocaleString("en")} points without one${waiting ? `, ${waiting.toLocaleString("en")} to come` : ""}.`;
+  // What is painted is seen after the next frame.
+  requestAnimationFrame(() => setTimeout(() => performance.mark("points-drawn")));
+  const drawn = plane.counts[plane.words.indexOf(SOLVED)] ?? 0;
+  const without = plane.counts.reduce((sum, count) => sum + count, 0) - drawn;
+  const waiting = plane.codes.length - drawn - without;
+  $("picture-note").textContent = `${drawn.toLocaleString("en")} motions, ${without.toLocaleString("en")} points without one${waiting ? `, ${waiting.toLocaleString("en")} to come` : ""}.`;
   $("whole").hidden = !(view.x || view.y);
   stretches();
 }
@@ -148,8 +151,7 @@ function stretches() {
   $("finer").hidden = !isGrid();
   if (!isGrid()) return;
   const ends = (pointer, side) => {
-    const values = shown.plane.values[pointer];
-    const [low, high] = [values.reduce((least, value) => Math.min(least, value)), values.reduce((most, value) => Math.max(most, value))];
+    const [low, high] = endsOf(shown.plane.values[pointer]);
     const rounded = (value) => Number(value.toPrecision(6));
     return view[side] ? [Math.max(low, rounded(view[side][0])), Math.min(high, rounded(view[side][1]))] : [low, high];
   };
@@ -183,7 +185,8 @@ async function show() {
   fill($("downloads"), h("ul", { class: "buttons" }, Object.entries(FORMATS).map(([format, name]) => h("li", {}, h("button", { type: "button", onclick: () => download(format).catch(failed) }, name)))));
   $("body").hidden = false;
   choices();
-  await renew();
+  // The library of charts comes while the points are on their way.
+  await Promise.all([draw(picture, () => ({ traces: [], layout: {} })), renew()]);
 }
 
 async function download(format) {
