@@ -14,6 +14,9 @@ def test_an_example_runs_with_one_click_and_leads_to_its_solution(tab, section):
     settle(page)
     card = page.locator(f"#{section} > li").first
     expect(card.locator("ul.plain li").first).not_to_be_empty()  # its conditions
+    # Planar motions have a curve that is known before anything is computed.
+    pictures = card.get_by_role("img", name="The curve of the planar motions")
+    expect(pictures).to_have_count(1 if section == "families" else 0)
     card.get_by_role("button", name="Run the example").click()
     expect(card.get_by_role("img", name="Path of the vertical").locator("path.curve").first).to_be_attached()
     card.get_by_role("link", name="See the solution").click()
