@@ -38,13 +38,13 @@ class Page:
 PAGES = {
     "/": Page("Overview", "overview", ("sphere", "follow")),
     "/workbench": Page("Workbench", "workbench", ("fields", "sphere", "verdict")),
-    "/solutions": Page("Solutions", "lists", ("query", "follow")),
-    "/jobs": Page("Jobs", "lists", ("query", "follow")),
-    "/sweeps": Page("Sweeps", "lists", ("query", "follow")),
-    "/families": Page("Families", "families", ("sphere", "follow")),
+    "/solutions": Page("Solutions", "lists", ("query", "marks", "follow")),
+    "/jobs": Page("Jobs", "lists", ("query", "marks", "follow")),
+    "/sweeps": Page("Sweeps", "lists", ("query", "marks", "follow")),
+    "/families": Page("Families", "families", ("sphere", "starting", "follow")),
     "/accuracy": Page("Accuracy", "accuracy", ("chart",)),
     "/solution": Page("Solution", "solution", ("facts", "sphere", "chart", "series", "body"), "/solutions"),
-    "/sweep": Page("Sweep", "sweep", ("arrays", "chart", "follow"), "/sweeps"),
+    "/sweep": Page("Sweep", "sweep", ("arrays", "chart", "follow", "planes", "starting"), "/sweeps"),
 }
 """The pages by their paths. These are flat: all links are relative, and hold behind a proxy's prefix, too."""
 

@@ -109,22 +109,3 @@ def test_a_list_is_asked_by_text_by_facets_and_by_its_address(tab):
     expect(page.locator("#where-fault")).to_contain_text("there is no column 'perid'")
     assert tab.faults == [f"422 {tab.site.address}/v1/solutions?limit=25&where=perid%3C5"]
     tab.faults.clear()
-
-
-def test_a_sweep_becomes_a_picture_and_its_points_problems(tab):
-    page = tab.open(f"sweep?id={tab.site.sweep}")
-    settle(page)
-    expect(page.locator("#progress")).to_contain_text("72 of 72")
-    expect(page.locator("#refusals")).to_contain_text("no motion")
-    note = page.locator("#picture-note")
-    refused = tab.site.service.call("GET", f"/v1/sweeps/{tab.site.sweep}").document["refused"]
-    assert 0 < refused < 72
-    expect(note).to_have_text(f"{72 - refused} motions, {refused} points without one.")
-    expect(page.locator("#picture .heatmaplayer image")).to_have_count(1)
-    page.locator("select[name=y]").select_option("")
-    expect(page.locator("#picture .heatmaplayer image")).to_have_count(0)
-    page.locator("select[name=of]").select_option("energy")
-    page.locator("#picture .scatterlayer .points path").first.wait_for()
-    page.evaluate("document.getElementById('picture').emit('plotly_click', {points: [{customdata: 71}]})")
-    page.wait_for_url(re.compile("workbench#"))
-    expect(page.get_by_label("λ", exact=True)).to_have_value("2")

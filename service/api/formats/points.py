@@ -1,7 +1,5 @@
 """Writes points of a sweep as JSON objects, NDJSON, CSV, Arrow, Parquet or NPZ, a block at a time."""
 
-import io
-import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
@@ -10,6 +8,7 @@ from numpy.typing import NDArray
 
 from service.api.formats.arrow import ColumnKind, arrow_batches
 from service.api.formats.negotiation import ARROW, CSV, NDJSON, NPZ, PARQUET
+from service.api.formats.npz import npz_file
 from service.api.formats.parquet import parquet_groups
 from service.api.queries.points import Wish
 from service.csv_text import CRLF, data_lines, header_line
@@ -59,13 +58,7 @@ def npz(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Itera
     }
     if OUTCOME in columns:
         columns[OUTCOME] = columns[OUTCOME].astype(np.str_)
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as file:
-        # Not np.savez: a pointer such as /body/A is no name of its parameters, nor of a file.
-        for name, values in columns.items():
-            with file.open(f"{name.lstrip('/')}.npy", "w") as member:
-                np.lib.format.write_array(member, np.ascontiguousarray(values), allow_pickle=False)
-    yield buffer.getvalue()
+    yield npz_file(columns)
 
 
 STREAMS: Mapping[str, Writer] = {NDJSON: ndjson, CSV: csv, ARROW: arrow, PARQUET: parquet, NPZ: npz}

@@ -28,7 +28,7 @@ class GridQuery(QueryModel):
         description="Of a sweep of more than two axes the place, from 0, on each of the others, such as"
         " `/motion/lambda=3`; repeated, or with commas between.",
     )
-    format: Literal["json", "arrow"] | None = Field(default=None, description=FORMAT_HELP)
+    format: Literal["json", "arrow", "npz"] | None = Field(default=None, description=FORMAT_HELP)
 
 
 @dataclass(frozen=True, slots=True)

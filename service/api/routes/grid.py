@@ -9,7 +9,8 @@ from fastapi import APIRouter, Depends, Request, Response
 
 from service.api.dependencies import Inside
 from service.api.formats.arrow import matrix_stream
-from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, Accept, named_file, preferred
+from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, NPZ, Accept, named_file, preferred
+from service.api.formats.npz import coded, npz_file
 from service.api.queries.grid import GridQuery, GridWish, read_grid_wish
 from service.api.queries.queries import Asked, asked_of, query_parameters
 from service.api.replies.conditional import IMMUTABLE, REVALIDATE, tag_of_thing, unchanged, validators
@@ -31,8 +32,11 @@ router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
         200: {
             "model": GridOut,
             "description": "The matrix. As an Arrow stream it has for each row the number of its axis, and"
-            " the lists of the columns and `outcome`; the rest is JSON in the metadata `polhode.grid`.",
-            "content": {ARROW: {"schema": {"type": "string", "format": "binary"}}},
+            " the lists of the columns and `outcome`; the rest is JSON in the metadata `polhode.grid`. As NPZ"
+            " it has the matrix by the name of its number, the values of the axes by their pointers without"
+            " the first stroke, `outcome` as places in the list `outcomes`, -1 where a point is not"
+            " computed yet, and `indices`.",
+            "content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in (ARROW, NPZ)},
         },
         **refusals(404, 406),
     },
@@ -50,7 +54,7 @@ def get_grid(
     Of a sweep with more axes `at` chooses a place on each of the others.
     """
     name = asked.parameters.format
-    media_type = preferred([JSON, ARROW], accept) if name is None else MEDIA_TYPES[name]
+    media_type = preferred(list(_WRITERS), accept) if name is None else MEDIA_TYPES[name]
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     wish = read_grid_wish(asked, sweep)
@@ -66,8 +70,7 @@ def get_grid(
         "Vary": "Accept",
         **named_file(f"grid-{record.id}", media_type),
     }
-    content = _arrow(sweep, wish, grid) if media_type == ARROW else _json(sweep, wish, grid)
-    return Response(content, media_type=media_type, headers=headers)
+    return Response(_WRITERS[media_type](sweep, wish, grid), media_type=media_type, headers=headers)
 
 
 def _about(sweep: Sweep, wish: GridWish, grid: PointGrid) -> dict[str, object]:
@@ -107,3 +110,16 @@ def _arrow(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
     return matrix_stream(
         values, {wish.of: grid.numbers}, {"outcome": grid.outcomes}, {"polhode.grid": json.dumps(about)}
     )
+
+
+def _npz(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
+    codes, words = coded(grid.outcomes)
+    free = [each for place, each in enumerate(sweep.axes) if place not in wish.at]
+    values = {each.pointer: np.array(_doubles(each)) for each in free}
+    indices = np.array(_about(sweep, wish, grid)["indices"], dtype=np.int64)
+    return npz_file(
+        {wish.of: grid.numbers, "outcome": codes, "outcomes": words, "indices": indices, **values}
+    )
+
+
+_WRITERS = {JSON: _json, ARROW: _arrow, NPZ: _npz}

@@ -1,26 +1,62 @@
 // What each tier reaches and costs here: the table of the latest calibration.
-import { $, fill, get, h, number, run } from "./core.js";
+import { $, fill, get, h, number, run, say } from "./core.js";
 import { draw } from "./chart.js";
 
 const SYMBOLS = ["circle", "diamond", "square", "triangle-up", "x", "star"];
-const HEADS = ["Tier", "Motion", "Family", "Error", "Claimed error", "Seconds", "Seconds for 1000 samples", "Reference"];
+const HEADS = ["Tier", "Motion", "Family", "Error", "Claimed error", "Reference", "Its error", "Seconds for 1000 samples", "For each 1000 more"];
+const form = $("choice");
+
+const table = (caption, heads, rows) => h("table", {}, h("caption", { class: "unseen" }, caption), h("thead", {}, h("tr", {}, heads.map((head) => h("th", { scope: "col" }, head)))),
+  h("tbody", {}, rows.map((cells) => h("tr", {}, cells.map((cell) => h("td", {}, cell))))));
+const figure = (value) => h("span", { class: "value" }, number(value, 2));
+
+/** The service's own estimate: fewer than 1000 samples cost as much as 1000. */
+const secondsFor = (row, samples) => row.seconds + Math.max(0, samples / 1000 - 1) * row.seconds_per_1000;
+
+/** Show the costs of a number of samples, from the fastest motion to the slowest, for each tier. */
+function showCosts(rows, tiers, samples) {
+  const lines = tiers.map((tier) => [tier, rows.filter((row) => row.tier === tier).map((row) => secondsFor(row, samples)).sort((left, right) => left - right)]).filter(([, all]) => all.length);
+  fill($("costs"), table("Seconds of each tier", ["Tier", `Seconds for ${samples.toLocaleString("en")} samples`, "Milliseconds for each 1000 samples more"], lines.map(([tier, all]) => {
+    const more = rows.filter((row) => row.tier === tier).map((row) => 1000 * row.seconds_per_1000).sort((left, right) => left - right);
+    const span = (values) => h("span", { class: "value" }, values.length > 1 ? `${number(values[0], 2)} to ${number(values.at(-1), 2)}` : number(values[0], 2));
+    return [tier, span(all), span(more)];
+  })));
+}
 
 run(async () => {
-  const { rows, unavailable, machine, date, source, version, tolerances } = await get("v1/accuracy");
-  $("where").textContent = `${source === "shipped" ? "Measured before it was shipped" : "Measured here"}, ${date.slice(0, 10)}, version ${version}, on ${machine.cpus} × ${machine.model}.`;
-  fill($("table"), h("table", {}, h("caption", { class: "unseen" }, "Errors and times of the tiers"), h("thead", {}, h("tr", {}, HEADS.map((head) => h("th", { scope: "col" }, head)))),
-    h("tbody", {}, rows.map((row) => h("tr", {}, [row.tier, row.kind, row.family, ...[row.error, row.claimed_error, row.seconds, row.seconds_per_1000].map((value) =>
-      h("span", { class: "value" }, number(value, 2))), row.reference].map((cell) => h("td", {}, cell)))))));
+  const { rows: all, unavailable, machine, date, source, version, repetitions, tolerances } = await get("v1/accuracy");
+  $("where").textContent = `${source === "shipped" ? "Measured before it was shipped" : "Measured here"}, ${date.slice(0, 10)}, version ${version}, on ${machine.cpus} × ${machine.model ?? "an unnamed processor"}, ${machine.system}; medians of ${repetitions}.`;
   fill($("unavailable"), unavailable.map((row) => h("li", {}, `${row.tier}, ${row.kind}, ${row.family}: ${row.detail}`)));
-  const kinds = [...new Set(rows.map((row) => row.kind))];
-  await draw($("picture"), (colours) => ({
-    traces: Object.keys(tolerances).map((tier, k) => {
-      const of = rows.filter((row) => row.tier === tier);
-      // An error of exactly zero, found by comparing with the same digits, has no logarithm: the proven bound stands in.
-      return { x: of.map((row) => row.seconds), y: of.map((row) => row.error || row.claimed_error), name: tier, mode: "markers", type: "scatter",
-        marker: { size: 9, color: colours[`c${k + 1}`], symbol: of.map((row) => SYMBOLS[kinds.indexOf(row.kind) % SYMBOLS.length]), opacity: 0.85 },
-        text: of.map((row) => `${row.kind}, ${row.family}`), hovertemplate: "%{text}<br>%{x:.3g} s, error %{y:.2g}<extra></extra>" };
-    }),
-    layout: { xaxis: { type: "log", title: { text: "seconds" }, dtick: 1, exponentformat: "power" }, yaxis: { type: "log", title: { text: "largest error" }, exponentformat: "power" }, hovermode: "closest", dragmode: false },
-  }));
+  const tiers = Object.keys(tolerances);
+  const values = (name) => [...new Set(all.map((row) => row[name]))];
+  for (const name of ["kind", "family"]) fill(form[name], h("option", { value: "" }, "any"), values(name).map((value) => h("option", { value }, value)));
+  const kinds = values("kind");
+
+  async function show() {
+    const { kind, family, samples: typed } = Object.fromEntries(new FormData(form));
+    if (!form.reportValidity()) return;
+    const samples = Number(typed);
+    const rows = all.filter((row) => (!kind || row.kind === kind) && (!family || row.family === family));
+    fill($("table"), table("Errors and times of the tiers", HEADS, rows.map((row) =>
+      [row.tier, row.kind, row.family, figure(row.error), figure(row.claimed_error), row.reference, figure(row.reference_error), figure(row.seconds), figure(row.seconds_per_1000)])));
+    showCosts(rows, tiers, samples);
+    say(`${rows.length} measurements`);
+    await draw($("picture"), (colours) => ({
+      traces: tiers.map((tier, k) => {
+        const of = rows.filter((row) => row.tier === tier);
+        // An error of exactly zero, found by comparing with the same digits, has no logarithm: the proven bound stands in.
+        const errors = of.map((row) => row.error || row.claimed_error);
+        return { x: of.map((row) => secondsFor(row, samples)), y: errors, name: tier, mode: "markers", type: "scatter",
+          marker: { size: 9, color: colours[`c${k + 1}`], symbol: of.map((row) => SYMBOLS[kinds.indexOf(row.kind) % SYMBOLS.length]), opacity: 0.85 },
+          error_y: { type: "data", symmetric: false, array: of.map((row, n) => Math.max(0, row.claimed_error - errors[n])), arrayminus: of.map(() => 0), thickness: 1, width: 3, color: colours[`c${k + 1}`] },
+          text: of.map((row) => `${row.kind}, ${row.family}<br>claimed ${row.claimed_error.toExponential(1)}`), hovertemplate: "%{text}<br>%{x:.3g} s, error %{y:.2g}<extra></extra>" };
+      }),
+      layout: { xaxis: { type: "log", title: { text: `seconds for ${samples.toLocaleString("en")} samples` }, dtick: 1, exponentformat: "power" }, yaxis: { type: "log", title: { text: "largest error" }, exponentformat: "power" }, hovermode: "closest", dragmode: false,
+        shapes: tiers.map((tier, k) => ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: tolerances[tier], y1: tolerances[tier], line: { color: colours[`c${k + 1}`], width: 1, dash: "dot" } })) },
+    }));
+  }
+
+  form.addEventListener("change", show);
+  form.addEventListener("submit", (event) => event.preventDefault());
+  await show();
 });

@@ -60,7 +60,7 @@ export async function draw(place, make) {
   const library = await plotly();
   const again = () => {
     const { traces, layout } = make(colours());
-    return library.react(place, traces, dressed(layout), { displayModeBar: false, responsive: true, doubleClick: false, scrollZoom: false });
+    return library.react(place, traces, dressed(layout), { displayModeBar: false, responsive: true, doubleClick: false, showTips: false, scrollZoom: false });
   };
   await again();
   if (!place.dataset.drawn) {

@@ -1,19 +1,29 @@
 // The catalogue: families, named cases, classical cases; each with an example that runs with one click.
-import { $, fill, get, h, post, run, say, troubleOf } from "./core.js";
-import { follow } from "./follow.js";
+import { $, exact, fill, get, h, run, say, troubleOf } from "./core.js";
 import { picture, pointsOf } from "./sphere.js";
+import { solved, whyNot } from "./starting.js";
 
-const OVER = ["succeeded", "failed", "cancelled"];
 const POINTS = 201;
 
-/** Solve a problem; return the finished job. */
-async function solved(problem) {
-  let job = await post("v1/jobs", problem, { headers: { Prefer: "wait=5" } });
-  if (!OVER.includes(job.state)) {
-    await follow({ events: `v1/jobs/${job.id}/events`, path: `v1/jobs/${job.id}`, name: "job", isOver: ({ state }) => OVER.includes(state),
-      seen: (name, found) => { if (name === "job") job = found; } });
+/** Return the curve of a planar motion on the unit sphere, |γ₃| = λ |γ₁|^(C/A), through the equator of γ₁ = 0 and back. */
+function curveOf({ body, motion }) {
+  if (motion?.type !== "planar") return null;
+  // For A = 2C the curve is γ₃² = ν γ₁.
+  const [A, C, size] = [body.A, body.C, motion.nu ?? motion.lambda].map(exact);
+  const lambda = motion.nu === undefined ? size : Math.sqrt(Math.abs(size));
+  const [one, three] = [motion.nu === undefined ? motion.g1_sign ?? 1 : Math.sign(size), motion.g3_sign ?? 1];
+  const rest = (g1) => 1 - g1 * g1 - (lambda * g1 ** (C / A)) ** 2;
+  let [low, high] = [0, 1];
+  for (let k = 0; k < 60; k += 1) {
+    const middle = (low + high) / 2;
+    if (rest(middle) > 0) low = middle;
+    else high = middle;
   }
-  return job;
+  return Array.from({ length: POINTS }, (_, k) => {
+    const turn = (Math.PI * k) / (POINTS - 1);
+    const g1 = low * Math.sin(turn) ** 2;
+    return [one * g1, Math.sign(Math.cos(turn)) * Math.sqrt(Math.max(0, rest(g1))), three * lambda * g1 ** (C / A)];
+  });
 }
 
 async function runExample(example, place, button) {
@@ -21,19 +31,25 @@ async function runExample(example, place, button) {
   fill(place, h("p", { class: "hint" }, "Computing…"));
   try {
     const job = await solved(example);
-    if (!job.solution) throw new TypeError(job.error?.detail ?? job.state);
+    if (!job.solution) {
+      fill(place, h("p", { class: "fault" }, whyNot(job)));
+      return;
+    }
     const { columns } = await get(`v1/solutions/${job.solution}/trajectory?columns=t,g1,g2,g3`);
     fill(place, h("a", { href: `./solution?id=${job.solution}` },
       h("span", { class: "thumb" }, picture([{ points: pointsOf(columns, ["g1", "g2", "g3"], POINTS) }], { alt: "Path of the vertical" })), h("span", {}, "See the solution")));
     say("the example is solved");
   } catch (error) {
     fill(place, troubleOf(error));
+  } finally {
+    button.disabled = false;
   }
-  button.disabled = false;
 }
 
 function card({ title, formula, lines, source, example }) {
   const place = h("div", { class: "outcome", role: "status" });
+  const curve = example && curveOf(example);
+  if (curve) fill(place, h("span", { class: "thumb" }, picture([{ points: curve }], { alt: "The curve of the planar motions of the example" })));
   const button = h("button", { type: "button", class: "main small", onclick: (event) => runExample(example, place, event.currentTarget) }, "Run the example");
   return h("li", { class: "card" }, h("h3", {}, title), formula ? h("p", {}, h("span", { class: "formula" }, formula)) : null,
     h("ul", { class: "plain" }, lines.filter(Boolean).map((line) => h("li", {}, line))), h("p", { class: "hint" }, source), place,

@@ -1,45 +1,73 @@
 // Solutions, jobs and sweeps as tables; the address holds the question, so it can be sent to others.
 import { $, ago, asked, fill, get, h, measured, motionText, number, potentialText, Refusal, request, run, say } from "./core.js";
 import { follow } from "./follow.js";
-import { showChips, showFacets } from "./query.js";
+import { allBox, boxOf, listen, marksOf, refused, settled } from "./marks.js";
+import { conditions, quoted, showChips, showFacets } from "./query.js";
 
 const LIVE = ["queued", "running"];
 const LIMIT = 25;
+/** Labels on the page that are counted, too. */
+const MOST_LABELS = 3;
 
 const states = { queued: "waits", running: "runs", succeeded: "solved", failed: "failed", cancelled: "cancelled" };
 const state = (word) => h("span", { class: `state ${word}` }, states[word] ?? word);
 const link = (path, ...content) => h("a", { href: path }, ...content);
 const family = (problem) => h("span", { class: "formula" }, potentialText(problem.potential));
 
+/** Each column: its title, the fact by which it is sorted, and its cell. */
+const POTENTIAL = (path) => ["Potential", "family", (one) => (path(one) ? link(path(one), family(one.problem)) : family(one.problem))];
+const MOTION = ["Motion", "/motion/lambda", (one) => motionText(one.problem.motion)];
+const WHEN = ["When", "created_at", (one) => h("time", { datetime: one.created_at, title: one.created_at }, ago(one.created_at))];
+const STATE = ["State", "state", (one) => state(one.state)];
+const CANCEL = ["", null, (one) => (LIVE.includes(one.state) ? stopper(`v1/${name}/${one.id}/cancel`) : "")];
 const SOLUTIONS = {
   facets: ["family", "tier", "method", "aperiodic", "stability.verdict"],
-  orders: { "": "newest first", created_at: "oldest first", period: "period", "-period": "longest period", energy: "energy", "-energy": "highest energy", error: "smallest error", "-error": "largest error" },
-  columns: ["Potential", "Motion", "Period", "Energy", "Error", "Tier", "When"],
-  row: (one) => [link(`./solution?id=${one.id}`, family(one.problem)), motionText(one.problem.motion), one.period ? measured(one.period) : one.aperiodic ?? "–",
-    one.energy ? number(one.energy.value, 6) : "–", h("span", { class: "value" }, number(one.error, 2)), one.tier, ago(one.created_at)],
+  orders: { "created_at": "oldest first", period: "shortest period", "-period": "longest period", energy: "lowest energy", "-energy": "highest energy", error: "smallest error", "tier,-error": "by tier, in each the largest error" },
+  columns: [POTENTIAL((one) => `./solution?id=${one.id}`), MOTION, ["Period", "period", (one) => (one.period ? measured(one.period) : one.aperiodic ?? "–")],
+    ["Energy", "energy", (one) => (one.energy ? number(one.energy.value, 6) : "–")], ["Error", "error", (one) => h("span", { class: "value" }, number(one.error, 2))], ["Tier", "tier", (one) => one.tier], WHEN],
 };
 const JOBS = {
   facets: ["state", "family", "error.code"],
-  orders: { "": "newest first", created_at: "oldest first", "-seconds": "slowest", seconds: "fastest", "-attempt": "most attempts" },
-  columns: ["State", "Potential", "Motion", "What happened", "Attempts", "When", ""],
-  row: (one) => [state(one.state), one.solution ? link(`./solution?id=${one.solution}`, family(one.problem)) : family(one.problem), motionText(one.problem.motion),
-    what(one), String(one.attempt), ago(one.created_at), LIVE.includes(one.state) ? stopper(`v1/jobs/${one.id}/cancel`) : ""],
+  orders: { created_at: "oldest first", "-seconds": "slowest", seconds: "fastest", "-attempt": "most attempts", "state,-created_at": "by state" },
+  columns: [STATE, POTENTIAL((one) => one.solution && `./solution?id=${one.solution}`), MOTION, ["What happened", "error.code", what], ["Attempts", "attempt", attempts], WHEN, CANCEL],
 };
 const SWEEPS = {
   facets: [],
-  orders: { "": "newest first", created_at: "oldest first", "-points": "most points", "-refused": "most refused points", "-seconds": "slowest" },
-  columns: ["State", "Sweep", "Points", "Refused", "Progress", "When", ""],
-  row: (one) => [state(one.state), link(`./sweep?id=${one.id}`, h("code", {}, one.id.slice(0, 13))), one.points.toLocaleString("en"), one.refused.toLocaleString("en"),
-    h("progress", { max: 1, value: one.progress, "aria-label": "Progress" }), ago(one.created_at), LIVE.includes(one.state) ? stopper(`v1/sweeps/${one.id}/cancel`) : ""],
+  orders: { created_at: "oldest first", "-points": "most points", "-refused": "most refused points", "-seconds": "slowest" },
+  columns: [STATE, ["Sweep", "id", (one) => link(`./sweep?id=${one.id}`, h("code", {}, one.id.slice(0, 13)))], ["Points", "points", (one) => one.points.toLocaleString("en")],
+    ["Refused", "refused", (one) => one.refused.toLocaleString("en")], ["Progress", "done", (one) => h("progress", { max: 1, value: one.progress, "aria-label": "Progress" })], WHEN, CANCEL],
 };
 const [name, kind] = { "/jobs": ["jobs", JOBS], "/sweeps": ["sweeps", SWEEPS] }[new URL(location).pathname.replace(/^.*(?=\/)/, "")] ?? ["solutions", SOLUTIONS];
 
+/** The codes of failures that say little by themselves. */
+const WHY = {
+  accuracy_not_met: "The accuracy was not reached", certified_unavailable: "This motion cannot be enclosed", motion_ended: "The motion ends before the last time",
+  lost_worker: "Its workers died", time_limit: "It took too long", memory_limit: "It needed too much memory", internal_error: "A bug of the service",
+};
+
 /** Say in words why a job is where it is. */
 function what(job) {
-  if (job.error) return `${job.error.title ?? job.error.code ?? "failed"}: ${job.error.detail ?? job.error.message ?? ""}`;
+  if (job.error) {
+    const code = String(job.error.code ?? "failed");
+    const plain = code.replaceAll("_", " ");
+    return [h("strong", {}, WHY[code] ?? plain[0].toUpperCase() + plain.slice(1)), h("span", {}, `: ${job.error.detail ?? ""} `), job.error.pointer ? h("code", {}, job.error.pointer) : ""];
+  }
   if (job.state === "running") return h("progress", { max: 1, value: job.progress, "aria-label": "Progress" });
   if (job.state === "queued") return "waits for a worker";
   return job.reused ? "had been solved before" : "";
+}
+
+/** The number of attempts; where there were several or it failed, each with its end. */
+function attempts(job) {
+  if (job.attempt < 2 && !job.error) return String(job.attempt);
+  const list = h("ul", { class: "plain hint" });
+  return h("details", { ontoggle: async ({ target }) => {
+    if (!target.open || list.children.length) return;
+    try {
+      const { items } = await get(`v1/jobs/${job.id}/attempts`);
+      fill(list, items.map((one) => h("li", {}, `${one.number}: ${one.outcome ?? "runs"}, by ${one.worker}${one.detail ? `: ${one.detail}` : ""}`)));
+    } catch (error) { list.textContent = error.message; }
+  } }, h("summary", { "aria-label": `${job.attempt} attempts` }, String(job.attempt)), list);
 }
 
 const stopper = (path) => h("button", { type: "button", class: "quiet", onclick: async (event) => {
@@ -65,37 +93,63 @@ async function show() {
     page = await get(`v1/${name}?${sent}`);
   } catch (error) {
     if (!(error instanceof Refusal) || error.status >= 500) throw error;
-    $("where-fault").textContent = error.faults.map(({ message }) => message).join("; ") || error.message;
-    $("where").setAttribute("aria-invalid", "true");
+    const of = (field) => error.faults.filter(({ pointer }) => pointer === `?${field}`).map(({ message }) => message).join("; ");
+    const isOrder = of("order") !== "";
+    tellFaults(isOrder ? of("where") : of("where") || error.faults.map(({ message }) => message).join("; ") || error.message, of("order"));
     return null;
   }
-  $("where-fault").textContent = "";
-  $("where").removeAttribute("aria-invalid");
+  tellFaults("", "");
   ({ next } = page);
   $("more").hidden = !next;
   $("count").textContent = page.total === null ? `${page.items.length} on this page` : `${page.total.toLocaleString("en")} in all`;
-  fill($("table"), page.items.length ? h("table", {}, h("caption", { class: "unseen" }, document.title),
-    h("thead", {}, h("tr", {}, kind.columns.map((title) => (title ? h("th", { scope: "col" }, title) : h("td", {}))))),
-    h("tbody", {}, page.items.map((item) => h("tr", {}, kind.row(item).map((cell) => h("td", {}, ...[cell].flat()))))))
+  $("first").hidden = !sent.get("after");
+  $("first").href = `?${new URLSearchParams(["where", "order"].filter((part) => sent.get(part)).map((part) => [part, sent.get(part)]))}`;
+  const add = (condition) => go([...new Set([...conditions(where), condition])].join(","));
+  const rows = page.items.map((item) => h("tr", {}, h("td", {}, boxOf(item)), kind.columns.map(([, , cell]) => h("td", {}, ...[cell(item)].flat())), h("td", { class: "marks" }, marksOf(item, quoted, add))));
+  fill($("table"), page.items.length ? h("table", {}, h("caption", { class: "unseen" }, `${document.title}. A click on a head sorts by it; with Shift it is one more column to sort by.`),
+    h("thead", {}, h("tr", {}, h("td", {}, allBox(page.items)), kind.columns.map(head), h("th", { scope: "col" }, "Labels and note"))), h("tbody", {}, rows))
     : h("p", { class: "empty" }, where ? "Nothing meets these conditions." : "There is nothing yet."));
+  settled();
   showChips(where, go);
   return page.items;
 }
 
-async function facets() {
+function tellFaults(where, order) {
+  for (const [field, text] of [["where", where], ["order", order]]) {
+    $(`${field}-fault`).textContent = text;
+    if (text) $(field).setAttribute("aria-invalid", "true");
+    else $(field).removeAttribute("aria-invalid");
+  }
+}
+
+/** The head of a column: a click sorts by it, another one the other way; with Shift it is one more column to sort by. */
+function head([title, fact]) {
+  if (!title) return h("td", {});
+  const order = (asked().get("order") ?? "").split(",").map((part) => part.trim()).filter(Boolean);
+  const place = order.findIndex((part) => part.replace("-", "") === fact);
+  const [isSorted, isDown] = [place >= 0, order[place]?.startsWith("-")];
+  const turned = isSorted && !isDown ? `-${fact}` : fact;
+  const sort = (event) => go(asked().get("where") ?? "", event.shiftKey ? (isSorted ? order.with(place, turned) : [...order, fact]).join(",") : turned);
+  return h("th", { scope: "col", "aria-sort": isSorted ? (isDown ? "descending" : "ascending") : null },
+    h("button", { type: "button", class: "sort", onclick: sort }, title, isSorted ? h("span", { "aria-hidden": "true" }, ` ${isDown ? "↓" : "↑"}${order.length > 1 ? place + 1 : ""}`) : ""));
+}
+
+async function facets(items) {
   const { where } = Object.fromEntries(query());
   if (!kind.facets.length) return;
-  const sent = new URLSearchParams({ by: kind.facets.join(","), limit: "6", ...(where ? { where } : {}) });
+  const labels = [...new Set(items.flatMap(({ labels: given }) => Object.keys(given ?? {})))].slice(0, MOST_LABELS).map((key) => `label.${key}`);
+  const sent = new URLSearchParams({ by: [...kind.facets, ...labels].join(","), limit: "6", ...(where ? { where } : {}) });
   showFacets((await get(`v1/${name}/facets?${sent}`)).facets, where ?? "", go);
 }
 
 /** Ask another question: a new entry of the history, whose address can be shared. */
-function go(where, order = $("order").value, after = null) {
+function go(where, order = $("order").value.trim(), after = null) {
+  refused.clear();
   const address = new URLSearchParams();
   if (where) address.set("where", where);
   if (order) address.set("order", order);
   if (after) address.set("after", after);
-  history.pushState(null, "", `?${address}`);
+  if (`?${address}` !== location.search) history.pushState(null, "", `?${address}`);
   return renew();
 }
 
@@ -104,19 +158,20 @@ async function renew() {
   $("order").value = asked().get("order") ?? "";
   const items = await show();
   if (items !== null) {
-    await facets();
+    await facets(items);
     say(`${items.length} ${name}`);
   }
   return items;
 }
 
 fill($("order"), Object.entries(kind.orders).map(([order, words]) => h("option", { value: order }, words)));
+listen(name, renew);
 $("asking").addEventListener("submit", (event) => {
   event.preventDefault();
   go($("where").value.trim());
 });
-$("order").addEventListener("change", () => go(asked().get("where") ?? ""));
-$("more").addEventListener("click", () => go(asked().get("where") ?? "", $("order").value, new URLSearchParams(next.split("?")[1]).get("after")));
+$("order").addEventListener("change", () => go($("where").value.trim()));
+$("more").addEventListener("click", () => go(asked().get("where") ?? "", asked().get("order") ?? "", new URLSearchParams(next.split("?")[1]).get("after")));
 addEventListener("popstate", renew);
 await run(renew);
 if (name !== "solutions") {

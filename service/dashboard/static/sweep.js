@@ -1,21 +1,25 @@
 // One sweep: its progress, its kept numbers over one or two axes, its points.
 import { $, asked, fill, get, h, number, potentialText, request, run, say, troubleOf } from "./core.js";
-import { arraysOf } from "./arrays.js";
+import { linesOf, planeOf } from "./arrays.js";
 import { draw } from "./chart.js";
 import { follow } from "./follow.js";
+import { cloud, countsOf, endsOf, frame, legend, lines, paint, scaleOf, shadesOf, short, SOLVED, told, words } from "./planes.js";
+import { askAndStart, lengthOf, narrowed, showPoint, showStretches } from "./starting.js";
 
 const FORMATS = { json: "JSON", csv: "CSV", ndjson: "NDJSON", npz: "NPZ (NumPy)", arrow: "Arrow", parquet: "Parquet" };
 const OVER = ["succeeded", "failed", "cancelled"];
-const SOLVED = "solved";
-const HIDDEN = ["index", "outcome"];
-const MOST_LINES = 12;
+const MOST_CELLS = 1e6;
+/** While a sweep runs its picture is drawn anew so often at most, in milliseconds. */
+const EVERY = 3000;
 
 let sweep = null;
-let points = null;
+let shown = null;
+const view = { x: null, y: null };
 const path = `v1/sweeps/${encodeURIComponent(asked().get("id") ?? "none")}`;
-const form = $("choice");
-const axes = () => sweep.document.axes.map((axis) => axis.pointer.slice(1));
-const short = (name) => name.split("/").at(-1);
+const [form, picture, canvas] = [$("choice"), $("picture"), $("cells")];
+const axes = () => sweep.document.axes;
+const axisOf = (pointer) => axes().find((axis) => axis.pointer === pointer);
+const isGrid = () => sweep.document.combine !== "zip";
 
 function showProgress(found) {
   sweep = { ...sweep, ...found };
@@ -28,110 +32,145 @@ function showProgress(found) {
 async function showRefusals() {
   if (!sweep.refused) return;
   const { facets } = await get(`${path}/points/facets?by=outcome`);
-  const reasons = facets[0].values.filter(({ value }) => value !== SOLVED).map(({ value, count }) => `${count.toLocaleString("en")} × ${String(value).replaceAll("_", " ")}`);
+  const reasons = facets[0].values.filter(({ value }) => value !== SOLVED).map(({ value, count }) => `${count.toLocaleString("en")} × ${words(value)}`);
   $("refusals").textContent = `Why there is no motion: ${reasons.join(", ")}.`;
 }
 
-/** Ask for all points as packed numbers. */
-async function load() {
-  if (!sweep.done) return;
-  const answer = await request(`${path}/points?format=npz`, { headers: { Accept: "application/x-npz" } });
-  points = arraysOf(await answer.arrayBuffer());
-}
-
+/** Offer the numbers and the axes; first the axes with the most values: that is where there is most to see. */
 function choices() {
-  const kept = Object.keys(points).filter((name) => !HIDDEN.includes(name) && !axes().includes(name) && points[name] instanceof Float64Array);
-  const chosen = Object.fromEntries(new FormData(form));
-  const options = (names, value) => names.map((name) => h("option", { value: name, selected: name === value }, short(name)));
-  // First what has the most values: that is where there is most to see.
-  const varied = axes().map((name) => [new Set(points[name]).size, name]).sort(([left], [right]) => right - left).map(([, name]) => name);
-  fill(form.of, options(kept, chosen.of ?? kept[0]));
-  fill(form.x, options(varied, chosen.x || varied[0]));
-  fill(form.y, h("option", { value: "" }, "nothing else"), options(varied, chosen.y ?? varied[1] ?? ""));
+  const option = (name, value) => h("option", { value: name, selected: name === value }, short(name));
+  const varied = axes().map((axis) => [lengthOf(axis), axis.pointer]).sort(([left], [right]) => right - left).map(([, pointer]) => pointer);
+  fill(form.of, sweep.document.keep.map((name) => option(name, sweep.document.keep[0])));
+  fill(form.x, varied.map((name) => option(name, varied[0])));
+  fill(form.y, h("option", { value: "" }, "nothing else"), varied.map((name) => option(name, isGrid() ? varied[1] ?? "" : "")));
+  form.logx.checked = Boolean(axisOf(varied[0]).logspace);
+  form.logy.checked = Boolean(varied[1] && axisOf(varied[1]).logspace);
 }
 
-async function picture() {
-  const { of, x, y, log } = Object.fromEntries(new FormData(form));
-  const other = y === x ? "" : y;
-  await draw($("picture"), (colours) => (other ? heat(of, x, other, log, colours) : lines(of, x, log, colours)));
-  if (!$("picture").dataset.opens) {
-    $("picture").dataset.opens = "yes";
-    $("picture").on("plotly_click", ({ points: [clicked] }) => open(clicked.customdata));
-  }
-  const drawn = points.outcome.filter((outcome) => outcome === SOLVED).length;
-  $("picture-note").textContent = `${drawn.toLocaleString("en")} motions, ${(points.outcome.length - drawn).toLocaleString("en")} points without one.`;
+/** Return what shall be drawn: the number, the axes, and of the others the one that makes several lines. */
+function wish() {
+  const { of, x, y, log, logx, logy } = Object.fromEntries(new FormData(form));
+  const second = y === x ? "" : y;
+  const rest = axes().map(({ pointer }) => pointer).filter((name) => ![x, second].includes(name));
+  const fits = rest.length > 0 && lengthOf(axisOf(x)) * lengthOf(axisOf(rest[0])) <= MOST_CELLS;
+  const group = isGrid() && !second && fits ? rest.shift() : null;
+  return { of, x, y: second, group, held: isGrid() ? rest : [], log: Boolean(log), logx: Boolean(logx), logy: Boolean(logy) };
 }
 
-/** Lines over one axis, one for each of the first values of the others; points without a motion at the foot. */
-function lines(of, x, log, colours) {
-  const rest = axes().filter((name) => name !== x);
-  const groups = new Map();
-  const refused = [];
-  const label = (k) => rest.map((name) => `${short(name)} = ${number(points[name][k], 4)}`).join(", ");
-  const key = (k) => rest.map((name) => points[name][k]).join(" ");
-  points.index.forEach((index, k) => {
-    if (points.outcome[k] !== SOLVED) refused.push(k);
-    else if (groups.has(key(k))) groups.get(key(k)).push(k);
-    else groups.set(key(k), [k]);
+/** Offer a place on each axis that is neither drawn nor makes lines. */
+function showHeld(held) {
+  const known = Object.fromEntries(new FormData($("held")));
+  fill($("held"), held.map((pointer) => h("label", {}, `${short(pointer)}, value number `,
+    h("input", { type: "number", name: pointer, min: 0, max: lengthOf(axisOf(pointer)) - 1, step: 1, value: known[pointer] ?? 0 }))));
+  $("held").hidden = held.length === 0;
+}
+
+async function redraw(loaded = null) {
+  const asks = wish();
+  const plane = loaded ?? shown.plane;
+  const { x, y, of } = asks;
+  plane.counts ??= countsOf(plane);
+  const positive = (pointer) => endsOf(plane.columns ? plane.columns(pointer) : plane.values[pointer])[0] > 0;
+  const [isLogX, isLogY] = [asks.logx && positive(x), asks.logy && Boolean(y) && positive(y)];
+  const scales = plane.values && y ? { x: scaleOf(plane.values[x], isLogX), y: scaleOf(plane.values[y], isLogY) } : null;
+  const shades = y ? shadesOf(plane, asks.log) : null;
+  shown = { ...asks, plane, scales, shades, isLogX, isLogY };
+  const where = plane.columns ? plane.columns(x) : plane.values[x];
+  const xs = plane.columns ? (cell) => where[cell] : (cell) => where[Math.floor(cell / plane.step(x)) % where.length];
+  form.logx.disabled = !positive(x);
+  form.logy.disabled = !y || !positive(y);
+  canvas.hidden = !scales;
+  $("under").textContent = "";
+  if (!y) plane.lines ??= linesOf(plane, asks);
+  const groups = y ? [] : plane.lines.map(({ value, rows }) => ({ rows, name: value === null ? "" : `${short(asks.group)} = ${number(value, 4)}` }));
+  const drawing = { x, y, of, plane, scales, shades, groups, xs, isLog: asks.log, isLogX, isLogY, view };
+  await draw(picture, (colours) => (scales ? frame : y ? cloud : lines)({ ...drawing, colours }));
+  fill($("marks"), scales ? legend(plane, palette()) : []);
+  repaint();
+  listen();
+  // What is painted is seen after the next frame.
+  requestAnimationFrame(() => setTimeout(() => performance.mark("points-drawn")));
+  const drawn = plane.counts[plane.words.indexOf(SOLVED)] ?? 0;
+  const without = plane.counts.reduce((sum, count) => sum + count, 0) - drawn;
+  const waiting = plane.codes.length - drawn - without;
+  $("picture-note").textContent = `${drawn.toLocaleString("en")} motions, ${without.toLocaleString("en")} points without one${waiting ? `, ${waiting.toLocaleString("en")} to come` : ""}.`;
+  $("whole").hidden = !(view.x || view.y);
+  stretches();
+}
+
+function palette() {
+  const style = getComputedStyle(document.documentElement);
+  return { bad: style.getPropertyValue("--bad").trim(), soft: style.getPropertyValue("--soft").trim() };
+}
+
+/** Paint the cells beneath the axes: exactly the pixels of the stretch that is shown. */
+function repaint() {
+  if (!shown?.scales) return;
+  const { xaxis, yaxis } = picture._fullLayout;
+  const ratio = Math.min(devicePixelRatio, 2);
+  Object.assign(canvas, { width: Math.max(1, Math.round(xaxis._length * ratio)), height: Math.max(1, Math.round(yaxis._length * ratio)) });
+  Object.assign(canvas.style, { left: `${xaxis._offset}px`, top: `${yaxis._offset}px`, width: `${xaxis._length}px`, height: `${yaxis._length}px` });
+  paint(canvas, { ...shown, area: { x: xaxis.range, y: yaxis.range }, colours: palette() });
+}
+
+/** Return the cell under the mouse. */
+function under(event) {
+  const { xaxis, yaxis } = picture._fullLayout;
+  const box = picture.getBoundingClientRect();
+  const [left, top] = [event.clientX - box.left - xaxis._offset, event.clientY - box.top - yaxis._offset];
+  if (left < 0 || top < 0 || left > xaxis._length || top > yaxis._length) return null;
+  const [column, row] = [shown.scales.x.cellAt(xaxis.p2l(left)), shown.scales.y.cellAt(yaxis.p2l(top))];
+  if (column < 0 || row < 0) return null;
+  return { cell: column * shown.plane.steps[0] + row * shown.plane.steps[1], where: [[shown.x, shown.plane.values[shown.x][column]], [shown.y, shown.plane.values[shown.y][row]]] };
+}
+
+const failed = (error) => { fill($("failure"), troubleOf(error)); };
+const open = (cell) => showPoint(path, sweep.document, shown.plane.index(cell)).catch(failed);
+
+function listen() {
+  if (picture.dataset.heard) return;
+  picture.dataset.heard = "yes";
+  picture.on("plotly_click", ({ points: [clicked] }) => { if (Number.isInteger(clicked.customdata)) open(clicked.customdata); });
+  picture.on("plotly_afterplot", repaint);
+  picture.on("plotly_relayout", (event) => {
+    if (!Object.keys(event).some((name) => /^[xy]axis\.range/.test(name))) return;
+    const ends = ({ range, type }) => [...range].sort((left, right) => left - right).map((value) => (type === "log" ? 10 ** value : value));
+    for (const side of ["x", "y"]) if (Object.keys(event).some((name) => name.startsWith(`${side}axis.range`))) view[side] = ends(picture._fullLayout[`${side}axis`]);
+    redraw().catch(failed);
   });
-  const step = Math.max(1, Math.ceil(groups.size / MOST_LINES));
-  const traces = [...groups.values()].filter((_, n) => n % step === 0).map((rows, n) => {
-    const sorted = rows.sort((left, right) => points[x][left] - points[x][right]);
-    const isLong = sorted.length > 400;
-    return { x: sorted.map((k) => points[x][k]), y: sorted.map((k) => points[of][k]), customdata: sorted, name: label(sorted[0]) || short(of), type: "scatter",
-      mode: isLong ? "lines" : "lines+markers", marker: { size: 4 }, line: { width: 1.4, color: colours[`c${(n % 6) + 1}`] }, hovertemplate: `%{y:.8g} at %{x:.6g}<extra>${plain(label(sorted[0]))}</extra>` };
+  $("frame").addEventListener("click", (event) => { const found = shown.scales && under(event); if (found) open(found.cell); });
+  $("frame").addEventListener("dblclick", () => $("whole").click());
+  $("frame").addEventListener("mousemove", (event) => {
+    const found = shown.scales && under(event);
+    $("under").textContent = found ? told({ ...shown, ...found }) : "";
   });
-  if (refused.length) {
-    traces.push({ x: refused.map((k) => points[x][k]), y: refused.map(() => 0), yaxis: "y2", customdata: refused, name: "no motion", mode: "markers", type: "scatter",
-      marker: { symbol: "x-thin", size: 6, line: { width: 1, color: colours.bad } }, text: refused.map((k) => plain(points.outcome[k])), hovertemplate: "%{text} at %{x:.6g}<extra></extra>" });
-  }
-  return { traces, layout: { xaxis: { title: { text: plain(short(x)) }, anchor: "y2" }, yaxis: { title: { text: plain(short(of)) }, type: log ? "log" : "linear", domain: [0.08, 1] },
-    yaxis2: { domain: [0, 0.04], visible: false, fixedrange: true }, hovermode: "closest", dragmode: "zoom", showlegend: traces.length > 1 } };
 }
 
-/** A heat map over two axes; where there are further ones, at the first values of these. */
-function heat(of, x, y, log, colours) {
-  const rest = axes().filter((name) => ![x, y].includes(name));
-  const first = rest.map((name) => points[name][0]);
-  const rows = [...points.index.keys()].filter((k) => rest.every((name, n) => points[name][k] === first[n]));
-  const values = (name) => [...new Set(rows.map((k) => points[name][k]))].sort((left, right) => left - right);
-  const [xs, ys] = [values(x), values(y)];
-  const place = { x: new Map(xs.map((value, n) => [value, n])), y: new Map(ys.map((value, n) => [value, n])) };
-  const [z, data] = [0, 1].map(() => ys.map(() => new Array(xs.length).fill(null)));
-  const refused = [];
-  for (const k of rows) {
-    const [column, line] = [place.x.get(points[x][k]), place.y.get(points[y][k])];
-    data[line][column] = k;
-    if (points.outcome[k] !== SOLVED) refused.push(k);
-    else z[line][column] = log ? Math.log10(Math.abs(points[of][k])) : points[of][k];
-  }
-  const title = log ? `log₁₀ ${short(of)}` : short(of);
-  const traces = [{ type: "heatmap", x: xs, y: ys, z, customdata: data, colorscale: "Viridis", colorbar: { title: { text: plain(title), side: "right" }, thickness: 12, outlinewidth: 0, tickfont: { color: colours.soft } },
-    hovertemplate: `${plain(short(x))} %{x:.6g}, ${plain(short(y))} %{y:.6g}: %{z:.8g}<extra></extra>` }];
-  if (refused.length) {
-    traces.push({ type: "scatter", mode: "markers", x: refused.map((k) => points[x][k]), y: refused.map((k) => points[y][k]), customdata: refused, showlegend: false,
-      marker: { symbol: "x", size: 4, color: colours.bad }, text: refused.map((k) => plain(points.outcome[k])), hovertemplate: "%{text}<extra></extra>" });
-  }
-  const spread = (name) => (sweep.document.axes.find(({ pointer }) => pointer === `/${name}`).logspace ? "log" : "linear");
-  return { traces, layout: { xaxis: { title: { text: plain(short(x)) }, type: spread(x) }, yaxis: { title: { text: plain(short(y)) }, type: spread(y) }, hovermode: "closest", dragmode: "zoom",
-    ...(rest.length ? { annotations: [{ text: plain(rest.map((name, n) => `${short(name)} = ${number(first[n], 4)}`).join(", ")), xref: "paper", yref: "paper", x: 0, y: 1.06, showarrow: false, font: { color: colours.soft } }] } : {}) } };
+/** Offer a finer sweep over the stretches that are shown. */
+function stretches() {
+  $("finer").hidden = !isGrid();
+  if (!isGrid()) return;
+  const ends = (pointer, side) => {
+    const [low, high] = endsOf(shown.plane.values[pointer]);
+    const rounded = (value) => Number(value.toPrecision(6));
+    return view[side] ? [Math.max(low, rounded(view[side][0])), Math.min(high, rounded(view[side][1]))] : [low, high];
+  };
+  const drawn = [["x", shown.x, shown.isLogX], ...(shown.y ? [["y", shown.y, shown.isLogY]] : [])];
+  showStretches(drawn.map(([side, pointer]) => ({ axis: axisOf(pointer), from: ends(pointer, side)[0], to: ends(pointer, side)[1] })), short);
 }
 
-/** plotly reads a little markup in texts: what people have named must not become it. */
-const plain = (text) => String(text).replaceAll("<", "‹").replaceAll(">", "›");
+/** Return the doubles of the axes that are held, from a point of the picture. */
+async function heldNumbers() {
+  if (!shown.held.length) return [];
+  const { items: [row] } = await get(`${path}/points?where=${encodeURIComponent(`index=${shown.plane.index(0)}`)}&limit=1`);
+  return shown.held.map((pointer) => [pointer, row[pointer]]);
+}
 
-/** Open a point as a problem: the base with the values of its axes. */
-function open(k) {
-  if (k === null || k === undefined) return;
-  const problem = structuredClone(sweep.document.base);
-  for (const name of axes()) {
-    const parts = name.split("/");
-    const last = parts.pop();
-    let place = problem;
-    for (const part of parts) place = place[part];
-    place[last] = points[name][k];
-  }
-  location.href = `./workbench#${encodeURIComponent(JSON.stringify(problem))}`;
+async function start() {
+  const typed = Object.fromEntries([...new FormData($("finer-form"))].map(([name, value]) => [name, Number(value)]));
+  const drawn = [[shown.x, shown.isLogX], ...(shown.y ? [[shown.y, shown.isLogY]] : [])];
+  const narrow = drawn.map(([pointer, isLog], n) => ({ axis: axisOf(pointer), from: typed[`from${n}`], to: typed[`to${n}`], count: typed[`count${n}`], isLog }));
+  askAndStart(narrowed(sweep.document, narrow, await heldNumbers()), `a part of the sweep ${sweep.id}`);
 }
 
 async function show() {
@@ -139,11 +178,15 @@ async function show() {
   const { document: stated } = sweep;
   $("title").textContent = potentialText(stated.base.potential);
   $("subtitle").textContent = `${sweep.points.toLocaleString("en")} points over ${stated.axes.map(({ pointer }) => pointer).join(" and ")}, ${stated.combine ?? "grid"}`;
+  fill($("labels"), Object.entries(sweep.labels).map(([name, value]) => h("li", {}, h("a", { class: "chip", href: `./sweeps?where=${encodeURIComponent(`label.${name}="${value.replaceAll('"', '""')}"`)}` }, `${name}: ${value}`))));
+  $("note").textContent = sweep.note ?? "";
   document.title = `Sweep · ${$("title").textContent} · polhode`;
   $("problem").textContent = JSON.stringify(stated, null, 2);
-  fill($("downloads"), h("ul", { class: "buttons" }, Object.entries(FORMATS).map(([format, name]) => h("li", {}, h("button", { type: "button", onclick: () => download(format) }, name)))));
+  fill($("downloads"), h("ul", { class: "buttons" }, Object.entries(FORMATS).map(([format, name]) => h("li", {}, h("button", { type: "button", onclick: () => download(format).catch(failed) }, name)))));
   $("body").hidden = false;
-  await renew();
+  choices();
+  // The library of charts comes while the points are on their way.
+  await Promise.all([draw(picture, () => ({ traces: [], layout: {} })), renew()]);
 }
 
 async function download(format) {
@@ -153,19 +196,53 @@ async function download(format) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
+let latest = 0;
+
+/** Ask for the points and draw them; an answer that another question has overtaken is dropped. */
 async function renew() {
-  await Promise.all([load(), showRefusals()]);
-  if (!points) return;
-  choices();
-  await picture();
+  if (!sweep.done) return;
+  latest += 1;
+  const mine = latest;
+  const asks = wish();
+  showHeld(asks.held);
+  const [plane] = await Promise.all([planeOf(path, axes(), isGrid(), asks, new FormData($("held"))), showRefusals()]);
+  if (mine === latest) await redraw(plane);
 }
 
-form.addEventListener("change", () => picture().catch((error) => fill($("failure"), troubleOf(error))));
+/** While points come in the picture follows, but never takes more than a tenth of the time. */
+let next = 0;
+async function keepUp() {
+  if (document.hidden || performance.now() < next) return;
+  next = Infinity;
+  const began = performance.now();
+  await renew().catch(failed);
+  next = performance.now() + Math.max(EVERY, 10 * (performance.now() - began));
+}
+
+form.addEventListener("change", ({ target }) => {
+  if (target.name !== "log") Object.assign(view, { x: null, y: null });
+  else if (!form.y.value) view.y = null;
+  if (target.name === "x" || target.name === "y") for (const side of ["x", "y"]) form[`log${side}`].checked = Boolean(form[side].value && axisOf(form[side].value).logspace);
+  renew().catch(failed);
+});
+$("held").addEventListener("change", () => renew().catch(failed));
+$("whole").addEventListener("click", () => {
+  Object.assign(view, { x: null, y: null });
+  redraw().catch(failed);
+});
+$("pick").addEventListener("submit", (event) => {
+  event.preventDefault();
+  showPoint(path, sweep.document, Number(event.currentTarget.elements.index.value)).catch(failed);
+});
+$("finer-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  start().catch(failed);
+});
 await run(show, $("failure"));
 if (sweep && !OVER.includes(sweep.state)) {
   await follow({
     events: `${path}/events`, path, name: "sweep", isOver: ({ state }) => OVER.includes(state),
-    seen: (name, found) => { if (name === "sweep") showProgress(found); },
+    seen: (name, found) => { if (name === "sweep") { showProgress(found); keepUp(); } },
     lost: (isLost) => { $("pulse").textContent = isLost ? "the service does not answer; asking again" : ""; },
   });
   say(`the sweep ${sweep.state}`);

@@ -1,5 +1,6 @@
 """/v1/sweeps/{id}/grid: the points of a grid as a matrix, whichever two axes it has."""
 
+import io
 import json
 from itertools import product
 
@@ -13,7 +14,7 @@ from tests.support.sweeps import AXES, SWEEP, energy_of, finish_sweep, is_refuse
 pytestmark = pytest.mark.any_database
 
 A, LAMBDA, TWO = "/potential/parameters/a", "/motion/lambda", "/potential/parameters/b"
-ARROW = "application/vnd.apache.arrow.stream"
+ARROW, NPZ = "application/vnd.apache.arrow.stream", "application/x-npz"
 CUBE = [{"pointer": TWO, "values": [1, 2, 3]}, AXES[0], {"pointer": LAMBDA, "linspace": [1, 2, 7]}]
 
 
@@ -121,6 +122,27 @@ def test_arrow_has_the_same_cells(client, jobs):
     assert table["outcome"].to_pylist() == grid["outcomes"]
     about = json.loads(table.schema.metadata[b"polhode.grid"])
     assert about == {name: value for name, value in grid.items() if name not in ("rows", "outcomes")}
+
+
+def test_npz_has_the_same_cells_with_outcomes_as_places_in_a_list(client, jobs):
+    sweep_id = submit(client)
+    finish_sweep(jobs, chunks=1)
+    grid = ask(client, sweep_id).json()
+    answer = ask(client, sweep_id, format="npz")
+    assert answer.headers["content-type"] == NPZ
+    by_accept = client.get(f"/v1/sweeps/{sweep_id}/grid?of=period", headers={"Accept": NPZ})
+    assert by_accept.content == answer.content
+    file = np.load(io.BytesIO(answer.content))
+    assert [file[pointer.strip("/")].tolist() for pointer in (A, LAMBDA)] == [
+        axis["values"] for axis in grid["axes"]
+    ]
+    numbers = np.array(grid["rows"], dtype=float)  # None is NaN
+    assert file["period"].shape == numbers.shape == (2, 50)
+    assert np.array_equal(file["period"], numbers, equal_nan=True)
+    words = [*file["outcomes"].tolist(), None]  # the place -1 is the last of a list
+    assert [[words[place] for place in row] for row in file["outcome"].tolist()] == grid["outcomes"]
+    assert -1 in file["outcome"]
+    assert file["indices"].tolist() == grid["indices"]
 
 
 @pytest.mark.parametrize(
