@@ -69,8 +69,7 @@ class Watched:
             self.faults.append(f"{message.type}: {message.text}")
 
     def _answered(self, response) -> None:
-        # A service without events says so once.
-        if response.status >= 400 and not response.url.endswith("/events"):
+        if response.status >= 400:
             self.faults.append(f"{response.status} {response.url}")
 
     def _failed(self, request) -> None:
