@@ -78,6 +78,35 @@ class Watched:
             self.faults.append(f"{request.failure} {request.url}")
 
 
+@dataclass(frozen=True)
+class Weights:
+    """The bytes of each file as it was sent, by its address."""
+
+    names: dict[str, str] = field(default_factory=dict)
+    sizes: dict[str, int] = field(default_factory=dict)
+
+    def watch(self, page: Page) -> None:
+        client = page.context.new_cdp_session(page)
+        client.send("Network.enable")
+        client.on(
+            "Network.responseReceived",
+            lambda told: self.names.update({told["requestId"]: told["response"]["url"]}),
+        )
+        client.on(
+            "Network.loadingFinished",
+            lambda told: self.sizes.update({told["requestId"]: told["encodedDataLength"]}),
+        )
+
+    def own(self) -> dict[str, int]:
+        """Return the shell, the styles and the modules: beside them are plotly.js and data."""
+        sent = {self.names[key]: size for key, size in self.sizes.items()}
+        return {
+            name: size
+            for name, size in sent.items()
+            if "/v1/" not in name and not name.endswith("plotly.min.js")
+        }
+
+
 def chromium() -> str | None:
     return shutil.which("chromium") or shutil.which("chromium-browser")
 

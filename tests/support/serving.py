@@ -58,7 +58,7 @@ def serving(
     stderr: IO[bytes] | None = None,
     **environment: str,
 ) -> Iterator[Service]:
-    """Run ``polhode serve`` on the database in ``folder``, and a free port if none is given; end it by SIGTERM."""
+    """Run ``polhode serve`` on the database in ``folder``; stop it with SIGTERM."""
     if port is None:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))

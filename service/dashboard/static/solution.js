@@ -1,5 +1,5 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ago, asked, bodyText, copier, fill, get, h, measured, motionText, number, potentialText, request, run, troubleOf } from "./core.js";
+import { $, ago, asked, bodyText, copier, fill, get, h, measured, motionText, number, pause, potentialText, request, run, troubleOf } from "./core.js";
 import { multipliers, turningBody } from "./body.js";
 import { between, drifts, overTime, phasePlane, samplesOf } from "./series.js";
 import { pointsOf, turnable } from "./sphere.js";
@@ -88,14 +88,18 @@ async function show() {
   const [start, stop] = [asked().get("start"), asked().get("stop")];
   const ofOthers = comparing(solution);
   const ofOrientation = turning(solution);
-  await overTime(solution, start !== null && stop !== null ? [start, stop] : null, (stretch) => {
+  let latest = null;
+  await overTime(solution, start !== null && stop !== null ? [start, stop] : null, async (stretch) => {
     const { turn } = stretch;
-    curves(turn);
-    drifts(problem.body, stretch);
+    latest = stretch;
     $("phase-section").hidden = !(turn.columns.p && turn.columns.g1 && problem.motion.type === "planar");
-    if (!$("phase-section").hidden) phasePlane(turn);
-    ofOrientation(stretch);
-    ofOthers(stretch);
+    const pictures = [() => curves(turn), () => drifts(problem.body, stretch), () => $("phase-section").hidden || phasePlane(turn),
+      () => ofOrientation(stretch), () => ofOthers(stretch)];
+    // One at a time, so that the browser can answer to people in between.
+    for (const show of pictures) {
+      await pause(0);
+      if (latest === stretch) show();
+    }
   });
 }
 
