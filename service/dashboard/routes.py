@@ -43,7 +43,7 @@ PAGES = {
     "/sweeps": Page("Sweeps", "lists", ("query", "marks", "follow")),
     "/families": Page("Families", "families", ("sphere", "starting", "follow")),
     "/accuracy": Page("Accuracy", "accuracy", ("chart",)),
-    "/solution": Page("Solution", "solution", ("facts", "sphere", "chart", "series", "body"), "/solutions"),
+    "/solution": Page("Solution", "solution", ("arrays", "sphere", "chart", "series", "body"), "/solutions"),
     "/sweep": Page("Sweep", "sweep", ("arrays", "chart", "follow", "planes", "starting"), "/sweeps"),
 }
 """The pages by their paths. These are flat: all links are relative, and hold behind a proxy's prefix, too."""

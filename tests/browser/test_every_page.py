@@ -4,7 +4,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from service.dashboard.routes import PAGES
-from tests.support.browser import address, settle
+from tests.support.browser import Weights, address, settle
 
 LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 MOST_BYTES, MOST_FILES = 60_000, 10
@@ -20,18 +20,10 @@ def barriers(page) -> list[tuple[str, list[str]]]:
 @pytest.mark.parametrize("path", PAGES)
 def test_a_page_is_whole_light_and_open_to_everybody(tab, path):
     page = tab.page
-    client = page.context.new_cdp_session(page)
-    client.send("Network.enable")
-    names, sizes = {}, {}
-    client.on(
-        "Network.responseReceived", lambda told: names.update({told["requestId"]: told["response"]["url"]})
-    )
-    client.on(
-        "Network.loadingFinished", lambda told: sizes.update({told["requestId"]: told["encodedDataLength"]})
-    )
+    weights = Weights()
+    weights.watch(page)
     settle(tab.open(address(path, tab.site)))
-    sent = {names[key]: size for key, size in sizes.items() if "/v1/" not in names[key]}
-    own = {name: size for name, size in sent.items() if not name.endswith("plotly.min.js")}
+    own = weights.own()
     assert 0 < sum(own.values()) <= MOST_BYTES, own
     assert len(own) <= MOST_FILES, own
 

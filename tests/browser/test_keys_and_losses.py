@@ -1,14 +1,17 @@
 """A service that asks for keys, and one that goes away while somebody watches."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from playwright.sync_api import expect
 
-from tests.support.browser import Site, Watched, settle
+from tests.support.browser import Site, Watched, problem, settle
 from tests.support.serving import serving
 
 POLHODE = Path(sys.executable).with_name("polhode")
@@ -57,18 +60,48 @@ def test_without_a_key_the_page_says_what_is_missing(context, guarded):
     expect(page.locator("main")).to_contain_text("a key is needed")
 
 
-def test_a_service_that_went_away_is_found_again(tab):
-    # Without events: a stream that is open cannot be broken from here. The page then asks every so often.
-    tab.page.context.route("**/v1/events", lambda route: route.fulfill(status=404))
-    page = tab.open("")
-    settle(page)
-    tab.page.context.route("**/v1/**", lambda route: route.abort("connectionrefused"))
+LOST = {"net::ERR_CONNECTION_REFUSED", "net::ERR_CONNECTION_RESET", "net::ERR_INCOMPLETE_CHUNKED_ENCODING"}
+"""What a browser tells of a service that is gone."""
+
+
+def test_a_service_that_is_started_again_is_found_again(context, chromium_path, tmp_path):
+    with serving(tmp_path, workers=0) as service:
+        tab = Watched(context.new_page(), Site(service, {}, ""))
+        page = tab.open("")
+        expect(page.locator("#status")).to_contain_text("Waiting0")
+        assert tab.faults == []
     expect(page.locator("#pulse")).to_contain_text("does not answer")
-    tab.page.context.unroute("**/v1/**")
-    expect(page.locator("#pulse")).to_be_empty(timeout=20_000)
-    expect(page.locator("#status")).to_contain_text("Workers")
-    assert {fault.split()[0] for fault in tab.faults} <= {"net::ERR_CONNECTION_REFUSED"}
-    tab.faults.clear()
+    expect(page.locator("#status")).to_contain_text("Waiting0")  # what is known is still shown
+    port = int(service.address.rsplit(":", 1)[1])
+    with serving(tmp_path, workers=0, port=port) as service:
+        expect(page.locator("#pulse")).to_be_empty()
+        # Nobody reloads the page: it is told by the new service's events.
+        service.call("POST", "/v1/jobs", problem("first"))
+        expect(page.locator("#status")).to_contain_text("Waiting1")
+        page.goto("about:blank")
+    assert {fault.split()[0] for fault in tab.faults} <= LOST
+
+
+def test_the_outcome_is_told_when_a_worker_is_killed(context, chromium_path, tmp_path):
+    settings = {"POLHODE_MAX_ATTEMPTS": "1", "POLHODE_LEASE_SECONDS": "1"}
+    long = {
+        **problem("first"),
+        "time": {"periods": 1000, "samples": 100_000},
+        "accuracy": {"tier": "certified"},
+    }
+    with serving(tmp_path, **settings) as service:
+        tab = Watched(context.new_page(), Site(service, {}, ""))
+        page = tab.open("workbench#" + quote(json.dumps(long)))
+        page.get_by_role("button", name="Compute").click()
+        expect(page.locator("#job")).to_contain_text("running")
+        # The names of workers are made of host, process and chance.
+        (worker,) = [one for one in service.call("GET", "/v1/status").document["workers"] if one["slots"]]
+        os.kill(int(worker["name"].split(":")[-2]), signal.SIGKILL)
+        expect(page.locator("#job .bad")).to_contain_text("The job failed: ")
+        (job,) = service.call("GET", "/v1/jobs").document["items"]
+        assert job["error"]["detail"] in page.locator("#job").inner_text()
+        page.goto("about:blank")
+    assert tab.faults == []
 
 
 def test_events_are_shown_as_they_come(tab):

@@ -1,15 +1,21 @@
 """The ways that people go through the page, walked in Chromium."""
 
+import io
 import json
 import re
 from urllib.parse import quote
 
+import numpy as np
+import pytest
 from playwright.sync_api import expect
 
 from tests.support.browser import HOSTILE, problem, settle
+from tests.support.waiting import wait_until
 
 REFUTED = {**problem("first"), "potential": {"type": "expression", "expression": "g1 + g2/10"}}
 FAULTY = {**problem("first"), "body": {"A": 2, "C": -1}}
+SHOWN = {"p": "p", "q": "q", "r": "r", "g1": "γ₁", "g2": "γ₂", "g3": "γ₃"}
+PLAIN = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
 
 
 def state_in(problem: object) -> str:
@@ -32,19 +38,116 @@ def test_from_a_formula_over_its_verdict_to_the_solution_and_into_it(tab):
     page.get_by_role("button", name="Compute").click()
     page.wait_for_url(re.compile(r"solution\?id="))
     expect(page.locator("h1")).to_contain_text("a*g1 + b/g3^2")
-    # Zooming asks for the samples of exactly that stretch, far outside of what is stored.
-    with page.expect_response(re.compile(r"trajectory\?start=1000000&stop=1000001&samples=\d+")) as asked:
+    # Zooming asks for the samples of exactly that stretch, far outside of what is stored, as packed numbers.
+    with page.expect_response(re.compile(r"trajectory\?start=1000000&stop=1000001&preview=\d+")) as asked:
         page.get_by_label("from").fill("1000000")
         page.get_by_label("to", exact=True).fill("1000001")
         page.get_by_role("button", name="Show").click()
-    assert asked.value.json()["columns"]["t"][0] == 1e6
-    expect(page.locator("#series-note")).to_contain_text("from 1000000 to 1000001")
+    columns = np.load(io.BytesIO(asked.value.body()))
+    assert [columns["t"][0], columns["t"][-1]] == [1e6, 1e6 + 1]
+    expect(page.locator("#series-note")).to_contain_text("From 1000000 to 1000001")
+    assert "start=1000000&stop=1000001" in page.url
     with page.expect_download() as download:
         page.get_by_role("button", name="CSV", exact=True).click()
     assert download.value.path().read_text(encoding="utf-8").startswith("t,p,q,r,g1,g2,g3")
+    page.get_by_label("or the one with the id").fill(tab.site.solutions["first"])
+    page.get_by_role("button", name="Compare", exact=True).click()
+    expect(page.locator("#compare-note")).to_contain_text("they are different motions")
+    expect(page.locator("#overlay .scatterlayer path.js-line").first).to_be_attached()
+    assert page.url.endswith(f"with={tab.site.solutions['first']}")
     tab.faults[:] = [
         fault for fault in tab.faults if not fault.startswith("422 ")
     ]  # while the form was half filled
+
+
+def test_solutions_are_compared_with_the_errors_that_both_claim(tab):
+    """The same motion at a looser tier: as far apart as the service's own samples, within both errors."""
+    service = tab.site.service
+    first = tab.site.solutions["first"]
+    draft = {**problem("first"), "accuracy": {"tier": "draft"}}
+    other, _ = service.solve(draft)
+    page = tab.open(f"solution?id={first}&with={other['id']}")
+    note = page.locator("#compare-note")
+    expect(note).to_contain_text("they agree")
+    told = r"at most (.+?) apart, in (\S+) at t = (\S+), within the (.+?) that the two claim together"
+    apart, name, _, claimed = re.search(told, note.inner_text()).groups()
+    stop = service.call("GET", f"/v1/solutions/{first}/trajectory").document["columns"]["t"][-1]
+    columns = "t,p,q,r,g1,g2,g3"
+    query = f"start=0&stop={stop!r}&samples=800&columns={columns}"
+    ours, theirs = (
+        service.call("GET", f"/v1/solutions/{k}/trajectory?{query}").document for k in (first, other["id"])
+    )
+    gaps = {
+        k: max(abs(x - y) for x, y in zip(ours["columns"][k], theirs["columns"][k], strict=True))
+        for k in columns.split(",")
+    }
+    largest = max(gaps, key=gaps.__getitem__)
+    assert SHOWN[largest] == name
+    # Two digits are shown.
+    assert float(apart.translate(PLAIN).replace(" × 10", "e")) == pytest.approx(gaps[largest], rel=0.05)
+    both = ours["error"] + theirs["error"]
+    assert float(claimed.translate(PLAIN).replace(" × 10", "e")) == pytest.approx(both, rel=0.05)
+    expect(page.locator("#apart .scatterlayer .points path").first).to_be_attached()
+    # Looked at from the list, too; and taken away again.
+    expect(page.locator("#compare optgroup").first).to_have_attribute("label", "The same motion")
+    page.get_by_role("button", name=f"Compare no more with {other['id']}").click()
+    expect(page.locator("#compare-charts")).to_be_hidden()
+    assert "with=" not in page.url
+
+
+def test_an_id_that_is_no_solution_is_refused_beside_the_others(tab):
+    page = tab.open(f"solution?id={tab.site.solutions['first']}&with=nothing")
+    expect(page.locator("#compare-note .bad")).to_contain_text("no solution")
+    assert tab.faults == [f"404 {tab.site.address}/v1/solutions/nothing"]
+    tab.faults.clear()
+
+
+def test_what_cannot_be_drawn_as_lines_is_not(tab):
+    """A hundred million periods are told as what each variable goes through; a period of them is drawn."""
+    path = f"/v1/solutions/{tab.site.solutions['first']}"
+    stop = 1e8 * tab.site.service.call("GET", path).document["period"]["value"]
+    stored = tab.site.service.call("GET", f"{path}/trajectory").document
+    query = f"start=0&stop={stop!r}&samples=800&columns=t,p,q,r,g1,g2,g3"
+    error = tab.site.service.call("GET", f"{path}/trajectory?{query}").document["error"]
+    page = tab.open(f"solution?id={tab.site.solutions['first']}&start=0&stop={stop!r}")
+    note = page.locator("#series-note")
+    expect(note).to_contain_text("too many to be drawn")
+    expect(note).to_contain_text("1 × 10⁸ periods")
+    shown = page.evaluate(
+        "document.getElementById('series').data.map(({name, x, y}) => ({name, x: [...x], y: [...y]}))"
+    )
+    for name, short in SHOWN.items():
+        low, high = (trace["y"] for trace in shown if trace["name"] == short)
+        values = stored["columns"][name]
+        # The samples of one period are inside; beyond them are the error at that time, which is told, and the
+        # hundredth of the range by which drawn lines may be off.
+        reach = 0.01 * (max(values) - min(values)) + 1.001 * error
+        assert min(values) - reach <= low[0] <= min(values)
+        assert max(values) <= high[0] <= max(values) + reach
+    page.get_by_role("button", name="One period").click()
+    expect(note).to_contain_text("the lines between them off by at most")
+    assert page.evaluate("document.getElementById('series').data.every(({x}) => x.length >= 400)")
+
+
+def test_an_error_that_can_be_seen_is_drawn_as_a_band(tab):
+    solution = tab.site.solutions["first"]
+    page = tab.open(f"solution?id={solution}")
+    settle(page)
+    series = page.locator("#series")
+    series.locator(".scatterlayer path").first.wait_for()
+    bands = "document.getElementById('series').data.filter(({fill}) => fill === 'tonexty').length"
+    assert page.evaluate(bands) == 0
+    # A thousandth of a billionth of the height of γ: the told error is more than a pixel of it.
+    page.evaluate("Plotly.relayout('series', {'yaxis2.range[0]': 0.5, 'yaxis2.range[1]': 0.5 + 1e-12})")
+    assert wait_until(lambda: page.evaluate(bands) == 3)
+    error = tab.site.service.call(
+        "GET", f"/v1/solutions/{solution}/trajectory?preview=400&columns=t,p,q,r,g1,g2,g3"
+    ).document["error"]
+    first_values = (
+        "document.getElementById('series').data.filter(({name}) => name === 'γ₁').map(({y}) => y[0])"
+    )
+    low, high, _ = page.evaluate(first_values)
+    assert high - low == pytest.approx(2 * error, rel=1e-3)  # the rounding of values near 1
 
 
 def test_a_refuted_potential_shows_its_counterexample_on_the_sphere(tab):

@@ -69,14 +69,42 @@ class Watched:
             self.faults.append(f"{message.type}: {message.text}")
 
     def _answered(self, response) -> None:
-        # A service without events says so once.
-        if response.status >= 400 and not response.url.endswith("/events"):
+        if response.status >= 400:
             self.faults.append(f"{response.status} {response.url}")
 
     def _failed(self, request) -> None:
         # Older answers are dropped on purpose while somebody types or zooms.
         if request.failure != "net::ERR_ABORTED":
             self.faults.append(f"{request.failure} {request.url}")
+
+
+@dataclass(frozen=True)
+class Weights:
+    """The bytes of each file as it was sent, by its address."""
+
+    names: dict[str, str] = field(default_factory=dict)
+    sizes: dict[str, int] = field(default_factory=dict)
+
+    def watch(self, page: Page) -> None:
+        client = page.context.new_cdp_session(page)
+        client.send("Network.enable")
+        client.on(
+            "Network.responseReceived",
+            lambda told: self.names.update({told["requestId"]: told["response"]["url"]}),
+        )
+        client.on(
+            "Network.loadingFinished",
+            lambda told: self.sizes.update({told["requestId"]: told["encodedDataLength"]}),
+        )
+
+    def own(self) -> dict[str, int]:
+        """Return the shell, the styles and the modules: beside them are plotly.js and data."""
+        sent = {self.names[key]: size for key, size in self.sizes.items()}
+        return {
+            name: size
+            for name, size in sent.items()
+            if "/v1/" not in name and not name.endswith("plotly.min.js")
+        }
 
 
 def chromium() -> str | None:

@@ -51,12 +51,18 @@ class Service:
 
 @contextmanager
 def serving(
-    folder: Path, *, workers: int = 1, stderr: IO[bytes] | None = None, **environment: str
+    folder: Path,
+    *,
+    workers: int = 1,
+    port: int | None = None,
+    stderr: IO[bytes] | None = None,
+    **environment: str,
 ) -> Iterator[Service]:
-    """Run ``polhode serve`` on a fresh database in ``folder``; stop it with SIGTERM."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    """Run ``polhode serve`` on the database in ``folder``; stop it with SIGTERM."""
+    if port is None:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
     command = [
         Path(sys.executable).with_name("polhode"),
         "serve",

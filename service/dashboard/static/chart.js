@@ -1,7 +1,6 @@
 // Charts by plotly.js, which is loaded when the first one is needed.
 
 const HERE = new URL(".", import.meta.url);
-const AUTOMATIC = ["xaxis", "yaxis", "xaxis2", "yaxis2"];
 /** What the maps in plotly.js look for before they add their styles; there are no maps here. */
 const STYLE_OF_MAPS = "9f215cf04c5486422605d13261cb87401f4e7763b6296af81e98efbc0130da53";
 let loading = null;
@@ -42,7 +41,7 @@ export function colours() {
 function dressed(layout) {
   const { ink, soft, line } = colours();
   const axis = { gridcolor: line, zerolinecolor: line, linecolor: line, tickcolor: line, tickfont: { color: soft }, title: { font: { color: soft } } };
-  const axes = Object.fromEntries(AUTOMATIC.filter((name) => name in layout || !name.endsWith("2"))
+  const axes = Object.fromEntries([...new Set(["xaxis", "yaxis", ...Object.keys(layout).filter((name) => /^[xy]axis\d*$/.test(name))])]
     .map((name) => [name, { ...axis, ...layout[name], title: { ...axis.title, ...layout[name]?.title } }]));
   return {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", autosize: true,

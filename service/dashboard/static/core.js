@@ -17,6 +17,16 @@ export const $ = (id) => document.getElementById(id);
 export const fill = (element, ...children) => element.replaceChildren(...children.flat().filter((child) => child != null));
 export const asked = () => new URLSearchParams(location.search);
 
+/** Keep in the address what is shown, so that it can be sent to others: a list stands several times, null nowhere. */
+export function remember(shown) {
+  const found = asked();
+  for (const [name, values] of Object.entries(shown)) {
+    found.delete(name);
+    for (const value of [values ?? []].flat()) found.append(name, value);
+  }
+  history.replaceState(null, "", `?${found}`);
+}
+
 /** Tell those who cannot see that something has changed. */
 export function say(text) {
   $("said").textContent = text;

@@ -1,8 +1,7 @@
-// Follows what changes: by the service's events where it has them, else by asking again.
+// Follows what changes by the service's events, and finds the service again when it went away.
 import { get, Refusal, pause, request } from "./core.js";
 
 const LONGEST_PAUSE = 5000;
-const NO_EVENTS = [404, 405, 406];
 
 /**
  * Call ``seen(name, document)`` with each change until ``isOver(document)`` or the signal says stop.
@@ -11,44 +10,41 @@ const NO_EVENTS = [404, 405, 406];
  * ``lost(isLost)`` is told when the service stops answering, and when it answers again.
  */
 export async function follow({ events, path, name, seen, isOver = () => false, lost = () => {}, signal, every = 1000 }) {
-  let hasEvents = true;
   let last = null;
   let wait = every;
+  const look = async () => {
+    const found = await get(path, { signal });
+    lost(false);
+    wait = every;
+    seen(name, found);
+    return isOver(found);
+  };
   while (!signal?.aborted) {
     try {
-      if (hasEvents) {
-        for await (const event of stream(events, last, signal)) {
-          lost(false);
-          wait = every;
-          last = event.id ?? last;
-          // The end of a stream need not be that of the thing: a service that stops ends all of them.
-          const [what, found] = event.name === "end" ? [name, await get(path, { signal })] : [event.name, event.data];
-          seen(what, found);
-          if (what === name && isOver(found)) return;
-        }
-      } else {
-        const found = await get(path, { signal });
+      for await (const event of stream(events, last, signal)) {
         lost(false);
-        seen(name, found);
-        if (isOver(found)) return;
         wait = every;
+        last = event.id ?? last;
+        // The end of a stream need not be that of the thing: a service that stops ends all of them.
+        if (event.name === "end") {
+          if (await look()) return;
+        } else {
+          seen(event.name, event.data);
+          if (event.name === name && isOver(event.data)) return;
+        }
       }
     } catch (error) {
       if (signal?.aborted) return;
-      if (error instanceof Refusal && hasEvents && hasNone(error)) {
-        hasEvents = false;
-        continue;
-      }
       if (error instanceof Refusal && error.status < 500 && error.status !== 429) throw error;
-      lost(true);
+      // With all streams taken by others, what there is now is still shown.
+      const isFull = String(error.problem?.type).endsWith("too_many_streams");
+      if (isFull && (await look().catch(() => false))) return;
+      if (!isFull) lost(true);
       wait = Math.min(2 * wait, LONGEST_PAUSE);
     }
     await pause(document.hidden ? LONGEST_PAUSE : wait);
   }
 }
-
-/** Tell whether a refusal means that there are no events to be had: none at all, or not one more stream. */
-const hasNone = ({ status, problem }) => NO_EVENTS.includes(status) || String(problem.type).endsWith("too_many_streams");
 
 /** Read a text/event-stream with the key of the tab, which an EventSource cannot send. */
 async function* stream(path, last, signal) {

@@ -1,27 +1,89 @@
 // The six variables over time: any stretch of it, computed by the service when one zooms.
-import { $, exact, get, number, say, troubleOf } from "./core.js";
+import { $, exact, number, remember, request, say, troubleOf } from "./core.js";
+import { arraysOf } from "./arrays.js";
 import { draw } from "./chart.js";
 
-const NAMES = ["p", "q", "r", "g1", "g2", "g3"];
-const SHOWN = { p: "p", q: "q", r: "r", g1: "γ₁", g2: "γ₂", g3: "γ₃" };
-const SAMPLES = 800;
-const LEAST_DRIFT = 1e-17; // what is exactly zero has no logarithm
+export const NAMES = ["p", "q", "r", "g1", "g2", "g3"];
+export const SHOWN = { p: "p", q: "q", r: "r", g1: "γ₁", g2: "γ₂", g3: "γ₃" };
+const FEW_POINTS = 400;
+const MOST_POINTS = 6000;
+const POINTS_OF_A_PERIOD = 150;
+const MOST_PERIODS = 150; // 8 pixels each on a wide screen: more would be a filled area
+const MOST_OFF = 0.01; // of a variable's range, two pixels: lines that may be further off are not drawn
+export const LEAST = 1e-17; // what is exactly zero has no logarithm
+const PANEL = 0.46;
+const MARGIN = { l: 58, r: 14, t: 34, b: 44 };
 
-/** Draw a solution over time and keep it drawn; call ``seen(trajectory)`` with the samples of each stretch. */
-export async function overTime(solution, seen) {
-  const path = `v1/solutions/${solution.id}/trajectory`;
+/** Return the names of those of the six variables that a solution has. */
+export const namesOf = ({ problem: { outputs } }) =>
+  NAMES.filter((name, k) => !outputs || outputs.includes(k < 3 ? "omega" : "gamma"));
+
+/** Ask for packed samples: {columns, error, off}; lines between those of a preview are off by that share of a range. */
+export async function samplesOf(id, query, names, signal) {
+  const asked = [...query, `columns=${["t", ...names].join(",")}`].join("&");
+  const answer = await request(`v1/solutions/${encodeURIComponent(id)}/trajectory?${asked}`, { headers: { Accept: "application/x-npz" }, signal });
+  return { columns: arraysOf(await answer.arrayBuffer()), error: Number(answer.headers.get("Polhode-Error")),
+    off: Number(answer.headers.get("Polhode-Deviation") ?? 0) };
+}
+
+export const between = (start, stop, ...rest) => [`start=${encodeURIComponent(start)}`, `stop=${encodeURIComponent(stop)}`, ...rest];
+
+/**
+ * Return a stretch as it can be drawn without a lie: {kind, columns, error, off, turn, ranges, periods}.
+ *
+ * ``lines`` are proved to be near the curve; ``dots`` are values that lines must not join; of a ``band`` are too many
+ * periods, so ``turn`` has one of them and ``ranges`` what each variable goes through. ``place`` is null for the stored times.
+ */
+async function stretchOf(solution, place, signal) {
+  const names = namesOf(solution);
+  const period = solution.period?.value;
+  const ask = (...query) => samplesOf(solution.id, query.flat(), names, signal);
+  let found = place === null ? await ask(`preview=${FEW_POINTS}`) : null;
+  const [start, stop] = place ?? [found.columns.t[0], found.columns.t.at(-1)];
+  const periods = period ? (exact(stop) - exact(start)) / period : null;
+  if (!(periods > MOST_PERIODS)) { // also where a time cannot be read, which the service explains
+    const wanted = Math.min(MOST_POINTS, Math.ceil(Math.max(FEW_POINTS, POINTS_OF_A_PERIOD * (periods || 1))));
+    if (!found || found.off > MOST_OFF) found = await ask(between(start, stop, `preview=${wanted}`));
+    if (found.off > MOST_OFF && wanted < MOST_POINTS) found = await ask(between(start, stop, `preview=${MOST_POINTS}`));
+    if (found.off <= MOST_OFF) return { ...found, kind: "lines", turn: periods > 1 ? firstOf(found, period) : found, periods };
+    if (!period) return { ...found, kind: "dots", turn: found, periods };
+  }
+  const [turn, spread] = await Promise.all([
+    ask(between(start, exact(start) + period, `preview=${FEW_POINTS}`)), ask(between(start, stop, `samples=${2 * FEW_POINTS}`))]);
+  const ranges = Object.fromEntries(names.map((name) => {
+    const [low, high] = [Math.min(...turn.columns[name]), Math.max(...turn.columns[name])];
+    return [name, [low - turn.off * (high - low), high + turn.off * (high - low)]];
+  }));
+  return { ...spread, kind: "band", turn, ranges, periods };
+}
+
+/** Return the part of a stretch until it repeats itself. */
+function firstOf({ columns, ...rest }, period) {
+  const count = columns.t.findIndex((t) => t >= columns.t[0] + period) + 1 || columns.t.length;
+  return { ...rest, columns: Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values.subarray(0, count)])) };
+}
+
+const NOTES = {
+  lines: ({ columns: { t }, off }) => `${t.length} points, the lines between them off by at most ${number(off, 1)} of a range`,
+  dots: ({ columns: { t } }) => `${t.length} values; the motion between them turns too often to be drawn as lines, so zoom to see it`,
+  band: ({ periods }) => `${number(periods, 4)} periods, too many to be drawn: filled is what each variable goes through. Zoom, or ask for one period`,
+};
+
+/** Draw a solution over time and keep it drawn; call ``seen(stretch)`` with each stretch. */
+export async function overTime(solution, stretch, seen) {
   const form = $("stretch");
   let shown = null;
   let asking = null;
+  let heights = {}; // what is shown of the two vertical axes, once somebody has zoomed into them
   let typed = false; // since the last stretch was asked for: what somebody types is not overwritten by a late answer
 
-  async function show(query) {
+  async function show(place) {
     typed = false;
     asking?.abort();
     asking = new AbortController();
     const { signal } = asking;
     try {
-      shown = await get(`${path}${query}`, { signal });
+      shown = await stretchOf(solution, place, signal);
     } catch (error) {
       if (signal.aborted) return;
       $("series-note").replaceChildren(troubleOf(error));
@@ -32,48 +94,65 @@ export async function overTime(solution, seen) {
       form.start.value = t[0];
       form.stop.value = t.at(-1);
     }
+    remember({ start: place && place[0], stop: place && place[1] });
     await drawLines();
-    const text = `${t.length} samples from ${number(t[0], 10)} to ${number(t.at(-1), 10)}; no value is off by more than ${number(shown.error, 2)}.`;
+    const text = `From ${number(t[0], 10)} to ${number(t.at(-1), 10)}: ${NOTES[shown.kind](shown)}; no value is off by more than ${number(shown.error, 2)}.`;
     $("series-note").textContent = text;
     say(text);
     seen(shown);
   }
 
-  const between = (start, stop) => show(`?start=${encodeURIComponent(start)}&stop=${encodeURIComponent(stop)}&samples=${SAMPLES}`);
-
-  async function drawLines() {
-    await draw($("series"), (colours) => {
-      const { columns, error } = shown;
-      const size = Math.max(...NAMES.flatMap((name) => (columns[name] ? columns[name].map(Math.abs) : [0])));
-      const traces = NAMES.filter((name) => columns[name]).map((name) => {
-        const k = NAMES.indexOf(name);
-        const bars = error > 2e-3 * size ? { error_y: { type: "constant", value: error, thickness: 0.6, width: 0 } } : {};
-        return { x: columns.t, y: columns[name], name: SHOWN[name], mode: "lines", line: { color: colours[`c${(k % 3) + 1}`], width: 1.6, dash: "solid" },
-          yaxis: k < 3 ? "y" : "y2", legendgroup: name, hovertemplate: `${SHOWN[name]} = %{y:.10g}<br>t = %{x:.10g}<extra></extra>`, ...bars };
-      });
-      return { traces, layout: {
-        xaxis: { title: { text: "t" }, anchor: "y2", range: [columns.t[0], columns.t.at(-1)], exponentformat: "power" },
-        yaxis: { domain: [0.54, 1], title: { text: "ω" } }, yaxis2: { domain: [0, 0.46], title: { text: "γ" } },
-        dragmode: "zoom", hovermode: "closest", legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, margin: { l: 58, r: 14, t: 34, b: 44 },
-      } };
-    });
-  }
+  const whole = (place) => { heights = {}; return show(place); };
+  const drawLines = () => draw($("series"), (colours) => ({ traces: tracesOf(shown, heights, colours), layout: {
+    xaxis: { title: { text: "t" }, anchor: "y2", range: [shown.columns.t[0], shown.columns.t.at(-1)], exponentformat: "power" },
+    yaxis: { domain: [1 - PANEL, 1], title: { text: "ω" }, ...heights.yaxis }, yaxis2: { domain: [0, PANEL], title: { text: "γ" }, ...heights.yaxis2 },
+    dragmode: "zoom", hovermode: "closest", legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, margin: MARGIN,
+  } }));
 
   form.addEventListener("input", () => (typed = true));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
-    between(form.start.value, form.stop.value);
+    whole([form.start.value, form.stop.value]);
   });
-  $("stored").addEventListener("click", () => show(""));
+  $("stored").addEventListener("click", () => whole(null));
   if (solution.period) {
     $("period").hidden = false;
-    $("period").addEventListener("click", () => between(0, solution.period.value));
+    $("period").addEventListener("click", () => whole([shown.columns.t[0], shown.columns.t[0] + solution.period.value]));
   }
-  await show("");
+  await show(stretch);
   $("series").on?.("plotly_relayout", (change) => {
+    for (const axis of ["yaxis", "yaxis2"]) {
+      if (change[`${axis}.range[0]`] !== undefined) heights[axis] = { range: [change[`${axis}.range[0]`], change[`${axis}.range[1]`]] };
+    }
     const [start, stop] = [change["xaxis.range[0]"], change["xaxis.range[1]"]];
     // The times before 0 are no part of a solution.
-    if (start !== undefined && stop > start) between(Math.max(0, start), stop);
+    if (start !== undefined && stop > start) show([Math.max(0, start), stop]);
+    else if (change["yaxis.range[0]"] !== undefined || change["yaxis2.range[0]"] !== undefined) drawLines();
+  });
+}
+
+/** Return the lines, dots or bands of the six variables, with their errors where these are wider than a pixel. */
+function tracesOf({ kind, columns, error, ranges }, heights, colours) {
+  const isWide = [[0, 3, "yaxis"], [3, 6, "yaxis2"]].map(([from, to, axis]) => {
+    const values = NAMES.slice(from, to).filter((name) => columns[name]).flatMap((name) => [Math.min(...columns[name]), Math.max(...columns[name])]);
+    const [low, high] = heights[axis]?.range ?? [Math.min(...values), Math.max(...values)];
+    return 2 * error * PANEL * ($("series").clientHeight - MARGIN.t - MARGIN.b) > high - low;
+  });
+  return NAMES.filter((name) => columns[name]).flatMap((name) => {
+    const k = NAMES.indexOf(name);
+    const colour = colours[`c${(k % 3) + 1}`];
+    const common = { name: SHOWN[name], yaxis: k < 3 ? "y" : "y2", legendgroup: name, mode: "lines" };
+    const area = (x, low, high, told) => [{ ...common, x, y: low, line: { width: 0 }, showlegend: false, hoverinfo: "skip" },
+      { ...common, x, y: high, line: { width: 0 }, fill: "tonexty", fillcolor: `${colour}40`, ...told }];
+    if (kind === "band") {
+      const [low, high] = ranges[name].map((end, side) => end + (side ? error : -error));
+      return area([columns.t[0], columns.t.at(-1)], [low, low], [high, high],
+        { line: { width: 1, color: colour }, hovertemplate: `${SHOWN[name]} from ${number(low, 8)} to ${number(high, 8)}<extra></extra>` });
+    }
+    const own = { x: columns.t, y: columns[name], hovertemplate: `${SHOWN[name]} = %{y:.10g}<br>t = %{x:.10g}<extra></extra>` };
+    const curve = kind === "dots" ? { ...common, ...own, mode: "markers", marker: { size: 2.5, color: colour } } : { ...common, ...own, line: { color: colour, width: 1.6 } };
+    const bounds = isWide[k < 3 ? 0 : 1] ? area(columns.t, columns[name].map((y) => y - error), columns[name].map((y) => y + error), { showlegend: false, hoverinfo: "skip" }) : [];
+    return [...bounds, curve];
   });
 }
 
@@ -83,8 +162,8 @@ export async function drifts(body, { columns, error }) {
   if (!p || !g1) return;
   const [A, B, C] = [exact(body.A), body.B == null ? null : exact(body.B), exact(body.C)];
   const at = (k) => A * p[k] * g1[k] + (B === null ? 0 : B * q[k] * g2[k]) + C * r[k] * g3[k];
-  const areas = t.map((_, k) => Math.max(LEAST_DRIFT, Math.abs(at(k) - at(0))));
-  const length = t.map((_, k) => Math.max(LEAST_DRIFT, Math.abs(g1[k] ** 2 + g2[k] ** 2 + g3[k] ** 2 - 1)));
+  const areas = t.map((_, k) => Math.max(LEAST, Math.abs(at(k) - at(0))));
+  const length = t.map((_, k) => Math.max(LEAST, Math.abs(g1[k] ** 2 + g2[k] ** 2 + g3[k] ** 2 - 1)));
   await draw($("drift"), (colours) => ({
     traces: [
       { x: t, y: length, name: "|γ|² − 1", mode: "markers", marker: { size: 3.5, color: colours.c1 } },

@@ -1,20 +1,48 @@
-// One solution: facts, samples of any stretch, curves, drifts, provenance, files.
-import { $, ago, asked, bodyText, copier, fill, get, h, motionText, potentialText, request, run } from "./core.js";
+// One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
+import { $, ago, asked, bodyText, copier, fill, get, h, measured, motionText, number, pause, potentialText, request, run, troubleOf } from "./core.js";
 import { multipliers, turningBody } from "./body.js";
-import { factsOf } from "./facts.js";
-import { drifts, overTime, phasePlane } from "./series.js";
+import { between, drifts, overTime, phasePlane, samplesOf } from "./series.js";
 import { pointsOf, turnable } from "./sphere.js";
 
 const FORMATS = { json: "JSON", csv: "CSV", ndjson: "NDJSON", npz: "NPZ (NumPy)", arrow: "Arrow", parquet: "Parquet" };
+const FRAMES = 800; // of the turning body, equally far apart in time
+
+const ENDS = { pole: "a pole", equator: "the equator", rest: "rest", separatrix: "a separatrix", collision: "a collision" };
+const ENDLESS = {
+  separatrix: "on a separatrix: it approaches an equilibrium for ever", equilibrium: "an equilibrium: nothing moves",
+  collision: "it runs into a singularity of the potential", pole: "it approaches a pole for ever",
+};
+
+const fact = (name, ...value) => h("div", {}, h("dt", {}, name), h("dd", {}, ...value.flat()));
+
+/** Return the facts of a solution, each with its error, as parts of a description list. */
+function factsOf(solution) {
+  const { period, aperiodic, energy, window: range, invariants, cross_check: check, stability, precession } = solution;
+  const drift = Object.entries(invariants ?? {}).filter(([, value]) => value?.drift !== undefined);
+  return [
+    period ? fact("Period", measured(period)) : fact("Period", aperiodic ? `none, ${ENDLESS[aperiodic] ?? aperiodic}` : "none is known"),
+    energy ? fact("Energy", measured(energy)) : null,
+    fact("Error of a sample", h("span", { class: "value" }, `≤ ${number(solution.error, 2)}`)),
+    range ? fact("Fills", `from ${ENDS[range.ends[0]] ?? range.ends[0]} to ${ENDS[range.ends[1]] ?? range.ends[1]}`,
+      h("span", { class: "error" }, ` γ₁ in [${range.g1.map((x) => number(x, 5)).join(", ")}]`)) : null,
+    drift.length ? fact("Drift", drift.map(([name, value], k) => [k ? ", " : "", `${name} `, h("span", { class: "value" }, number(value.drift, 2))]).flat()) : null,
+    precession ? fact("Precession ψ in a period", measured(precession.psi1)) : null,
+    stability ? fact("In its plane it is", h("span", { class: "value" }, stability.verdict), h("span", { class: "error" },
+      ` trace ${number(stability.trace, 8)} ± ${number(stability.error, 2)}`)) : null,
+    stability?.trusted_time ? fact("An integration holds until", h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`)) : null,
+    check ? fact("Second method", `${check.method} ${check.agrees ? "agrees" : "disagrees"}`, h("span", { class: "error" }, ` within ${number(check.disagreement, 2)}`)) : null,
+    fact("How", `${solution.method}, tier ${solution.tier}`, h("span", { class: "error" }, ` ${number(solution.cost.compute_seconds, 2)} s`)),
+  ].filter(Boolean);
+}
 
 function curves({ columns }) {
   if (columns.g1) {
-    const points = pointsOf(columns, ["g1", "g2", "g3"]);
+    const points = pointsOf(columns, ["g1", "g2", "g3"], Infinity);
     turnable($("gamma"), { curves: [{ points }], marks: [{ point: points[0], title: "start" }], labels: ["γ₁", "γ₂", "γ₃"], alt: "Path of the vertical on the unit sphere" });
   }
   if (columns.p) {
-    const largest = Math.max(1e-300, ...columns.p.map((_, k) => Math.hypot(columns.p[k], columns.q[k], columns.r[k])));
-    const points = pointsOf(columns, ["p", "q", "r"], 1500, 1 / largest);
+    const largest = columns.p.reduce((most, _, k) => Math.max(most, Math.hypot(columns.p[k], columns.q[k], columns.r[k])), 1e-300);
+    const points = pointsOf(columns, ["p", "q", "r"], Infinity, 1 / largest);
     turnable($("omega"), { curves: [{ points, kind: "curve second" }], marks: [{ point: points[0], title: "start" }], labels: ["p", "q", "r"], ball: false, alt: "Path of the angular velocity in the body" });
   }
 }
@@ -30,7 +58,8 @@ function files(solution) {
     h("p", { class: "hint" }, "The stored samples, in full precision. Or ask for what is on the screen:"),
     h("div", { class: "row" },
       copier("Copy as curl", () => `curl -s '${url}?${query()}' -H 'Accept: text/csv'`),
-      copier("Copy as Python", () => `import json\nimport urllib.request\n\nwith urllib.request.urlopen("${url}?${query()}") as answer:\n    columns = json.load(answer)["columns"]\n`)));
+      copier("Copy as Python", () => `import numpy as np\nimport polhode as ph\n\nmotion = ph.connect(${JSON.stringify(new URL(".", document.baseURI).href)}).solution("${solution.id}")\n`
+        + `samples = motion.at(np.linspace(${Number(form.start.value)}, ${Number(form.stop.value)}, 800))\nprint(samples.gamma, samples.error)\n`)));
 }
 
 async function download(path, name) {
@@ -56,15 +85,59 @@ async function show() {
   files(solution);
   if (solution.stability) multipliers($("multipliers"), solution.stability);
   $("body").hidden = false;
-  await overTime(solution, (trajectory) => {
-    curves(trajectory);
-    drifts(problem.body, trajectory);
-    $("turn-title").parentElement.hidden = !turningBody($("turning"), problem.body, trajectory);
-    $("stability").hidden = !solution.stability;
-    $("space").hidden = $("turn-title").parentElement.hidden && $("stability").hidden;
-    $("phase-section").hidden = !(trajectory.columns.p && trajectory.columns.g1 && problem.motion.type === "planar");
-    if (!$("phase-section").hidden) phasePlane(trajectory);
+  const [start, stop] = [asked().get("start"), asked().get("stop")];
+  const ofOthers = comparing(solution);
+  const ofOrientation = turning(solution);
+  let latest = null;
+  await overTime(solution, start !== null && stop !== null ? [start, stop] : null, async (stretch) => {
+    const { turn } = stretch;
+    latest = stretch;
+    $("phase-section").hidden = !(turn.columns.p && turn.columns.g1 && problem.motion.type === "planar");
+    const pictures = [() => curves(turn), () => drifts(problem.body, stretch), () => $("phase-section").hidden || phasePlane(turn),
+      () => ofOrientation(stretch), () => ofOthers(stretch)];
+    // One at a time, so that the browser can answer to people in between.
+    for (const show of pictures) {
+      await pause(0);
+      if (latest === stretch) show();
+    }
   });
+}
+
+/** Return what shows how the body turns in a stretch; of too many periods in the first one. */
+function turning(solution) {
+  const hasOrientation = Boolean(solution.problem.outputs?.includes("orientation"));
+  $("turn-title").parentElement.hidden = !hasOrientation;
+  $("stability").hidden = !solution.stability;
+  $("space").hidden = !hasOrientation && !solution.stability;
+  let asking = null;
+  return async ({ kind, columns, turn }) => {
+    if (!hasOrientation) return;
+    asking?.abort();
+    asking = new AbortController();
+    const { t } = kind === "band" ? turn.columns : columns;
+    try {
+      const names = ["q0", "q1", "q2", "q3"];
+      turningBody($("turning"), solution.problem.body, await samplesOf(solution.id, between(t[0], t.at(-1), `samples=${FRAMES}`), names, asking.signal));
+    } catch (error) {
+      if (error.name !== "AbortError") fill($("turning"), troubleOf(error));
+    }
+  };
+}
+
+/** Return what compares each stretch with other solutions; its module comes when somebody looks there. */
+function comparing(solution) {
+  let stretch = null;
+  let shown = null;
+  const open = () => {
+    shown ??= import("./compare.js").then(({ comparison }) => comparison(solution));
+    shown.then((renew) => renew(stretch)).catch((error) => fill($("compare-note"), troubleOf(error)));
+  };
+  const seen = new IntersectionObserver(([{ isIntersecting }]) => { if (isIntersecting && stretch && !shown) open(); });
+  return (found) => {
+    stretch = found;
+    if (shown || asked().has("with")) open();
+    else seen.observe($("compare-section"));
+  };
 }
 
 run(show, $("failure"));

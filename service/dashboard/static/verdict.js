@@ -32,7 +32,6 @@ const WANTED = ["h", "F", "G", "curve", "p_squared"];
 export function showVerdict(found) {
   if (found === null) {
     fill($("verdict"));
-    fill($("formulas"));
     return;
   }
   const { verdict, proof, counterexample, evidence, nearest } = found;
@@ -43,8 +42,11 @@ export function showVerdict(found) {
       h("span", { class: "value" }, `${number(Number(counterexample.residual.mid), 10)} ± ${number(Number(counterexample.residual.rad), 2)}`), ".") : null,
     evidence?.points ? h("p", { class: "hint" }, `Looked at ${evidence.points} points with ${evidence.bits} bits; the largest enclosure is ${evidence.largest_enclosure}.`) : null,
     nearest ? h("p", {}, "The nearest admissible polynomial: ", h("code", {}, nearest.expression_named ?? nearest.expression)) : null);
-  // Of several ways to write a function, the one with the parameters' names comes first.
-  const shown = WANTED.map((name) => (found.formulas ?? []).find((candidate) => candidate.name === name && candidate.formats.mathml)).filter(Boolean);
+}
+
+/** Show h, F, G and what else is known of the motion; of several ways to write one, that with the parameters' names comes first. */
+export function showFormulas(formulas) {
+  const shown = WANTED.map((name) => formulas.find((candidate) => candidate.name === name && candidate.formats.mathml)).filter(Boolean);
   fill($("formulas"), shown.map((one) => h("div", { class: "formula-line" }, formula(one.formats.mathml))));
 }
 

@@ -1,25 +1,30 @@
 // A problem is written here; verdict, motions and costs follow while one types.
 import { $, copier, exact, fill, get, h, number, post, Refusal, run, say, troubleOf } from "./core.js";
 import { build, fillForm, problemOf, showFaults } from "./fields.js";
-import { showSphere, showVerdict } from "./verdict.js";
+import { showFormulas, showSphere, showVerdict } from "./verdict.js";
 
-const QUIET = 120; // milliseconds after the last key
+const QUIET = 40; // milliseconds after the last key: of what is typed fast not each letter is asked for
 const FIRST = {
   body: { A: 2, C: 1 }, potential: { type: "expression", expression: "a*g1 + b/g3^2 + c*(g1^2 - g2^2)", parameters: { a: -1, b: "1/20", c: "3/2" } },
   motion: { type: "planar", lambda: 2 }, time: { periods: 1, samples: 201 },
 };
+const FORMULAS = "?formulas=mathml";
 const OVER = ["succeeded", "failed", "cancelled"];
 
 let timer = null;
 let asking = new AbortController();
 
+/** Wait until nothing is typed; an answer to what was there before is of no use from now on. */
 function changed() {
+  asking.abort();
+  $("verdict").setAttribute("aria-busy", "true");
   clearTimeout(timer);
   timer = setTimeout(look, QUIET);
 }
 
-/** Ask for the verdict and for the plan of the job; answers to what was typed before are dropped. */
+/** Ask for the verdict, which is shown at once, and for the plan of the job; answers to what was typed before are dropped. */
 async function look() {
+  clearTimeout(timer);
   asking.abort();
   asking = new AbortController();
   const { signal } = asking;
@@ -27,26 +32,37 @@ async function look() {
   history.replaceState(null, "", `#${encodeURIComponent(JSON.stringify(problem))}`);
   const { body, potential } = problem;
   $("verdict").setAttribute("aria-busy", "true");
-  const ask = (document) => post("v1/validations?formulas=mathml", document, { signal })
+  const ask = (document, query) => post(`v1/validations${query}`, document, { signal })
     .then((found) => ({ found, faults: [] }), (error) => {
       if (error instanceof Refusal) return { found: null, faults: error.faults, error };
       throw error;
     });
   try {
-    const [judged, planned] = await Promise.all([ask({ body, potential }), ask(problem)]);
+    // To write formulas takes ten times as long as the verdict, which therefore does not wait for them.
+    const judged = await ask({ body, potential }, "");
     if (signal.aborted) return;
+    showVerdict(judged.found);
+    $("verdict").setAttribute("aria-busy", "false");
+    const hasFormulas = judged.found?.verdict === "admissible";
+    if (!hasFormulas) showFormulas([]);
+    $("formulas").setAttribute("aria-busy", hasFormulas);
+    const planned = await ask(problem, FORMULAS);
+    // Those of a problem are of its own curve; while it has faults, those of the potential are shown.
+    const written = hasFormulas && !planned.found ? await ask({ body, potential }, FORMULAS) : planned;
+    if (signal.aborted) return;
+    showFormulas(written.found?.formulas ?? []);
+    $("formulas").setAttribute("aria-busy", "false");
     const faults = planned.faults.length ? planned.faults : judged.faults;
     showFaults(judged.found?.verdict === "inadmissible" ? faults.filter((fault) => fault.code !== "inadmissible_potential") : faults);
     if (planned.error && !faults.length) fill($("job"), troubleOf(planned.error));
     else fill($("job"));
-    // With the motion known, the formulas are those of its own curve.
-    $("verdict").setAttribute("aria-busy", "false");
-    showVerdict(judged.found === null ? null : { ...judged.found, formulas: planned.found?.formulas ?? judged.found.formulas });
     showPlan(planned.found?.plan);
     showSphere(judged.found, problem, planned.found?.plan?.window);
     await atlas(problem, judged.found, signal);
   } catch (error) {
-    if (!signal.aborted) fill($("job"), troubleOf(error));
+    if (signal.aborted) return;
+    for (const place of ["verdict", "formulas"]) $(place).setAttribute("aria-busy", "false");
+    fill($("job"), troubleOf(error));
   }
 }
 
@@ -121,10 +137,9 @@ async function showTiers(chosen) {
 }
 
 function asPython() {
-  const url = new URL("v1/jobs", document.baseURI).href;
-  return `import json\nimport urllib.request\n\nproblem = json.loads("""${JSON.stringify(problemOf()).replaceAll("\\", "\\\\").replaceAll('"""', '\\"""')}""")\n`
-    + `request = urllib.request.Request(\n    "${url}", json.dumps(problem).encode(), {"Content-Type": "application/json", "Prefer": "wait=30"})\n`
-    + "with urllib.request.urlopen(request) as answer:\n    print(json.load(answer)[\"solution\"])\n";
+  const text = JSON.stringify(problemOf()).replaceAll("\\", "\\\\").replaceAll('"', '\\"');
+  return `import json\n\nimport polhode as ph\n\nproblem = json.loads("${text}")\n`
+    + `motion = ph.connect(${JSON.stringify(new URL(".", document.baseURI).href)}).solve(problem)\nprint(motion.period, motion.energy, motion.error)\n`;
 }
 
 function asCurl() {
