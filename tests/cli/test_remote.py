@@ -5,7 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import httpx
 import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner, Result
@@ -132,25 +131,22 @@ def test_help_has_examples_and_shells_complete(remote, here, monkeypatch):
     assert set(remote().stdout.split()) >= {"submit", "show", "sweep", "solve", "serve"}
 
 
-def test_labels_are_changed_by_a_merge_patch(monkeypatch):
-    """Against the contract of PATCH (RFC 7396), which is answered here."""
-    import polhode as ph  # noqa: PLC0415
-
-    stored = {"id": NO_ID, "labels": {"project": "old", "figure": "1"}, "note": None}
-
-    def answer(request: httpx.Request) -> httpx.Response:
-        if request.url.path != f"/v1/solutions/{NO_ID}":
-            return httpx.Response(404, json={"type": "urn:polhode:problem:not_found"})
-        if request.method == "PATCH":
-            assert request.headers["content-type"] == "application/merge-patch+json"
-            patch = json.loads(request.content)
-            for name, value in patch.pop("labels").items():
-                stored["labels"].pop(name, None)
-                stored["labels"] |= {} if value is None else {name: value}
-            stored.update(patch)
-        return httpx.Response(200, json=stored)
-
-    with ph.connect("http://127.0.0.1:9", cache=False) as client:
-        client.carrier._http._transport = httpx.MockTransport(answer)
-        thing = client.tag(NO_ID, {"project": "thesis", "figure": None}, note="checked")
-    assert (thing.document["labels"], thing.document["note"]) == ({"project": "thesis"}, "checked")
+def test_labels_are_changed_and_listed(here, base):
+    job = here("submit", "-", content=json.dumps(base | {"labels": {"project": "old", "run": "7"}}))
+    thing = job.stdout.strip()
+    assert here("wait", thing).exit_code == 0
+    # A job and its solution have labels of their own.
+    solution = json.loads(here("show", thing, "--json").stdout)["solution"]
+    for each, of in ((thing, "jobs"), (solution, "solutions")):
+        changed = here("tag", each, "project=thesis", "run=", "figure=3", "--note", "checked", "--json")
+        document = json.loads(changed.stdout)
+        assert document["labels"] == {"project": "thesis", "figure": "3"}
+        assert document["note"] == "checked"
+        listed = here("list", "label.project=thesis", "--of", of)
+        head, line = listed.stdout.splitlines()
+        assert head.split()[-1] == "labels"
+        assert "figure=3, project=thesis" in line
+        rows = json.loads(here("list", f"id={each}", "--of", of, "--columns", "labels", "--json").stdout)
+        assert rows == [{"labels": document["labels"]}]
+    refused = here("tag", thing, "=thesis")
+    assert refused.exit_code == 2

@@ -155,6 +155,22 @@ def test_notebooks_show_facts_and_a_picture(connected, base):
     assert "inadmissible" in connected.judge("g1 + g2/10", body=(2, 1))._repr_html_()
 
 
+def test_a_motion_is_found_by_its_labels_and_cited(connected, base):
+    motion = connected.solve(base, lam="6/5", labels={"project": "thesis", "figure": "3"}, note="to be drawn")
+    assert (motion.labels, motion.document["note"]) == ({"project": "thesis", "figure": "3"}, "to be drawn")
+    tagged = connected.tag(motion.id, {"project": "paper", "figure": None})
+    assert tagged.labels == connected.solution(motion.id).labels == {"project": "paper"}
+    listing = connected.solutions("label.project=paper")
+    assert listing.rows(["id", "label.project", "labels"]) == [
+        {"id": motion.id, "label.project": "paper", "labels": {"project": "paper"}}
+    ]
+    assert motion.citation().startswith("@")
+    assert motion.id in motion.citation()
+    assert motion.citation("cff").startswith("cff-version: ")
+    with pytest.raises(ph.WrongArgumentError, match="did you mean 'labels'"):
+        connected.solve(base, label={"project": "thesis"})
+
+
 def test_what_never_changes_is_asked_for_once(connected, base, service):
     motion = connected.solve(base)
     first = motion.frame()

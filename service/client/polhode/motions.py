@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Generic
+from typing import TYPE_CHECKING, Generic, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -92,6 +92,13 @@ class Motion(Generic[CarrierT]):
         told = self.document.get("stability")
         return told if isinstance(told, Mapping) else None
 
+    @property
+    def labels(self) -> Mapping[str, str]:
+        """What it was marked with."""
+        labels = self.document["labels"]
+        assert isinstance(labels, Mapping)
+        return labels
+
     @operation
     def at(self, times: ArrayLike) -> Operation[Samples]:
         """Return the variables at any times, one or many, evaluated here with the bits of the service.
@@ -129,6 +136,12 @@ class Motion(Generic[CarrierT]):
             The motion is of another tier.
         """
         return (yield from ask_json(self.carrier.terms, "GET", f"/v1/solutions/{self.id}/enclosures"))
+
+    @operation
+    def citation(self, file_format: Literal["bibtex", "cff"] = "bibtex") -> Operation[str]:
+        """Return how to cite the motion in a paper: as BibTeX, or as a citation file (CFF)."""
+        path = f"/v1/solutions/{self.id}/citation?format={file_format}"
+        return (yield from ask(self.carrier.terms, "GET", path, accept="*/*")).content.decode()
 
     @operation
     def plot(
