@@ -195,10 +195,30 @@ class Motion(Generic[CarrierT]):
             except (PolhodeError, KeyError):
                 picture = ""  # facts are better than nothing
         error = f"{self.error:.1e}"
-        facts = {"period": self.period or self.aperiodic, "energy": self.energy, "error": error}
-        return table_html(
-            "Motion", {**facts, "method": f"{self.method}, {self.tier}", "id": self.id}, picture
-        )
+        facts = {
+            "period": self.period or self.aperiodic,
+            "energy": self.energy,
+            "error": error,
+            "problem": _in_words(self.problem),
+            "method": f"{self.method}, {self.tier}",
+            "id": self.id,
+        }
+        return table_html("Motion", facts, picture)
+
+
+def _in_words(problem: Mapping[str, object]) -> str:
+    """Return body, potential and motion of a problem on one line, without what is nested deeper."""
+    told = []
+    for name in ("body", "potential", "motion"):
+        section = problem.get(name)
+        given = dict(section) if isinstance(section, Mapping) else {}
+        parameters = given.pop("parameters", None)
+        given |= parameters if isinstance(parameters, Mapping) else {}
+        first = given.pop("expression", None) or given.get("type")
+        given.pop("type", None)
+        numbers = [f"{key} = {value}" for key, value in given.items() if isinstance(value, int | float | str)]
+        told.append(", ".join([str(first)] * (first is not None) + numbers))
+    return "; ".join(told)
 
 
 def _read_function(told: Mapping[str, object]) -> FunctionOfTime:
