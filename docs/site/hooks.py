@@ -1,7 +1,7 @@
 """What MkDocs asks for while it builds the pages: pages that are made of other things, formulas, links.
 
 The first page is the README, the references are made from the OpenAPI
-document and from the commands themselves, the tutorials from notebooks, which are executed if
+document, the commands and the client themselves, the tutorials from notebooks, which are executed if
 EXECUTE_NOTEBOOKS is set. Formulas between dollar signs
 become MathML, which browsers draw without a library.
 """
@@ -12,6 +12,7 @@ import re
 from html import unescape
 from pathlib import Path, PurePosixPath
 
+from client_reference import client_page
 from command_reference import commands_page
 from http_reference import documents_page, http_page
 from latex2mathml.converter import convert
@@ -57,6 +58,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         "reference/http.md": http_page(api),
         "reference/documents.md": documents_page(api),
         "reference/commands.md": commands_page(),
+        "reference/client.md": client_page(),
     }
     for name, content in made.items():
         files.append(File.generated(config, name, content=content))

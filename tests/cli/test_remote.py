@@ -93,7 +93,7 @@ def test_lists_are_tables_for_people_and_json_for_programs(here, base):
 @pytest.mark.parametrize(
     ("arguments", "code", "told"),
     [
-        (["list", "perod<5"], 1, "did you mean|accepted are"),
+        (["list", "perod<5"], 1, "did you mean 'period'?"),
         (["show", NO_ID], 1, "no job, solution or sweep has the id"),
         (["cancel", NO_ID], 1, "no job, solution or sweep has the id"),
         (["submti"], 2, "'submit'"),
@@ -109,7 +109,7 @@ def test_lists_are_tables_for_people_and_json_for_programs(here, base):
 def test_mistakes_are_told_with_what_is_accepted(here, arguments, code, told):
     result = here(*arguments)
     assert (result.exit_code, result.stdout) == (code, "")
-    assert any(each in result.stderr for each in told.split("|")), result.stderr
+    assert told in result.stderr
 
 
 def test_a_refused_problem_tells_its_faults(here, base):
