@@ -55,10 +55,10 @@ format: $(READY)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# The documentation as pages in build/site, without a warning; pictures are drawn anew by FIGURES=1.
+# The documentation as pages in build/site, without a warning. Notebooks are executed; FIGURES=1 draws pictures anew.
 docs: $(READY)
 	$(if $(FIGURES),for script in theorem gallery classical; do $(BIN)/python docs/figures/$$script.py || exit 1; done)
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict -f docs/site/mkdocs.yml
+	EXECUTE_NOTEBOOKS=1 NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict -f docs/site/mkdocs.yml
 
 bench: $(READY)
 	$(BIN)/python -m tests.benchmarks

@@ -23,6 +23,7 @@ def commands_page() -> str:
         context = click.Context(command, info_name=" ".join(words))
         lines += [f"## {' '.join(words)}", "", _sentences(command.help or ""), "", "```"]
         lines += [command.get_usage(context), "```", "", *_parameters(command, context)]
+        lines += _examples(command)
     return "\n".join(lines)
 
 
@@ -34,6 +35,12 @@ def _commands(words: Words, command: click.Command) -> Iterator[tuple[Words, cli
     for name, child in children.items():
         if not child.hidden:
             yield from _commands((*words, name), child)
+
+
+def _examples(command: click.Command) -> Iterator[str]:
+    examples = [line.strip() for line in (command.epilog or "").splitlines() if line.startswith("  ")]
+    if examples:
+        yield from ("```sh", *examples, "```", "")
 
 
 def _parameters(command: click.Command, context: click.Context) -> Iterator[str]:

@@ -11,6 +11,7 @@ import typer
 
 from service.cli import doctor, documents, families, keys, serving, storage, sweeps
 from service.cli.common import REFUSED, Command
+from service.cli.examples import examples_of
 from service.cli.remote import commands as remote
 from service.dynamics.numerics import NUMERICS
 from service.terminal import FileFaultError, answer, say
@@ -39,10 +40,9 @@ for _command in (
     storage.restore,
     storage.prune,
 ):
-    app.command(cls=Command)(_command)
-for _name, _remote in remote.COMMANDS.items():
-    app.command(name=_name, cls=Command, epilog=remote.examples_of(_name))(_remote)
-app.command(name="compile", cls=Command)(documents.compile_solvers)
+    app.command(cls=Command, epilog=examples_of(_command.__name__))(_command)
+for _name, _other in {**remote.COMMANDS, "compile": documents.compile_solvers}.items():
+    app.command(name=_name, cls=Command, epilog=examples_of(_name))(_other)
 app.add_typer(keys.app, name="keys")
 
 

@@ -1,13 +1,14 @@
 """The commands that ask a service, as processes; and those that a service of this tree cannot answer yet."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
-import httpx
 import pyarrow.parquet as pq
 import pytest
+import typer
 from typer.testing import CliRunner, Result
 
 from service.cli.commands import app
@@ -94,7 +95,7 @@ def test_lists_are_tables_for_people_and_json_for_programs(here, base):
 @pytest.mark.parametrize(
     ("arguments", "code", "told"),
     [
-        (["list", "perod<5"], 1, "did you mean|accepted are"),
+        (["list", "perod<5"], 1, "did you mean 'period'?"),
         (["show", NO_ID], 1, "no job, solution or sweep has the id"),
         (["cancel", NO_ID], 1, "no job, solution or sweep has the id"),
         (["submti"], 2, "'submit'"),
@@ -110,7 +111,7 @@ def test_lists_are_tables_for_people_and_json_for_programs(here, base):
 def test_mistakes_are_told_with_what_is_accepted(here, arguments, code, told):
     result = here(*arguments)
     assert (result.exit_code, result.stdout) == (code, "")
-    assert any(each in result.stderr for each in told.split("|")), result.stderr
+    assert told in result.stderr
 
 
 def test_a_refused_problem_tells_its_faults(here, base):
@@ -124,33 +125,31 @@ def test_a_refused_problem_tells_its_faults(here, base):
 
 
 def test_help_has_examples_and_shells_complete(remote, here, monkeypatch):
-    for name in ("submit", "wait", "show", "get", "list", "tag", "cancel"):
-        assert f"\n    polhode {name} " in here(name, "--help").stdout
+    for name, command in typer.main.get_command(app).commands.items():
+        if not hasattr(command, "commands"):
+            assert re.search(rf"\n    (\w+=\w+ )?polhode {name}\b", here(name, "--help").stdout), name
     monkeypatch.setenv("_POLHODE_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", "polhode s")
     monkeypatch.setenv("COMP_CWORD", "1")
     assert set(remote().stdout.split()) >= {"submit", "show", "sweep", "solve", "serve"}
 
 
-def test_labels_are_changed_by_a_merge_patch(monkeypatch):
-    """Against the contract of PATCH (RFC 7396), which is answered here."""
-    import polhode as ph  # noqa: PLC0415
-
-    stored = {"id": NO_ID, "labels": {"project": "old", "figure": "1"}, "note": None}
-
-    def answer(request: httpx.Request) -> httpx.Response:
-        if request.url.path != f"/v1/solutions/{NO_ID}":
-            return httpx.Response(404, json={"type": "urn:polhode:problem:not_found"})
-        if request.method == "PATCH":
-            assert request.headers["content-type"] == "application/merge-patch+json"
-            patch = json.loads(request.content)
-            for name, value in patch.pop("labels").items():
-                stored["labels"].pop(name, None)
-                stored["labels"] |= {} if value is None else {name: value}
-            stored.update(patch)
-        return httpx.Response(200, json=stored)
-
-    with ph.connect("http://127.0.0.1:9", cache=False) as client:
-        client.carrier._http._transport = httpx.MockTransport(answer)
-        thing = client.tag(NO_ID, {"project": "thesis", "figure": None}, note="checked")
-    assert (thing.document["labels"], thing.document["note"]) == ({"project": "thesis"}, "checked")
+def test_labels_are_changed_and_listed(here, base):
+    job = here("submit", "-", content=json.dumps(base | {"labels": {"project": "old", "run": "7"}}))
+    thing = job.stdout.strip()
+    assert here("wait", thing).exit_code == 0
+    # A job and its solution have labels of their own.
+    solution = json.loads(here("show", thing, "--json").stdout)["solution"]
+    for each, of in ((thing, "jobs"), (solution, "solutions")):
+        changed = here("tag", each, "project=thesis", "run=", "figure=3", "--note", "checked", "--json")
+        document = json.loads(changed.stdout)
+        assert document["labels"] == {"project": "thesis", "figure": "3"}
+        assert document["note"] == "checked"
+        listed = here("list", "label.project=thesis", "--of", of)
+        head, line = listed.stdout.splitlines()
+        assert head.split()[-1] == "labels"
+        assert "figure=3, project=thesis" in line
+        rows = json.loads(here("list", f"id={each}", "--of", of, "--columns", "labels", "--json").stdout)
+        assert rows == [{"labels": document["labels"]}]
+    refused = here("tag", thing, "=thesis")
+    assert refused.exit_code == 2

@@ -1,12 +1,24 @@
+from collections.abc import Iterator
+
 import matplotlib
 import pytest
 
 import polhode as ph
-from tests.end_to_end.conftest import service
+from tests.support.serving import Service, serving
 
 matplotlib.use("Agg")  # pictures without a screen
 
-__all__ = ["service"]
+
+@pytest.fixture(scope="session", params=["sqlite", pytest.param("postgres", marks=pytest.mark.long)])
+def service(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """A running service; whatever is asked of it is asked on Postgres too, in the long tests."""
+    environment = {}
+    if request.param == "postgres":
+        server = request.getfixturevalue("postgres")
+        template = request.getfixturevalue("postgres_template")
+        environment["POLHODE_DATABASE_URL"] = server.url(server.create_database(template))
+    with serving(tmp_path_factory.mktemp("service"), **environment) as running:
+        yield running
 
 
 @pytest.fixture

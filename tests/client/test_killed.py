@@ -79,12 +79,13 @@ def test_a_service_may_be_killed_and_started_again(killable, tmp_path):
         sweep = next(iter(client.sweeps()))
         assert (len(sweep), client.sweeps().count(), client.jobs("reused=false").count()) == (4000, 1, 1)
         rest: list[object] = []
-        asking = threading.Thread(target=lambda: rest.extend(sweep.table(f"index>={k}") for k in range(200)))
+        asking = threading.Thread(target=lambda: rest.extend(sweep.frame(f"index>={k}") for k in range(200)))
         asking.start()
         killable.kill()
+        assert asking.is_alive()
         killable.start()
         asking.join(300)
-        assert [len(table) for table in rest] == list(range(4000, 3800, -1))
+        assert [len(frame) for frame in rest] == list(range(4000, 3800, -1))
 
 
 def test_a_stream_of_points_that_ends_too_early_is_asked_for_again(connected, base):

@@ -1,6 +1,7 @@
 """Motions over the live service: numbers with their errors, and the function of time with its bits."""
 
 import asyncio
+from html import unescape
 
 import numpy as np
 import pytest
@@ -151,8 +152,36 @@ def test_an_event_loop_gets_the_same(connected, base, service):
 def test_notebooks_show_facts_and_a_picture(connected, base):
     html = connected.solve(base)._repr_html_()
     assert "±" in html
+    assert "A = 2, C = 1; a*g1 + b/g3^2, a = -1, b = 1/20; planar, lambda = 1" in html
     assert html.count("<polyline") >= 1
-    assert "inadmissible" in connected.judge("g1 + g2/10", body=(2, 1))._repr_html_()
+    refuted = connected.judge("g1 + g2/10", body=(2, 1))._repr_html_()
+    for fact in ("inadmissible", "γ = (2/7, 6/7, 3/7)", "nearest admissible"):
+        assert fact in refuted
+    proved = connected.judge("a*g1", body=(2, 1), a=-1, motion={"type": "planar", "nu": 1})._repr_html_()
+    assert "h(nu) = -1/2*a*nu" in proved
+    assert "motion 0" in proved
+    # Zero by an identity that the algebra does not know.
+    w = "(2 + g1*g3)"
+    open_question = f"g1 + (1 + 3*{w} + (3 + {w})*sqrt({w}))^(1/3) - 1 - sqrt({w})"
+    undecided = connected.judge(open_question, body=(2, 1))
+    assert undecided.verdict == "undecided"
+    assert undecided.document["evidence"]["doubt"][:100] in unescape(undecided._repr_html_())
+
+
+def test_a_motion_is_found_by_its_labels_and_cited(connected, base):
+    motion = connected.solve(base, lam="6/5", labels={"project": "thesis", "figure": "3"}, note="to be drawn")
+    assert (motion.labels, motion.document["note"]) == ({"project": "thesis", "figure": "3"}, "to be drawn")
+    tagged = connected.tag(motion.id, {"project": "paper", "figure": None})
+    assert tagged.labels == connected.solution(motion.id).labels == {"project": "paper"}
+    listing = connected.solutions("label.project=paper")
+    assert listing.rows(["id", "label.project", "labels"]) == [
+        {"id": motion.id, "label.project": "paper", "labels": {"project": "paper"}}
+    ]
+    assert motion.citation().startswith("@")
+    assert motion.id in motion.citation()
+    assert motion.citation("cff").startswith("cff-version: ")
+    with pytest.raises(ph.WrongArgumentError, match="did you mean 'labels'"):
+        connected.solve(base, label={"project": "thesis"})
 
 
 def test_what_never_changes_is_asked_for_once(connected, base, service):

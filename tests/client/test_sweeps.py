@@ -1,6 +1,11 @@
 """Sweeps and lists over the live service."""
 
+import io
+import json
+import zipfile
+
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 import polhode as ph
@@ -27,6 +32,17 @@ def test_a_sweep_is_a_frame_an_array_and_points(connected, sweep):
     assert filtered.period.tolist() == sorted(frame.period[frame.period > 5], reverse=True)
     again = connected.stored_sweep(sweep.id)
     assert again.frame().equals(frame)
+
+
+def test_a_sweep_is_a_package_to_publish(sweep, tmp_path):
+    file = sweep.package(tmp_path / "sweep.zip")
+    with zipfile.ZipFile(file) as package:
+        assert set(package.namelist()) == {"datapackage.json", "points.parquet", "sweep.json"}
+        points = pq.read_table(io.BytesIO(package.read("points.parquet")))
+        assert json.loads(package.read("sweep.json"))["axes"] == sweep.state["document"]["axes"]
+    assert points.column("period").to_numpy().tolist()[:3] == pytest.approx(
+        sweep.frame().period[:3].tolist(), abs=0, nan_ok=True
+    )
 
 
 def test_a_point_is_a_problem_of_its_own(sweep, base):

@@ -49,7 +49,13 @@ def commands() -> list[tuple[str, str]]:
         for path in PAGES
         for said in re.findall(r"`(polhode [a-z][^`]*)`", path.read_text())
     ]
-    return lines + quoted
+    examples = [
+        (f"{name} --help", line.strip())
+        for name, command in typer.main.get_command(app).commands.items()
+        for line in (command.epilog or "").splitlines()
+        if line.strip().startswith("polhode ")
+    ]
+    return lines + quoted + examples
 
 
 @pytest.mark.parametrize(("page", "line"), sorted(set(commands())))

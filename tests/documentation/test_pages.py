@@ -11,6 +11,14 @@ from mkdocs.commands.build import build
 from mkdocs.config import load_config
 from mkdocs.utils import CountHandler
 
+import polhode as ph
+from polhode.clients import Operations
+from polhode.jobs import Job
+from polhode.listings import Listing
+from polhode.motions import Motion
+from polhode.sweeps import Sweep
+from polhode.verdicts import Judgement
+
 TOP = Path(__file__).parents[2]
 LOADED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "link": "href"}
 """Elements with which a browser loads something by itself."""
@@ -90,3 +98,19 @@ def test_every_command_has_its_place(pages):
     for words in ("serve", "worker", "validate", "solve", "sweep", "keys create", "doctor", "calibrate"):
         assert f"polhode {words}<" in commands
     assert "--database-url" in commands
+
+
+def test_every_name_of_the_client_has_its_place(pages):
+    reference = (pages / "reference" / "client.html").read_text()
+    for name in ph.__all__:
+        if name not in ("Client", "AsyncClient"):  # whose methods have places of their own
+            assert re.search(rf">(ph\.)?{name}(\(\))?<", reference), name
+    public = [
+        name
+        for kind in (Operations, Motion, Sweep, Job, Listing, Judgement)
+        for name in vars(kind)
+        if not name.startswith("_") and name != "document"  # an attribute, described in the text
+    ]
+    assert len(public) > 40
+    for name in public:
+        assert re.search(rf"<h3[^>]*>{name}(\(\))?<", reference), name

@@ -125,21 +125,3 @@ COMMANDS: Mapping[str, Callable[..., None]] = {
     "tag": tag,
     "cancel": cancel,
 }
-
-_EXAMPLES = {
-    "submit": ("polhode submit problem.json --wait", "sed s/-1/-2/ problem.json | polhode submit -"),
-    "wait": ("polhode wait 01a20942-d407-7053-8f52-16b05c137715 --seconds 60",),
-    "show": ("polhode show 01a20942-d407-7053-8f52-16b05c137715 --json",),
-    "get": (
-        "polhode get 01a20942-d407-7053-8f52-16b05c137715 --out samples.parquet",
-        "polhode get 01a20942-d407-7053-8f52-16b05c137715 --start 1e6 --stop 1000010 --samples 11",
-    ),
-    "list": ("polhode list 'period<5, tier=high' --order -energy", "polhode list state=failed --of jobs"),
-    "tag": ("polhode tag 01a20942-d407-7053-8f52-16b05c137715 project=thesis figure=3",),
-    "cancel": ("polhode cancel 01a20942-d407-7053-8f52-16b05c137715",),
-}
-
-
-def examples_of(name: str) -> str:
-    """Return what the help of a command ends with; the mark keeps its lines as they are."""
-    return "\b\nExamples:\n" + "\n".join(f"  {line}" for line in _EXAMPLES[name])

@@ -28,15 +28,20 @@ def _facts(document: Mapping[str, object]) -> Iterator[Sequence[object]]:
             case {"value": digits, "radius": radius, **others} if not others:
                 yield name, f"{digits} ± {radius}"
             case dict() if all(not isinstance(each, dict | list) for each in value.values()):
-                told = ", ".join(f"{key}={each}" for key, each in value.items() if each is not None)
-                yield name, told or None
+                yield name, _pairs(value)
             case dict() | list():
                 continue
             case _:
                 yield name, value
 
 
+def _pairs(value: Mapping[str, object]) -> str | None:
+    return ", ".join(f"{key}={each}" for key, each in value.items() if each is not None) or None
+
+
 def _cell(value: object) -> str:
+    if isinstance(value, dict):
+        value = _pairs(value)
     if value is None:
         return "-"
     text = one_line(repr(value) if isinstance(value, float) else str(value))

@@ -9,6 +9,7 @@ import typer
 
 import polhode as ph
 from polhode.jobs import Job
+from polhode.listings import Item, Listing
 from polhode.motions import Motion
 from polhode.sweeps import Sweep
 from polhode.things import Thing
@@ -123,17 +124,23 @@ def list_all(
     with connected(url, key) as client:
         match of:
             case "jobs":
-                rows = client.jobs(*where, order=order).rows(columns, limit=limit)
+                rows = _rows(client.jobs(*where, order=order), columns, limit)
             case "sweeps":
-                rows = client.sweeps(*where, order=order).rows(columns, limit=limit)
+                rows = _rows(client.sweeps(*where, order=order), columns, limit)
             case _:
-                rows = client.solutions(*where, order=order).rows(columns, limit=limit)
+                rows = _rows(client.solutions(*where, order=order), columns, limit)
     if as_json:
         answer(json.dumps(rows) + "\n")
     elif rows:
         answer(table([list(rows[0]), *(row.values() for row in rows)]))
     else:
         say(f"no {of} meet this")
+
+
+def _rows(
+    listing: Listing[ThreadCarrier, Item], columns: Sequence[str] | None, limit: int
+) -> list[dict[str, object]]:
+    return listing.rows(columns or [*listing.columns, "labels"], limit=limit)
 
 
 def tag_thing(

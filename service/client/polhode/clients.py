@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import update_wrapper
+from inspect import signature
 from types import TracebackType
 from typing import Generic, ParamSpec, Self, TypeVar
 from urllib.parse import urlencode
@@ -40,6 +41,8 @@ def takes(
             return (yield from work(self, arguments(*given, **named)))
 
         update_wrapper(whole, work)
+        # What notebooks and the reference show.
+        whole.__signature__ = signature(arguments)  # type: ignore[attr-defined]  # functions take any
         return operation(whole)
 
     return decorate

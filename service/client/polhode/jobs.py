@@ -5,6 +5,7 @@ from typing import Generic
 
 from polhode.documents.problems import Document
 from polhode.errors import FailedError, PolhodeError, RefusedError, WrongArgumentError
+from polhode.listings import IDS, by_id
 from polhode.motions import Motion
 from polhode.transport.carriers import CarrierT
 from polhode.transport.exchange import ask_json
@@ -14,8 +15,8 @@ from polhode.transport.terms import Progress, Terms
 
 WAIT_SECONDS = 20
 """For how long the service holds a request whose job is being solved; proxies may end longer ones."""
-_LIST, _IDS = 1000, 100
-"""Problems in one request, as many as the service takes; ids in one query."""
+_LIST = 1000
+"""Problems in one request, as many as the service takes."""
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.05, 1.0
 
 
@@ -148,7 +149,7 @@ def solve_list(carrier: CarrierT, problems: Sequence[Document]) -> Operation[lis
             solutions[job_id] = str(jobs[job_id]["solution"])
         else:
             errors[place] = FailedError(jobs[job_id])
-    found = yield from _by_id(carrier.terms, "/v1/solutions", list(dict.fromkeys(solutions.values())))
+    found = yield from by_id(carrier.terms, "/v1/solutions", list(dict.fromkeys(solutions.values())))
     motions = {
         place: Motion(carrier, found[solutions[job_id]])
         for place, job_id in waiting.items()
@@ -179,8 +180,8 @@ def _ended(terms: Terms, ids: Sequence[str]) -> Operation[dict[str, Document]]:
     done: dict[str, Document] = {}
     pause = _FIRST_PAUSE
     while True:
-        open_ids = [each for each in ids if each not in done][:_IDS]
-        jobs = yield from _by_id(terms, "/v1/jobs", open_ids)
+        open_ids = [each for each in ids if each not in done][:IDS]
+        jobs = yield from by_id(terms, "/v1/jobs", open_ids)
         ended = {each: job for each, job in jobs.items() if job.get("state") in FINAL}
         done |= ended
         if terms.progress is not None and ids:
@@ -192,14 +193,3 @@ def _ended(terms: Terms, ids: Sequence[str]) -> Operation[dict[str, Document]]:
             continue
         yield Pause(pause)
         pause = min(1.3 * pause, _LONGEST_PAUSE)
-
-
-def _by_id(terms: Terms, path: str, ids: Sequence[str]) -> Operation[dict[str, Document]]:
-    found: dict[str, Document] = {}
-    for first in range(0, len(ids), _IDS):
-        asked = ",".join(ids[first : first + _IDS])
-        page = yield from ask_json(terms, "GET", f"{path}?where=id%20in%20({asked})&limit={2 * _IDS}")
-        items = page["items"]
-        assert isinstance(items, list)
-        found |= {str(item["id"]): item for item in items}
-    return found

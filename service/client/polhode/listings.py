@@ -11,6 +11,7 @@ from polhode.evaluation.samples import optional
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import ask_json
 from polhode.transport.steps import Operation, operation
+from polhode.transport.terms import Terms
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 Row = dict[str, object]
 _PAGE = 200
+"""Items on a page, as many as the service takes."""
+IDS = 100
+"""Ids in one query."""
+_LABELS = "labels"
 
 
 class Listing(Generic[CarrierT, Item]):
@@ -44,7 +49,8 @@ class Listing(Generic[CarrierT, Item]):
         columns: Sequence[str],
     ) -> None:
         self.carrier = carrier
-        self._path, self._make, self._columns = path, make, columns
+        self.columns = columns
+        self._path, self._make = path, make
         self._query = [*(("where", each) for each in where if each.strip())]
         if order:
             self._query.append(("order", order))
@@ -53,10 +59,13 @@ class Listing(Generic[CarrierT, Item]):
     def frame(
         self, columns: Sequence[str] | None = None, *, limit: int | None = None
     ) -> Operation["pd.DataFrame"]:
-        """Return a pandas frame with a row an item; columns are facts and pointers such as /motion/lambda."""
+        """Return a pandas frame with a row an item.
+
+        Columns are facts, pointers such as /motion/lambda, labels such as label.project, and ``labels``: all.
+        """
         pandas: ModuleType = optional("pandas", "frame()")
-        wanted = list(columns or self._columns)
-        rows = yield from self._rows(limit, [("columns", ",".join(wanted))])
+        wanted = list(columns or self.columns)
+        rows = yield from self._facts(wanted, limit)
         frame: pd.DataFrame = pandas.DataFrame(rows, columns=wanted)
         for name in wanted:
             if name.endswith("_at"):
@@ -65,8 +74,8 @@ class Listing(Generic[CarrierT, Item]):
 
     @operation
     def rows(self, columns: Sequence[str] | None = None, *, limit: int | None = None) -> Operation[list[Row]]:
-        """Return a dict an item, with facts and pointers such as /motion/lambda."""
-        return (yield from self._rows(limit, [("columns", ",".join(columns or self._columns))]))
+        """Return a dict an item, with columns as of :meth:`frame`."""
+        return (yield from self._facts(list(columns or self.columns), limit))
 
     @operation
     def all(self, *, limit: int | None = None) -> Operation[list[Item]]:
@@ -93,6 +102,20 @@ class Listing(Generic[CarrierT, Item]):
             for row in rows:
                 yield self._make(self.carrier, row)
 
+    def _facts(self, wanted: Sequence[str], limit: int | None) -> Operation[list[Row]]:
+        asked = [name for name in wanted if name != _LABELS]
+        if asked == wanted:
+            return (yield from self._rows(limit, [("columns", ",".join(asked))]))
+        # All labels of an item are no column of the service; whole items have them.
+        with_id = list(dict.fromkeys([*asked, "id"]))
+        rows = yield from self._rows(limit, [("columns", ",".join(with_id))])
+        whole = yield from by_id(self.carrier.terms, self._path, [str(row["id"]) for row in rows])
+        labels = {each: item[_LABELS] for each, item in whole.items()}
+        return [
+            {name: labels.get(str(row["id"]), {}) if name == _LABELS else row[name] for name in wanted}
+            for row in rows
+        ]
+
     def _rows(self, limit: int | None, query: Sequence[tuple[str, str]]) -> Operation[list[Row]]:
         found: list[Row] = []
         path: str | None = self._first(min(limit or _PAGE, _PAGE), query)
@@ -109,3 +132,15 @@ class Listing(Generic[CarrierT, Item]):
 
     def _first(self, limit: int, query: Sequence[tuple[str, str]]) -> str:
         return f"{self._path}?{urlencode([*self._query, *query, ('limit', str(limit))])}"
+
+
+def by_id(terms: Terms, path: str, ids: Sequence[str]) -> Operation[dict[str, Document]]:
+    """Return those that there are of a list with these ids."""
+    found: dict[str, Document] = {}
+    for first in range(0, len(ids), IDS):
+        asked = ",".join(ids[first : first + IDS])
+        page = yield from ask_json(terms, "GET", f"{path}?where=id%20in%20({asked})&limit={2 * IDS}")
+        items = page["items"]
+        assert isinstance(items, list)
+        found |= {str(item["id"]): item for item in items}
+    return found

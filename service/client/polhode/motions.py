@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Generic
+from typing import TYPE_CHECKING, Generic, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -92,6 +92,13 @@ class Motion(Generic[CarrierT]):
         told = self.document.get("stability")
         return told if isinstance(told, Mapping) else None
 
+    @property
+    def labels(self) -> Mapping[str, str]:
+        """What it was marked with."""
+        labels = self.document["labels"]
+        assert isinstance(labels, Mapping)
+        return labels
+
     @operation
     def at(self, times: ArrayLike) -> Operation[Samples]:
         """Return the variables at any times, one or many, evaluated here with the bits of the service.
@@ -129,6 +136,12 @@ class Motion(Generic[CarrierT]):
             The motion is of another tier.
         """
         return (yield from ask_json(self.carrier.terms, "GET", f"/v1/solutions/{self.id}/enclosures"))
+
+    @operation
+    def citation(self, file_format: Literal["bibtex", "cff"] = "bibtex") -> Operation[str]:
+        """Return how to cite the motion in a paper: as BibTeX, or as a citation file (CFF)."""
+        path = f"/v1/solutions/{self.id}/citation?format={file_format}"
+        return (yield from ask(self.carrier.terms, "GET", path, accept="*/*")).content.decode()
 
     @operation
     def plot(
@@ -182,10 +195,30 @@ class Motion(Generic[CarrierT]):
             except (PolhodeError, KeyError):
                 picture = ""  # facts are better than nothing
         error = f"{self.error:.1e}"
-        facts = {"period": self.period or self.aperiodic, "energy": self.energy, "error": error}
-        return table_html(
-            "Motion", {**facts, "method": f"{self.method}, {self.tier}", "id": self.id}, picture
-        )
+        facts = {
+            "period": self.period or self.aperiodic,
+            "energy": self.energy,
+            "error": error,
+            "problem": _in_words(self.problem),
+            "method": f"{self.method}, {self.tier}",
+            "id": self.id,
+        }
+        return table_html("Motion", facts, picture)
+
+
+def _in_words(problem: Mapping[str, object]) -> str:
+    """Return body, potential and motion of a problem on one line, without what is nested deeper."""
+    told = []
+    for name in ("body", "potential", "motion"):
+        section = problem.get(name)
+        given = dict(section) if isinstance(section, Mapping) else {}
+        parameters = given.pop("parameters", None)
+        given |= parameters if isinstance(parameters, Mapping) else {}
+        first = given.pop("expression", None) or given.get("type")
+        given.pop("type", None)
+        numbers = [f"{key} = {value}" for key, value in given.items() if isinstance(value, int | float | str)]
+        told.append(", ".join([str(first)] * (first is not None) + numbers))
+    return "; ".join(told)
 
 
 def _read_function(told: Mapping[str, object]) -> FunctionOfTime:

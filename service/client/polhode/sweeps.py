@@ -1,6 +1,8 @@
 """Sweeps: one problem, some of whose numbers vary along axes."""
 
+import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Generic
 from urllib.parse import urlencode
 
@@ -137,6 +139,23 @@ class Sweep(Generic[CarrierT]):
         if values.ndim != 2:
             raise WrongArgumentError(f"heatmap() needs a grid of two axes; this sweep has {', '.join(names)}")
         return drawing.heatmap(values, coordinates, names, name, ax)
+
+    @operation
+    def package(self, file: str | os.PathLike[str]) -> Operation[Path]:
+        """Write the finished sweep as a data package (Frictionless), to publish it, and return its path.
+
+        It is a ZIP of the points as Parquet, the document that computes them again, and a descriptor with
+        columns, units, errors, provenance and checksums.
+
+        Raises
+        ------
+        RefusedError
+            The sweep has not ended.
+        """
+        reply = yield from ask(self.carrier.terms, "GET", f"/v1/sweeps/{self.id}/package", accept="*/*")
+        path = Path(file)
+        path.write_bytes(reply.content)
+        return path
 
     def _points(self, where: str | None, order: str | None) -> Operation["pa.Table"]:
         query = urlencode([pair for pair in (("where", where), ("order", order)) if pair[1]])

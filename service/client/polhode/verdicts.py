@@ -1,6 +1,6 @@
 """The judgement of a service on a potential."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from polhode.showing.notebooks import table_html
@@ -57,9 +57,28 @@ class Judgement:
         return f"<{self.verdict}, proof: {self.proof}>"
 
     def _repr_html_(self) -> str:
-        shown = ("energy", "counterexample", "nearest")
-        facts = {name: self.document[name] for name in shown if self.document.get(name)}
-        return table_html(f"{self.verdict} (proof: {self.proof})", facts)
+        return table_html(f"{self.verdict} (proof: {self.proof})", dict(self._facts()))
+
+    def _facts(self) -> Iterator[tuple[str, str]]:
+        if (energy := self.energy) is not None:
+            h, variable = energy.get("h_named") or energy.get("h"), energy.get("variable")
+            yield "energy", f"h({variable}) = {h}" if h else "not the same formula in all quadrants"
+        if (point := self.counterexample) is not None:
+            residual = _section(point.get("residual")) or {}
+            yield "counterexample", f"γ = ({', '.join(map(str, _list(point.get('g'))))})"
+            yield str(point.get("kind")).replace("_", " "), f"{residual.get('mid')} ± {residual.get('rad')}"
+        if (nearest := self.nearest) is not None:
+            yield "nearest admissible", str(nearest.get("expression"))
+        if (evidence := _section(self.document.get("evidence"))) is not None:
+            yield "what is missing", str(evidence.get("doubt"))
+        for motion in _list(self.document.get("motions")):
+            window = _section(motion) or {}
+            g2 = " to ".join(f"{float(str(end)):.6g}" for end in _list(window.get("g2")))
+            yield f"motion {window.get('window')}", f"{window.get('kind')}, γ₂ from {g2}"
+
+
+def _list(value: object) -> Sequence[object]:
+    return value if isinstance(value, list) else ()
 
 
 def _text(value: object) -> str | None:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from service.schemas.query.conditions import Subject
 from service.schemas.query.facts import LONGEST_POINTER, Fact
@@ -50,5 +51,7 @@ class Vocabulary:
                 message = f"{key[:60]!r} is no key of a label; accepted are {LABEL_KEYS}"
                 raise QueryError(parameter, "invalid_label", message, part.start)
             return Subject("label", key, Kind.TEXT)
-        message = f"there is no column {name[:60]!r} here; {self.accepted()}"
+        near = get_close_matches(name[:60], self.facts, n=1)
+        guess = f"did you mean {near[0]!r}? " if near else ""
+        message = f"there is no column {name[:60]!r} here; {guess}{self.accepted()}"
         raise QueryError(parameter, "unknown_column", message, part.start)

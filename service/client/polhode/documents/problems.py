@@ -19,7 +19,7 @@ Body = Sequence[Exact] | Mapping[str, object]
 DEFAULT_TIME: Mapping[str, object] = {"stop": 10, "samples": 101}
 _OPTIONS = (
     *("body", "potential", "motion", "lam", "nu", "time", "start", "stop", "samples", "periods", "times"),
-    *("accuracy", "tolerance", "tier", "method", "outputs", "parameters"),
+    *("accuracy", "tolerance", "tier", "method", "outputs", "parameters", "labels", "note"),
 )
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _SHORT = {"lam": "/motion/lambda", "nu": "/motion/nu", "A": "/body/A", "B": "/body/B", "C": "/body/C"}
@@ -45,6 +45,8 @@ def problem(
     tier: str | None = None,
     method: str | None = None,
     outputs: Sequence[str] | None = None,
+    labels: Mapping[str, str] | None = None,
+    note: str | None = None,
     **numbers: Exact,
 ) -> Document:
     """Return a problem document.
@@ -68,6 +70,8 @@ def problem(
         Largest error of any of the six variables, or a tier; or the section of the document.
     method, outputs
         As in the document.
+    labels, note
+        What the solution can be found by, and text beside it; no part of the problem.
 
     Raises
     ------
@@ -99,6 +103,8 @@ def problem(
         ("accuracy", None if tier is None else {"tier": tier}),
         ("method", method),
         ("outputs", outputs),
+        ("labels", labels),
+        ("note", note),
     )
     for section, given in sections:
         if given is not None:
