@@ -16,8 +16,9 @@ from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import STATE
 from tests.support.other_processor import environment, masks
 from workers.computation import processor
+from workers.computation.comparison import Sameness
 from workers.computation.compute import solve_document
-from workers.computation.reproduction import Sameness, repeat_solutions
+from workers.computation.reproduction import repeat_solutions
 from workers.computation.summary import provenance
 
 ROOT = Path(__file__).parents[2]
