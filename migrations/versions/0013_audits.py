@@ -1,4 +1,4 @@
-"""Adds audits: jobs that solve the problem of a stored solution again, and the comparison of the two."""
+"""Adds audits, which compare a stored solution with one computed anew, and the seconds of examinations."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,6 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
+    op.add_column("jobs", sa.Column("examined_seconds", sa.Double(), nullable=True))
     op.create_table(
         "audits",
         sa.Column("job_id", sa.Uuid(as_uuid=False), nullable=False),
@@ -26,3 +27,4 @@ def upgrade() -> None:
 
 def downgrade() -> None:
     op.drop_table("audits")
+    op.drop_column("jobs", "examined_seconds")

@@ -23,7 +23,7 @@ Show = Callable[[Job], tuple[ResponseModel, str]]
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
+class SubmissionTerms:
     """Who submits, how urgently, under which Idempotency-Key, and how long the client waits."""
 
     holder: ApiKey | None
@@ -37,7 +37,7 @@ class Terms:
         return None if self.holder is None else self.holder.id
 
 
-async def queue(inside: Resources, terms: Terms, store: Store, show: Show) -> Response:
+async def queue(inside: Resources, terms: SubmissionTerms, store: Store, show: Show) -> Response:
     """Store a job, and answer with what ``show`` tells of it: 202, or 200 if it has ended in time."""
 
     def submitted(job: Job) -> Response:

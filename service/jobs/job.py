@@ -62,6 +62,8 @@ class Claim:
     lane: Lane = Lane.SINGLE
     windows: str = ""
     """The windows of its curve, as its examination found them; empty where they are not kept."""
+    examined_seconds: float | None = None
+    """That its examination took; None without one."""
     audited: StoredSolution | None = None
     """Of an audit: the solution that is solved again and compared."""
 

@@ -18,7 +18,7 @@ from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import AskingQuery, Listing, link_to, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
-from service.api.queueing import Made, Terms, queue
+from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.places import AuditId, SolutionId
 from service.api.replies.records import audit_out
 from service.api.replies.responses import json_response, refusals
@@ -74,7 +74,7 @@ async def audit_solution(
     """
     check_priority(holder, query.priority, "?priority")
     given = read_key(idempotency_key, request, content, holder)
-    terms = Terms(holder, query.priority, given, wait_seconds(prefer))
+    terms = SubmissionTerms(holder, query.priority, given, wait_seconds(prefer))
 
     async def work() -> Response:
         audited = await run_in_threadpool(_read, inside, solution_id)
@@ -111,7 +111,7 @@ def _checked(content: bytes, problem: Mapping[str, object], settings: Settings) 
     return check(audited_problem(dict(problem), document), settings)
 
 
-async def _submit(audited: _Audited, problem: Checked, inside: Resources, terms: Terms) -> Response:
+async def _submit(audited: _Audited, problem: Checked, inside: Resources, terms: SubmissionTerms) -> Response:
     examined = await accept(inside, problem, terms.holder)
 
     def store(receipt: Receipt[Made] | None) -> Job:
@@ -123,7 +123,7 @@ async def _submit(audited: _Audited, problem: Checked, inside: Resources, terms:
             accepted.digest,
             priority=terms.priority,
             key_id=terms.key_id,
-            examination=accepted.windows,
+            examination=accepted.examination,
             found=accepted.entries,
             receipt=receipt,
         )

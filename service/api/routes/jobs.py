@@ -25,7 +25,7 @@ from service.api.queries.queries import (
     query_parameters,
     without_query,
 )
-from service.api.queueing import Made, Terms, queue
+from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.errors import ApiError
 from service.api.replies.places import JobId
 from service.api.replies.records import job_out
@@ -121,7 +121,7 @@ async def submit_job(
     """
     check_priority(holder, query.priority, "?priority")
     given = read_key(idempotency_key, request, content, holder)
-    terms = Terms(holder, query.priority, given, wait_seconds(prefer))
+    terms = SubmissionTerms(holder, query.priority, given, wait_seconds(prefer))
 
     async def work() -> Response:
         found = await inside.reading.run(len(content), _checked, content, inside.settings)
@@ -139,7 +139,7 @@ def _checked(content: bytes, settings: Settings) -> Checked | list[Checked | Api
     return check_each(document, settings) if isinstance(document, list) else check(document, settings)
 
 
-async def _submit_one(problem: Checked, inside: Resources, terms: Terms) -> Response:
+async def _submit_one(problem: Checked, inside: Resources, terms: SubmissionTerms) -> Response:
     examined = await accept(inside, problem, terms.holder)
 
     def store(receipt: Receipt[Made] | None) -> Job:
@@ -150,7 +150,7 @@ async def _submit_one(problem: Checked, inside: Resources, terms: Terms) -> Resp
             priority=terms.priority,
             key_id=terms.key_id,
             receipt=receipt,
-            examination=accepted.windows,
+            examination=accepted.examination,
             found=accepted.entries,
             marks=accepted.marks,
         )
@@ -162,12 +162,16 @@ def _shown(job: Job) -> tuple[JobOut, str]:
     return job_out(job), f"/v1/jobs/{job.id}"
 
 
-async def _submit_list(problems: list[Checked | ApiError], inside: Resources, terms: Terms) -> Response:
+async def _submit_list(
+    problems: list[Checked | ApiError], inside: Resources, terms: SubmissionTerms
+) -> Response:
     examined = await accept_many(inside, problems, terms.holder)
     return await run_in_threadpool(_queue_list, examined, inside, terms)
 
 
-def _queue_list(examined: Sequence[JudgedDocument | ApiError], inside: Resources, terms: Terms) -> Response:
+def _queue_list(
+    examined: Sequence[JudgedDocument | ApiError], inside: Resources, terms: SubmissionTerms
+) -> Response:
     answers = [each if isinstance(each, ApiError) else each.accepted_or_refusal() for each in examined]
     accepted = [answer for answer in answers if isinstance(answer, Accepted)]
     if not accepted:
@@ -179,7 +183,7 @@ def _queue_list(examined: Sequence[JudgedDocument | ApiError], inside: Resources
         # A list of one problem waits in the lane of single problems.
         lane=Lane.SINGLE if len(accepted) == 1 else Lane.LIST,
         receipt=receipt_of(terms.given, lambda made: _list_submitted(answers, made)),
-        examinations=[problem.windows for problem in accepted],
+        examinations=[problem.examination for problem in accepted],
         found=[entry for problem in accepted for entry in problem.entries],
         marks=[problem.marks for problem in accepted],
     )

@@ -67,6 +67,7 @@ _CLAIM = (
         _kept("content"),
         _kept("seal"),
         _JOBS.c.examination,
+        _JOBS.c.examined_seconds,
         select(_AUDITS.c.solution_id)
         .where(_AUDITS.c.job_id == _JOBS.c.id)
         .correlate(_JOBS)
@@ -149,6 +150,7 @@ def _claim(
             lane=Lane(row.lane),
             windows=_windows(row),
             audited=stored.get(row.audited),
+            examined_seconds=row.examined_seconds,
         )
         for row in sorted(rows, key=lambda row: places[row.id])
     ]

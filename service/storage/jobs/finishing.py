@@ -70,12 +70,21 @@ _DIGESTS = 500
 
 def store_and_charge(connection: Connection, claim: Claim, outcome: Solved) -> bool:
     """Store the solution of a claimed job on the account of its key, if the claim holds."""
-    if not store_solution(connection, claim, outcome.summary, outcome.dense, outcome.samples):
+    summary = _with_examination(outcome.summary, claim.examined_seconds)
+    if not store_solution(connection, claim, summary, outcome.dense, outcome.samples):
         return False
     if outcome.comparison is not None:
         connection.execute(_COMPARE, {"job": claim.job_id, "compared": outcome.comparison})
     charge(connection, claim.key_id, len(outcome.dense) + len(outcome.samples))
     return True
+
+
+def _with_examination(summary: Mapping[str, object], seconds: float | None) -> Mapping[str, object]:
+    """Return the summary with what the examination has cost, which was before the job."""
+    cost = summary.get("cost")
+    if seconds is None or not isinstance(cost, Mapping):
+        return summary
+    return {**summary, "cost": {**cost, "examination_seconds": seconds}}
 
 
 def store_solution(

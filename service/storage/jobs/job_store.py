@@ -33,7 +33,7 @@ from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
-from service.verdicts.entries import Entry
+from service.verdicts.entries import Entry, Examination
 
 _JOBS = table_of(JobRow)
 _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
@@ -56,7 +56,7 @@ class SqlJobStore:
         *,
         priority: int = 0,
         key_id: str | None = None,
-        examination: str | None = None,
+        examination: Examination | None = None,
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Marks = UNMARKED,
@@ -80,7 +80,7 @@ class SqlJobStore:
         priority: int = 0,
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
-        examinations: Sequence[str | None] = (),
+        examinations: Sequence[Examination | None] = (),
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Sequence[Marks] = (),

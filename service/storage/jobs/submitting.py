@@ -18,6 +18,7 @@ from service.storage.marks.mark_rows import insert_labels
 from service.storage.tables.audits import AuditRow
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
+from service.verdicts.entries import Examination
 
 _INSERT, _INSERT_AUDITS = insert(table_of(JobRow)), insert(table_of(AuditRow))
 
@@ -29,7 +30,7 @@ def insert_jobs(
     lane: Lane,
     priority: int,
     key_id: str | None,
-    examinations: Sequence[str | None] = (),
+    examinations: Sequence[Examination | None] = (),
     marks: Sequence[Marks] = (),
     audited: str | None = None,
 ) -> list[JobRow]:
@@ -65,7 +66,8 @@ def insert_jobs(
                 "solution_id": solution_id,
                 "key_id": key_id,
                 "problem": problem,
-                "examination": examination,
+                "examination": None if examination is None else examination.windows,
+                "examined_seconds": None if examination is None else examination.seconds,
                 "facts": facts_of(problem),
                 "digest": digest,
                 "created_at": now,

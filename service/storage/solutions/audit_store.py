@@ -24,7 +24,7 @@ from service.storage.searching.sources import audits_of
 from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.solutions import SolutionRow
-from service.verdicts.entries import Entry
+from service.verdicts.entries import Entry, Examination
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class AuditStore:
         *,
         priority: int = 0,
         key_id: str | None = None,
-        examination: str | None = None,
+        examination: Examination | None = None,
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> Job:

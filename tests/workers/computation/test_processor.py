@@ -49,6 +49,17 @@ def test_a_solution_tells_what_computed_it():
     assert "numpy" in summary["provenance"]["libraries"]
 
 
+def test_the_threads_are_those_that_the_library_uses():
+    library = processor._openblas().scipy_openblas_set_num_threads64_
+    before = processor.threads()
+    try:
+        for count in (1, 2):
+            library(count)
+            assert processor.threads() == provenance()["threads"] == count
+    finally:
+        library(before)
+
+
 def test_other_features_are_another_processor_with_the_same_libraries():
     here, there = provenance(), solved_elsewhere().summary["provenance"]
     assert there["processor"] != here["processor"]
