@@ -1,7 +1,7 @@
 """/v1/jobs: submit, list, show and cancel jobs."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from http import HTTPStatus
 from typing import Annotated
 
@@ -15,7 +15,7 @@ from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.disconnects import while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import Listing, PageQuery, link_to, read_listing
+from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import (
     Asked,
@@ -38,6 +38,7 @@ from service.jobs.states import JobState
 from service.schemas.query.list_query import in_state
 from service.schemas.reading.faults import first_of
 from service.schemas.replies.job import JobItemOut, JobListOut, JobOut, JobPageOut
+from service.schemas.replies.overview import AttemptsOut
 from service.settings import Settings
 from service.storage.searching.sources import OF_JOB_ROWS
 
@@ -233,17 +234,26 @@ async def list_jobs(
 
 
 def _page(request: Request, listing: Listing, inside: Resources) -> Response:
-    page, query = inside.jobs.find(listing.query), listing.query
-    items = listing.rows(page.values) if query.columns else [job_out(job) for job in page.jobs]
-    following = listing.next_page(request, page.next)
-    answer = JobPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset, next=following)
-    return json_response(answer, headers=link_to(following))
+    page = inside.jobs.find(listing.query)
+    return page_answer(request, listing, JobPageOut, page, list(map(job_out, page.jobs)))
 
 
 @router.get("/{job_id}", response_model=JobOut, responses=refusals(404), dependencies=[without_query])
 def get_job(job_id: JobId, inside: Inside) -> Response:
     """Show a job."""
     return json_response(job_out(inside.jobs.get(job_id)))
+
+
+@router.get(
+    "/{job_id}/attempts",
+    response_model=AttemptsOut,
+    responses=refusals(404),
+    dependencies=[without_query],
+)
+def get_attempts(job_id: JobId, inside: Inside) -> Response:
+    """List the attempts at a job, each with its worker, its times, and how and why it ended."""
+    items = [asdict(attempt) for attempt in inside.jobs.attempts(job_id)]
+    return json_response(AttemptsOut.model_validate({"items": items}))
 
 
 @router.post(

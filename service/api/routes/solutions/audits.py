@@ -15,7 +15,7 @@ from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.disconnects import while_connected
 from service.api.middleware.security import Holder, check_priority
-from service.api.queries.lists import AskingQuery, Listing, link_to, read_listing
+from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
 from service.api.queueing import Made, SubmissionTerms, queue
@@ -154,13 +154,8 @@ async def list_audits(
 
 
 def _page(request: Request, solution_id: str, listing: Listing, inside: Resources) -> Response:
-    found, query = inside.audits.find(solution_id, listing.query), listing.query
-    items = listing.rows(found.page.values) if query.columns else list(map(audit_out, found.audits))
-    following = listing.next_page(request, found.page.next)
-    answer = AuditPageOut(
-        items=items, total=found.page.total, limit=query.limit, offset=query.offset, next=following
-    )
-    return json_response(answer, headers=link_to(following))
+    found = inside.audits.find(solution_id, listing.query)
+    return page_answer(request, listing, AuditPageOut, found.page, list(map(audit_out, found.audits)))
 
 
 @router.get(
