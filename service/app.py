@@ -33,6 +33,7 @@ from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
 from service.storage.keys.idempotency_store import IdempotencyStore
 from service.storage.keys.key_store import KeyStore
+from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.forgetting import Forgetting
@@ -89,6 +90,7 @@ def create_app(
             database=database,
             jobs=SqlJobStore(database, dispatcher),
             solutions=SolutionStore(database),
+            audits=AuditStore(database, dispatcher),
             sweeps=sweeps,
             sandbox=children,
             verdicts=verdicts,

@@ -3,11 +3,13 @@
 import sys
 
 from service.stopping import end_at_once
+from workers.computation.threads import use_one_thread
 
 
 def main() -> int:
     """Run the command line."""
     end_at_once(is_service=sys.argv[1:2] == ["run"])
+    use_one_thread()
     # Not at the top: the fork server of the children imports this module too, and needs no commands.
     from workers.cli.main import main as run  # noqa: PLC0415
 

@@ -24,6 +24,14 @@ async def _read_body(request: Request, inside: Inside) -> bytes:
     return await _read(request, inside, "Accept", JSON)
 
 
+async def _read_body_if_any(request: Request, inside: Inside) -> bytes:
+    """Return the body in the same way; empty if the request has none (RFC 9112, 6.3)."""
+    headers = request.headers
+    if headers.get("content-length", "0") == "0" and "transfer-encoding" not in headers:
+        return b""
+    return await _read(request, inside, "Accept", JSON)
+
+
 async def _read_patch(request: Request, inside: Inside) -> bytes:
     """Return a change in the same way, which may be declared as a merge patch, too."""
     # RFC 5789, 2.2: Accept-Patch in the refusal says what would be accepted.
@@ -100,6 +108,8 @@ def _coding_of(headers: Sequence[str]) -> str | None:
 
 Body = Annotated[bytes, Depends(_read_body)]
 """The type of an endpoint's parameter that receives the raw body."""
+BodyIfAny = Annotated[bytes, Depends(_read_body_if_any)]
+"""The same of an endpoint that needs none."""
 Patch = Annotated[bytes, Depends(_read_patch)]
 """The same of an endpoint of PATCH."""
 

@@ -23,6 +23,7 @@ from service.local.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
+from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
@@ -36,6 +37,7 @@ class Resources:
     database: Database
     jobs: JobStore
     solutions: SolutionStore
+    audits: AuditStore
     sweeps: SweepStore
     sandbox: Sandbox
     verdicts: VerdictQueue

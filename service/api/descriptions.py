@@ -12,6 +12,7 @@ from service.api.links import describe_links
 from service.api.replies.conditional import VOLATILE
 from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
+from service.schemas.problem.audit import AuditIn
 from service.schemas.problem.job import JobIn
 from service.schemas.problem.sections import ValidationIn
 from service.schemas.reading.marks_in import MarksPatchIn
@@ -60,6 +61,7 @@ def request_body(
     examples: Mapping[str, object],
     *,
     several: bool = False,
+    required: bool = True,
     media_types: Sequence[str] = ("application/json",),
 ) -> dict[str, object]:
     """Return the OpenAPI extension of an endpoint whose JSON body is ``model``, or ``several`` of them."""
@@ -67,7 +69,7 @@ def request_body(
     if several:
         schema = {"oneOf": [schema, {"type": "array", "items": schema}]}
     content = {name: {"schema": schema, "examples": dict(examples)} for name in media_types}
-    return {"requestBody": {"required": True, "content": content}}
+    return {"requestBody": {"required": required, "content": content}}
 
 
 def describe(app: FastAPI) -> dict[str, object]:
@@ -81,6 +83,7 @@ def describe(app: FastAPI) -> dict[str, object]:
             (MarksPatchIn, "validation"),
             (ValidationIn, "validation"),
             (AtlasIn, "validation"),
+            (AuditIn, "validation"),
             (SweepIn, "validation"),
             (ProblemDetailsOut, "serialization"),
         ],

@@ -11,6 +11,7 @@ LEADS_TO: Mapping[str, Mapping[str, str]] = {
     "JobPageOut": {"job_id": "/items/0/id"},
     "SolutionOut": {"solution_id": "/id", "job_id": "/job"},
     "SolutionPageOut": {"solution_id": "/items/0/id"},
+    "AuditOut": {"audit_id": "/id", "job_id": "/id", "solution_id": "/solution"},
     "SweepOut": {"sweep_id": "/id"},
     "SweepPageOut": {"sweep_id": "/items/0/id"},
     "SweepStateOut": {"sweep_id": "/id"},
@@ -21,12 +22,12 @@ LEADS_TO: Mapping[str, Mapping[str, str]] = {
 def describe_links(paths: Mapping[str, Mapping[str, dict[str, Any]]]) -> None:
     """Add ``links`` to every answer whose model is in the table.
 
-    They lead to the operations with that one path parameter.
+    They lead to the operations whose path parameters it has.
     """
     targets = [
-        (next(iter(names)), operation["operationId"])
+        (names, operation["operationId"])
         for path, operations in paths.items()
-        if len(names := _path_parameters(path)) == 1
+        if (names := _path_parameters(path))
         for operation in operations.values()
     ]
     for operations in paths.values():
@@ -37,15 +38,13 @@ def describe_links(paths: Mapping[str, Mapping[str, dict[str, Any]]]) -> None:
                     answer["links"] = links
 
 
-def _links(answer: Part, targets: Sequence[tuple[str, str]]) -> Iterator[tuple[str, Part]]:
+def _links(answer: Part, targets: Sequence[tuple[set[str], str]]) -> Iterator[tuple[str, Part]]:
     for model in _models(answer):
-        for parameter, pointer in LEADS_TO.get(model, {}).items():
-            for wanted, operation in targets:
-                if wanted == parameter:
-                    yield (
-                        f"{model}.{operation}",
-                        {"operationId": operation, "parameters": {parameter: f"$response.body#{pointer}"}},
-                    )
+        given = LEADS_TO.get(model, {})
+        for wanted, operation in targets:
+            if wanted <= given.keys():
+                parameters = {name: f"$response.body#{given[name]}" for name in sorted(wanted)}
+                yield f"{model}.{operation}", {"operationId": operation, "parameters": parameters}
 
 
 def _models(answer: Part) -> Iterator[str]:

@@ -12,30 +12,10 @@ from service.api.middleware.cors import Sharing
 from service.api.middleware.methods import HeadLikeGet
 from service.api.middleware.observing import Observation
 from service.api.middleware.security import Guard
-from service.api.routes import (
-    accuracy,
-    analysis,
-    atlases,
-    citations,
-    deletions,
-    docs_page,
-    enclosures,
-    events,
-    families,
-    grid,
-    health,
-    jobs,
-    marks,
-    metrics,
-    overview,
-    packages,
-    points,
-    provenance,
-    solutions,
-    sweeps,
-    trajectory,
-    validations,
-)
+from service.api.routes import analysis, atlases, deletions, events, jobs, marks, validations
+from service.api.routes.installation import accuracy, docs_page, families, health, metrics, status
+from service.api.routes.solutions import audits, citations, enclosures, provenance, solutions, trajectory
+from service.api.routes.sweeps import chunks, grid, packages, points, sweeps
 from service.api.switchboard import Switchboard
 from service.dashboard import routes as dashboard
 
@@ -52,13 +32,15 @@ def install(app: FastAPI) -> None:
             solutions,
             trajectory,
             enclosures,
+            audits,
             citations,
             provenance,
             sweeps,
             points,
             packages,
             grid,
-            overview,
+            chunks,
+            status,
             events,
             deletions,
             marks,

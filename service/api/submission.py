@@ -29,7 +29,7 @@ from service.schemas.reading.faults import Fault, InvalidProblemError, first_of
 from service.schemas.reading.marks import UNMARKED, Marks, split_marks
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
-from service.verdicts.entries import Entry, keys_of
+from service.verdicts.entries import Entry, Examination, keys_of
 
 MOST_PROBLEMS = 1000
 """Problems in one request, whose body has a size limit too."""
@@ -64,8 +64,8 @@ class Accepted:
     document: _Document
     digest: str
     problem: Problem
-    windows: str | None = None
-    """Key of the windows of its curve."""
+    examination: Examination | None = None
+    """None for a motion from any state."""
     entries: tuple[Entry, ...] = ()
     """What its examination found, to be stored with it."""
     marks: Marks = UNMARKED
@@ -79,13 +79,15 @@ class JudgedDocument:
     verdict: _Verdict
     table: AccuracyTable | None
     entries: tuple[Entry, ...] = ()
+    seconds: float = 0.0
+    """Of the examination."""
 
     def accepted(self) -> Accepted:
         """Return the problem as it is queued: a budget is turned into a tier."""
         window, asked = window_of(self.verdict), self.problem.to_examine
         settled = settle(self.problem.document, self.problem.checked, window, self.table)
-        windows = None if asked is None else asked.keys.windows
-        return replace(settled, windows=windows, entries=self.entries, marks=self.problem.marks)
+        examination = None if asked is None else Examination(asked.keys.windows, self.seconds)
+        return replace(settled, examination=examination, entries=self.entries, marks=self.problem.marks)
 
     def accepted_or_refusal(self) -> Accepted | ApiError:
         """Return the same, or the refusal if no tier is expected to keep its budget."""
@@ -147,7 +149,7 @@ async def accept(inside: Resources, problem: Checked, holder: ApiKey | None) -> 
     if found is None:
         claimant = Claimant(None if holder is None else holder.id)
         (found,) = await inside.examiner.examine([problem.to_examine], claimant)
-    return JudgedDocument(problem, verdict_in(found.answer), table, found.entries)
+    return JudgedDocument(problem, verdict_in(found.answer), table, found.entries, found.seconds)
 
 
 async def accept_many(
@@ -211,7 +213,7 @@ def _judged(
     if found is None:
         return JudgedDocument(problem, None, table)
     try:
-        return JudgedDocument(problem, verdict_in(found.answer), table, found.entries)
+        return JudgedDocument(problem, verdict_in(found.answer), table, found.entries, found.seconds)
     except ApiError as refusal:
         return refusal
 

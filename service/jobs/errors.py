@@ -29,6 +29,13 @@ class SolutionNotFoundError(LookupError):
         self.solution_id = solution_id
 
 
+class AuditNotFoundError(LookupError):
+    """There is no audit of that id of that solution."""
+
+    def __init__(self, solution_id: str, audit_id: str) -> None:
+        super().__init__(f"there is no audit {audit_id} of a solution {solution_id}")
+
+
 class StillAtWorkError(Exception):
     """What has not finished cannot be deleted."""
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from service.jobs.lanes import Lane
+from service.jobs.outcome import StoredSolution
 from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.schemas.query.conditions import Value
 from service.schemas.reading.marks import UNMARKED, Marks
@@ -61,6 +62,10 @@ class Claim:
     lane: Lane = Lane.SINGLE
     windows: str = ""
     """The windows of its curve, as its examination found them; empty where they are not kept."""
+    examined_seconds: float | None = None
+    """That its examination took; None without one."""
+    audited: StoredSolution | None = None
+    """Of an audit: the solution that is solved again and compared."""
 
     @property
     def payload(self) -> Mapping[str, object]:

@@ -1,4 +1,4 @@
-"""The result of a computation as a child process returns it: JSON and bytes, never objects."""
+"""The result of a computation as a child process returns it, and what it is compared with: JSON and bytes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +12,20 @@ class Solved:
     dense: bytes
     """The function of time, encoded by :mod:`service.storage.codecs.arrays`; so are the samples."""
     samples: bytes
+    comparison: Mapping[str, object] | None = None
+    """Of an audit: how it compares with the stored solution."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredSolution:
+    """A solution as it is stored, for a comparison with another one."""
+
+    problem: Mapping[str, object]
+    summary: Mapping[str, object]
+    dense: bytes
+    """Empty if it is missing, which no regular way leads to."""
+    samples: bytes | None
+    """None if they were removed to save space."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome
 from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
-from service.verdicts.entries import Entry
+from service.verdicts.entries import Entry, Examination
 
 
 class JobStore(Protocol):
@@ -27,7 +27,7 @@ class JobStore(Protocol):
         *,
         priority: int = 0,
         key_id: str | None = None,
-        examination: str | None = None,
+        examination: Examination | None = None,
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Marks = UNMARKED,
@@ -35,7 +35,7 @@ class JobStore(Protocol):
         """Store a job for a canonical problem document, on the account of a key.
 
         If a solution of the same digest is stored, the job has succeeded already,
-        with that solution and ``reused``. ``examination`` is the key of the windows of
+        with that solution and ``reused``. ``examination`` names the windows of
         its curve; ``found`` is what its examination found, and is kept. With a
         receipt its answer is stored too, or :class:`~service.jobs.idempotency.KeyTakenError` is raised and
         nothing is.
@@ -49,14 +49,14 @@ class JobStore(Protocol):
         priority: int = 0,
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
-        examinations: Sequence[str | None] = (),
+        examinations: Sequence[Examination | None] = (),
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Sequence[Marks] = (),
     ) -> tuple[Job, ...]:
         """Do the same for several problems with their digests: all of them are stored, or none.
 
-        They wait in ``lane``. ``examinations`` has a key, or None, for each of them, or is empty; so has
+        They wait in ``lane``. ``examinations`` has one, or None, for each of them, or is empty; so has
         ``marks`` their labels and notes.
         """
         ...

@@ -30,6 +30,16 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
+class Examination:
+    """What is stored with a job about the examination of its problem."""
+
+    windows: str
+    """Key of the windows of its curve."""
+    seconds: float
+    """That it took before the job was queued; next to nothing where its result was kept."""
+
+
+@dataclass(frozen=True, slots=True)
 class ExaminationKeys:
     """The keys of what is kept of one problem."""
 

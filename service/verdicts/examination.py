@@ -6,6 +6,7 @@ limits.
 """
 
 import json
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any  # what was read from JSON
@@ -96,7 +97,7 @@ def examine_problems(text: str) -> str:
 
     ``text`` is ``{"problems": [{"document", "verdict", "windows"}, …], "kept": {key: content}}``; in each
     problem are the keys of its verdict and of the windows of its curve, null where it has none. The answer
-    is ``{"answers": […], "found": {key: content}}``.
+    is ``{"answers": […], "seconds": […], "found": {key: content}}``.
     """
     asked = json.loads(text)
     kept, searches = Kept(asked["kept"]), Searches(MOST_SEARCHES)
@@ -108,8 +109,12 @@ def examine_problems(text: str) -> str:
             lambda document: _judge_problem(read_problem(document), kept, keys, searches),
         )
 
-    answers = [judge(problem) for problem in asked["problems"]]
-    return json.dumps({"answers": answers, "found": kept.found}, allow_nan=False)
+    answers, seconds = [], []
+    for problem in asked["problems"]:
+        began = time.perf_counter()
+        answers.append(judge(problem))
+        seconds.append(time.perf_counter() - began)
+    return json.dumps({"answers": answers, "seconds": seconds, "found": kept.found}, allow_nan=False)
 
 
 def answer_ping() -> str:

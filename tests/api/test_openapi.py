@@ -32,6 +32,8 @@ OPERATIONS = {
         "PATCH": "change_solution",
         "DELETE": "delete_solution",
     },
+    "/v1/solutions/{solution_id}/audits": {"GET": "list_audits", "POST": "audit_solution"},
+    "/v1/solutions/{solution_id}/audits/{audit_id}": {"GET": "get_audit"},
     "/v1/solutions/{solution_id}/citation": {"GET": "get_citation"},
     "/v1/solutions/{solution_id}/enclosures": {"GET": "get_enclosures"},
     "/v1/solutions/{solution_id}/provenance": {"GET": "get_provenance"},

@@ -1,7 +1,8 @@
 """Queries over many stored solutions: conditions, order and page, as the store answers them.
 
-``python -m tests.benchmarks.queries [--rows 1000000] [--database URL]`` fills an empty database, once, and
-prints the times of each query. It is not part of ``make bench``: filling takes minutes.
+``python -m tests.benchmarks.queries [--rows 1000000] [--database URL]`` fills an empty database and prints
+the times of each query: one of SQLite and one of Postgres, both made for it, or the one that is named, which
+is filled once. It is not part of ``make bench``: filling takes minutes.
 """
 
 import argparse
@@ -27,6 +28,7 @@ from service.storage.solutions.solution_store import SolutionStore
 from service.storage.tables.base import table_of
 from service.storage.tables.solutions import SolutionRow
 from tests.benchmarks.measuring import say
+from tests.support.postgres import postgres_server
 
 BATCH = 5000
 REPEATS = 15
@@ -128,21 +130,30 @@ def main() -> int:
     options.add_argument("--rows", type=int, default=1_000_000)
     options.add_argument("--database", help="URL of an empty database, or of one that was filled before")
     asked = options.parse_args()
+    if asked.database:
+        _report(asked.database, asked.rows)
+        return 0
     with tempfile.TemporaryDirectory() as folder:
-        url = asked.database or f"sqlite:///{Path(folder) / 'queries.db'}"
-        migrate(url)
-        database = Database(url)
-        fill(database, asked.rows)
-        everything: list[float] = []
-        for where, order in QUERIES:
-            took, found = measure(database, where, order)
-            everything += took
-            times = f"{statistics.median(took):8.1f} ms, at most {max(took):8.1f} ms"
-            say(f"{times}, {found:3d} rows: {order} {where}")
-        ranked = sorted(everything)
-        say(f"all: median {statistics.median(ranked):.1f} ms, p95 {ranked[int(0.95 * len(ranked))]:.1f} ms")
-        database.close()
+        _report(f"sqlite:///{Path(folder) / 'queries.db'}", asked.rows)
+    with postgres_server() as server:
+        _report(server.url(server.create_database()), asked.rows)
     return 0
+
+
+def _report(url: str, count: int) -> None:
+    migrate(url)
+    database = Database(url)
+    fill(database, count)
+    say(f"{database.engine.dialect.name}, {count} solutions")
+    everything: list[float] = []
+    for where, order in QUERIES:
+        took, found = measure(database, where, order)
+        everything += took
+        times = f"{statistics.median(took):8.1f} ms, at most {max(took):8.1f} ms"
+        say(f"{times}, {found:3d} rows: {order} {where}")
+    ranked = sorted(everything)
+    say(f"all: median {statistics.median(ranked):.1f} ms, p95 {ranked[int(0.95 * len(ranked))]:.1f} ms")
+    database.close()
 
 
 if __name__ == "__main__":

@@ -72,6 +72,18 @@ def test_numbers_carry_their_errors(connected, base, service):
     assert np.abs(end - start).max() <= motion.period.error * speed + 2 * motion.at(motion.period).error
 
 
+def test_a_motion_is_audited(connected, base):
+    motion = connected.solve(base)
+    same, higher = motion.audit(), motion.audit(tier="high", seconds=60)
+    assert [same.agrees, higher.agrees] == [True, True]
+    assert same.document["comparison"]["identical"]
+    assert higher.document["comparison"]["found"]["tier"] == "high"
+    with pytest.raises(ph.WrongArgumentError, match="accuracy"):
+        motion.audit(tier="high", tolerance=1e-9)
+    with pytest.raises(ph.RefusedError, match="/accuracy/tier"):
+        motion.audit(tier="best")
+
+
 def test_proven_digits_are_kept_and_their_rounding_counts(connected, base):
     motion = connected.solve(base | {"accuracy": {"tier": "certified", "bits": 128}})
     period = motion.period

@@ -8,6 +8,7 @@ from sqlalchemy import func, select
 
 from service.jobs.states import JobKind
 from service.storage.inspection.inspect import inspect
+from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
 from service.storage.tables.operations import IdempotencyKeyRow
@@ -72,6 +73,9 @@ def census(stores: Stores) -> Counter[object]:
             counted.update({(table, *kind): count for count, *kind in rows})
         for table in (SolutionRow, DenseOutputRow, SamplesRow, SweepChunkRow, IdempotencyKeyRow):
             counted[table.__tablename__] = session.scalar(select(func.count()).select_from(table))
+        compared = AuditRow.comparison.is_not(None)
+        audits = session.execute(select(func.count(), compared).group_by(compared))
+        counted.update({("audits", bool(has_comparison)): count for count, has_comparison in audits})
         for table in (JobLabelRow, SolutionLabelRow, SweepLabelRow):
             labels = session.execute(
                 select(func.count(), table.key, table.value).group_by(table.key, table.value)

@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sqlalchemy.orm import configure_mappers
 
@@ -24,6 +24,8 @@ from service.storage.database.database import Database
 from service.storage.database.faults import VARIABLE
 from service.storage.database.ids import new_id
 from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.table_dispatcher import TableDispatcher
+from service.storage.solutions.audit_store import AuditStore
 from service.storage.sweeps import deleting
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY
@@ -34,6 +36,7 @@ RETRIES = {"max_attempts": 3, "retry_seconds": 0.0}
 GIVING_UP = {"max_attempts": 1, "retry_seconds": 0.0}
 MARKS = Marks({"project": "thesis", "run": "7"}, "first try")
 SOLVED = Solved(SUMMARY, b"dense", b"samples")
+COMPARISON = {"verdict": "agrees", "stored": dict(SUMMARY)}
 ERROR = {"code": "no_motion", "detail": "there is none"}
 OVER = 0.0
 """A lease that has ended when it is granted, so that nobody need wait for its end."""
@@ -44,6 +47,7 @@ class Stores:
     database: Database
     jobs: SqlJobStore
     sweeps: SweepStore
+    audits: AuditStore
 
     def claim(self) -> Claim:
         claim = self.jobs.claim("victim", lease_seconds=OVER)
@@ -57,7 +61,8 @@ class Stores:
         return self.sweeps.submit({"seconds": 0.01}, points=points, most=20).id
 
     def finish(self, claim: Claim) -> None:
-        assert self.jobs.finish(claim, SOLVED)[0]
+        comparison = None if claim.audited is None else COMPARISON
+        assert self.jobs.finish(claim, replace(SOLVED, comparison=comparison))[0]
 
     def finish_chunk(self, claim: Claim, points: int | None = None) -> None:
         payload = dict(claim.payload)
@@ -240,6 +245,40 @@ def lose_chunk_for_good(stores: Stores) -> None:
     assert stores.jobs.reconcile(**GIVING_UP)
 
 
+def solved_id(stores: Stores) -> str:
+    job_id = stores.submitted()
+    stores.finish(stores.claim())
+    solution_id = stores.jobs.get(job_id).solution_id
+    assert solution_id is not None
+    return solution_id
+
+
+def submit_audit(stores: Stores) -> None:
+    stores.audits.submit(solved_id(stores), PROBLEM, new_id(), receipt=receipt())
+
+
+def succeed_audit(stores: Stores) -> None:
+    stores.audits.submit(solved_id(stores), PROBLEM, new_id())
+    stores.finish(stores.claim())
+
+
+def fail_audit(stores: Stores) -> None:
+    stores.audits.submit(solved_id(stores), PROBLEM, new_id())
+    assert stores.jobs.finish_failure(stores.claim(), ERROR)
+
+
+def lose_audit(stores: Stores) -> None:
+    stores.audits.submit(solved_id(stores), PROBLEM, new_id())
+    stores.claim()
+    assert stores.jobs.reconcile(**RETRIES)
+
+
+def delete_audited(stores: Stores) -> None:
+    solution_id = solved_id(stores)
+    stores.jobs.cancel(stores.audits.submit(solution_id, PROBLEM, new_id()).id)
+    deleting.delete_solution(stores.database, solution_id)
+
+
 def delete_job(stores: Stores) -> None:
     job_id = stores.submitted()
     stores.jobs.cancel(job_id)
@@ -247,11 +286,7 @@ def delete_job(stores: Stores) -> None:
 
 
 def delete_solution(stores: Stores) -> None:
-    job_id = stores.submitted()
-    stores.finish(stores.claim())
-    solution_id = stores.jobs.get(job_id).solution_id
-    assert solution_id is not None
-    deleting.delete_solution(stores.database, solution_id)
+    deleting.delete_solution(stores.database, solved_id(stores))
 
 
 def delete_sweep(stores: Stores) -> None:
@@ -267,7 +302,8 @@ DEEDS: tuple[Callable[[Stores], None], ...] = (
     claim, claim_many, cancel_queued, cancel_running, heartbeat, succeed, reuse,
     succeed_and_take, succeed_and_reuse, fail, lose, lose_for_good, give_back, reconcile, reconcile_for_good,
     submit_sweep, cancel_sweep, finish_pilot, finish_part, finish_sweep, split_chunk, refuse_point,
-    lose_chunk_for_good, delete_job, delete_solution, delete_sweep,
+    lose_chunk_for_good, submit_audit, succeed_audit, fail_audit, lose_audit, delete_audited,
+    delete_job, delete_solution, delete_sweep,
 )  # fmt: skip
 """Everything that the API and the workers do to jobs and sweeps; each ends with the commit of its name."""
 
@@ -275,7 +311,8 @@ DEEDS: tuple[Callable[[Stores], None], ...] = (
 @contextmanager
 def stores_of(url: str) -> Iterator[Stores]:
     database = Database(url)
-    yield Stores(database, SqlJobStore(database), SweepStore(database))
+    audits = AuditStore(database, TableDispatcher())
+    yield Stores(database, SqlJobStore(database), SweepStore(database), audits)
     database.close()
 
 

@@ -94,6 +94,9 @@ def check_exchange(request, response) -> None:
         assert not found, f"{where}: {found}"
     is_plain = request.headers.get("content-encoding", "").lower() not in ("gzip", "zstd")
     if operation is not None and "requestBody" in operation and response.is_success and is_plain:
+        if not request.content:
+            assert not operation["requestBody"]["required"], f"{where} without a body"
+            return
         schema = operation["requestBody"]["content"]["application/json"]["schema"]
         answer = response.json() if media_type in JSON_TYPES else {}
         found = faults(schema, _accepted(json.loads(request.content.decode("utf-8-sig")), answer))

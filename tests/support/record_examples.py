@@ -120,6 +120,11 @@ def ask(recorder: Recorder) -> None:
     record("get_function", "a function of time", "GET", f"{solution}/function")
     record("get_trajectory", "a preview", "GET", f"{solution}/trajectory?preview=5&columns=t,g1")
     record("get_provenance", "of a solution", "GET", f"{solution}/provenance")
+    audit = record("audit_solution", "queued", "POST", f"{solution}/audits", {"accuracy": {"tier": "high"}})
+    audits = f"{solution}/audits"
+    record("audit_solution", "finished in time", "POST", audits, {}, Prefer="wait=60")
+    record("list_audits", "a page", "GET", f"{audits}?limit=1")
+    record("get_audit", "of another tier", "GET", f"{audits}/{audit['id']}")
     record("get_citation", "of a solution", "GET", f"{solution}/citation", Accept="application/x-bibtex")
     record("get_citation", "of a solution", "GET", f"{solution}/citation", Accept="application/yaml")
     marks = {"labels": {"project": "thesis"}, "note": "the first one"}

@@ -14,7 +14,8 @@ from service.storage.database.database import Database
 from service.storage.inspection.blob_inspection import check_blobs, repair_examinations
 from service.storage.inspection.inspect import Finding, check_schema, inspect, repair
 from service.terminal import answer, say
-from workers.computation.reproduction import Repetition, Sameness, repeat_solutions
+from workers.computation.comparison import Sameness
+from workers.computation.reproduction import Repetition, repeat_solutions
 
 PACKETS = 100
 """Packets of each kind that are read without --all."""

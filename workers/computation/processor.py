@@ -52,15 +52,35 @@ def _version_or_none(name: str) -> str:
         return "none"
 
 
+def threads() -> int | None:
+    """Return among how many threads a product of matrices may be divided; None if the library does not tell.
+
+    All else is computed by one thread: kernels are compiled without parallel loops, and a job is one child.
+    """
+    library = _openblas()
+    return None if library is None else int(library.scipy_openblas_get_num_threads64_())
+
+
 def _matrix_kernels() -> str | None:
     """Return for which processor the OpenBLAS in numpy's wheel has chosen its kernels; None without it."""
+    library = _openblas()
+    if library is None:
+        return None
+    name = library.scipy_openblas_get_corename64_
+    name.restype = ctypes.c_char_p
+    found = name()
+    return found.decode("ascii") if isinstance(found, bytes) else None
+
+
+@cache
+def _openblas() -> ctypes.CDLL | None:
+    """Return the OpenBLAS in numpy's wheel, if it is there and has the functions that are asked here."""
     folder = Path(np.__file__).parents[1] / "numpy.libs"
     for file in sorted(folder.glob("libscipy_openblas*")):
         try:
-            name = ctypes.CDLL(str(file)).scipy_openblas_get_corename64_
-        except (OSError, AttributeError):
+            library = ctypes.CDLL(str(file))
+        except OSError:
             continue
-        name.restype = ctypes.c_char_p
-        found = name()
-        return found.decode("ascii") if isinstance(found, bytes) else None
+        if all(hasattr(library, f"scipy_openblas_get_{each}64_") for each in ("corename", "num_threads")):
+            return library
     return None

@@ -12,7 +12,7 @@ from service.dynamics.solution.ball_columns import as_decimals
 from service.storage.codecs.summary import FIRST_PASSAGE, PROVEN_SAMPLES
 from service.versions import version_of
 from workers.computation.outputs import Findings
-from workers.computation.processor import libraries, processor
+from workers.computation.processor import libraries, processor, threads
 from workers.solvers.certified.certify import Certified
 from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability
@@ -65,6 +65,7 @@ def provenance() -> Document:
         "numerics": NUMERICS,
         "processor": processor(),
         "libraries": libraries(),
+        "threads": threads(),
     }
 
 

@@ -26,7 +26,7 @@ logger = logging.getLogger(__name__)
 Computation = Callable[..., Outcome]
 """A module-level function from :attr:`Claim.payload`, as JSON text, to the outcome of the job.
 
-If the windows of its curve are kept, their text comes second.
+If the windows of its curve are kept, their text comes second; an audit has the stored solution third.
 """
 Computations = Mapping[JobKind, Computation]
 
@@ -189,7 +189,8 @@ class Runner:
 
     def _start(self, claim: Claim, *, was_owed: bool) -> None:
         compute = self._computations[claim.kind]
-        given = [json.dumps(claim.payload), *([claim.windows] if claim.windows else ())]
+        audited = () if claim.audited is None else (claim.audited,)
+        given = [json.dumps(claim.payload), *([claim.windows] if claim.windows or audited else ()), *audited]
         fields = {**_fields(claim), "worker": self._name}
         future = self._sandbox.submit(call_about, fields, compute, *given, seconds=self._limits.job_seconds)
         now = time.monotonic()

@@ -7,7 +7,7 @@ and restarts quickly after it was killed.
 
 from typing import TYPE_CHECKING
 
-from service.jobs.outcome import ChunkOutcome, SolveOutcome
+from service.jobs.outcome import ChunkOutcome, SolveOutcome, StoredSolution
 from service.jobs.states import JobKind
 from workers.process.warming import WarmUp
 
@@ -18,8 +18,14 @@ PRELOAD = ("workers.computation.compute", "workers.sweeping.warming", "workers.p
 """Modules for the fork server: what the functions here import, and at last one that loads compiled code."""
 
 
-def solve_problem(document_json: str, windows_json: str = "") -> SolveOutcome:
-    """Call :func:`workers.computation.compute.solve_document`."""
+def solve_problem(
+    document_json: str, windows_json: str = "", audited: StoredSolution | None = None
+) -> SolveOutcome:
+    """Call :func:`workers.computation.compute.solve_document`, or of an audit ``audit_document``."""
+    if audited is not None:
+        from workers.computation.audit import audit_document  # noqa: PLC0415
+
+        return audit_document(document_json, windows_json, audited)
     from workers.computation.compute import solve_document  # noqa: PLC0415
 
     return solve_document(document_json, windows_json)

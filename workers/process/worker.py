@@ -1,6 +1,5 @@
 """Runs one worker process, from its settings to its shutdown."""
 
-import os
 import selectors
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from service.local.wakeup import WorkerLine
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.stopping import StopAsked
+from workers.computation.threads import use_one_thread
 from workers.process.waker import Waker
 from workers.process.warming import Warming, WarmUp
 
@@ -41,9 +41,7 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
     NewerSchemaError
         A later version has changed the database, perhaps since the service that starts this worker began.
     """
-    # Slots share the cores already, and the stacks of idle threads would count as a job's memory.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    use_one_thread()
     modules = [*(computation.__module__ for computation in tasks.computations.values()), *tasks.preload]
     line = None if wake_fd is None else WorkerLine(wake_fd)
     sandbox = Sandbox(slots, memory_mb=settings.job_memory_mb, preload=modules)

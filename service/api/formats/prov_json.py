@@ -93,7 +93,10 @@ def _examine(graph: _Graph, origin: SolutionOrigin, problem: str) -> str | None:
     windows = _name("windows", origin.examination)
     activity = _name("examination", origin.examination)
     graph.entities[windows] = {"prov:type": "polhode:Windows", "polhode:key": origin.examination}
-    graph.activities[activity] = {"prov:type": "polhode:Examination"}
+    told: dict[str, object] = {"prov:type": "polhode:Examination"}
+    if origin.examined_seconds is not None:
+        told["polhode:seconds"] = origin.examined_seconds
+    graph.activities[activity] = told
     graph.use(activity, problem)
     graph.generate(windows, activity)
     graph.derive(windows, problem)
@@ -113,7 +116,9 @@ def _attempt(graph: _Graph, origin: SolutionOrigin, attempt: Attempt, versions: 
         told["polhode:outcome"] = attempt.outcome.value
     if attempt.outcome is AttemptOutcome.SUCCEEDED:
         told |= {
-            f"polhode:{name}": versions[name] for name in ("numerics", "processor") if versions.get(name)
+            f"polhode:{name}": versions[name]
+            for name in ("numerics", "processor", "threads")
+            if versions.get(name)
         }
         cost = origin.solution.summary.get("cost")
         if isinstance(cost, Mapping) and "compute_seconds" in cost:

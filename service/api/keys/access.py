@@ -56,6 +56,8 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/v1/solutions/facets": {"GET": Role.READ},
     "/v1/solutions/statistics": {"GET": Role.READ},
     "/v1/solutions/{solution_id}": {"GET": Role.READ, "PATCH": Role.SUBMIT, "DELETE": Role.SUBMIT},
+    "/v1/solutions/{solution_id}/audits": {"GET": Role.READ, "POST": Role.SUBMIT},
+    "/v1/solutions/{solution_id}/audits/{audit_id}": {"GET": Role.READ},
     "/v1/solutions/{solution_id}/citation": {"GET": Role.READ},
     "/v1/solutions/{solution_id}/enclosures": {"GET": Role.READ},
     "/v1/solutions/{solution_id}/provenance": {"GET": Role.READ},

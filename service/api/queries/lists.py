@@ -3,14 +3,15 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import Literal, TypeVar
+from typing import Literal, Protocol, TypeVar
 from urllib.parse import urlencode
 
-from fastapi import Request
+from fastapi import Request, Response
 from pydantic import Field
 
 from service.api.queries.cursors import InvalidCursorError, cursor_of, place_of
 from service.api.queries.queries import Asked, QueryModel, refuse_if_any
+from service.api.replies.responses import json_response
 from service.jobs.states import JobState
 from service.schemas.query.conditions import Condition, OrderKey, Subject, Value
 from service.schemas.query.kinds import Kind
@@ -18,6 +19,7 @@ from service.schemas.query.list_query import ID, ListQuery
 from service.schemas.query.order import read_columns, read_order
 from service.schemas.query.where import read_where
 from service.schemas.reading.faults import Fault
+from service.schemas.replies.response_model import ResponseModel
 from service.storage.searching.sources import Source
 
 NEWEST_FIRST = (OrderKey(ID, descending=True),)
@@ -95,6 +97,36 @@ def next_page(request: Request, cursor: str) -> str:
 def link_to(next_page: str | None) -> dict[str, str]:
     """Return the header that leads to the next page (RFC 8288)."""
     return {} if next_page is None else {"Link": f'<{next_page}>; rel="next"'}
+
+
+class _Found(Protocol):
+    """One page of some list, as a store has found it."""
+
+    @property
+    def total(self) -> int | None: ...
+    @property
+    def values(self) -> Sequence[Sequence[Value | None]]: ...
+    @property
+    def next(self) -> Sequence[Value | None] | None: ...
+
+
+def page_answer(
+    request: Request,
+    listing: Listing,
+    model: type[ResponseModel],
+    found: _Found,
+    shown: Sequence[ResponseModel],
+) -> Response:
+    """Return a page as an answer: what is ``shown`` of its rows, or the wanted columns of them."""
+    query, following = listing.query, listing.next_page(request, found.next)
+    document = {
+        "items": listing.rows(found.values) if query.columns else shown,
+        "total": found.total,
+        "limit": query.limit,
+        "offset": query.offset,
+        "next": following,
+    }
+    return json_response(model.model_validate(document), headers=link_to(following))
 
 
 def read_listing(

@@ -7,3 +7,4 @@ from fastapi import Path
 JobId = Annotated[str, Path(description="Id of a job.")]
 SolutionId = Annotated[str, Path(description="Id of a solution.")]
 SweepId = Annotated[str, Path(description="Id of a sweep.")]
+AuditId = Annotated[str, Path(description="Id of an audit, which is that of its job.")]

@@ -3,11 +3,14 @@
 from collections.abc import Mapping
 
 from service.jobs.job import Job
+from service.jobs.states import JobState
 from service.jobs.sweeps import SweepProgress, SweepRecord
 from service.schemas.reading.marks import Marks
+from service.schemas.replies.audit import AuditOut, ComparisonOut
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.solution import SolutionOut
 from service.schemas.replies.sweep import SweepOut, SweepStateOut
+from service.storage.solutions.audit_store import Audit
 from service.storage.solutions.solution_store import Solution
 
 _ADDED_LATER: Mapping[str, object] = {"asymptotes": None, "precession": None, "warnings": []}
@@ -46,6 +49,25 @@ def solution_out(solution: Solution) -> SolutionOut:
         "created_at": solution.created_at,
     }
     return SolutionOut.model_validate(document)
+
+
+def audit_out(audit: Audit) -> AuditOut:
+    """Return an audit as it is shown."""
+    job, comparison = audit.job, audit.comparison
+    verdict = "failed" if job.state is JobState.FAILED else comparison and comparison["verdict"]
+    document = {
+        "id": job.id,
+        "solution": audit.solution_id,
+        "state": job.state.value,
+        "verdict": verdict,
+        "found": job.solution_id,
+        "comparison": comparison and {name: comparison[name] for name in ComparisonOut.model_fields},
+        "error": job.error,
+        "problem": job.problem,
+        "created_at": job.created_at,
+        "finished_at": job.finished_at,
+    }
+    return AuditOut.model_validate(document)
 
 
 def sweep_out(record: SweepRecord) -> SweepOut:

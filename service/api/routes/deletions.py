@@ -1,5 +1,7 @@
 """DELETE of a finished job, a solution and a finished sweep."""
 
+from collections.abc import Callable
+from functools import partial
 from http import HTTPStatus
 
 from fastapi import APIRouter, Response
@@ -9,6 +11,7 @@ from service.api.middleware.security import Holder, check_owner
 from service.api.queries.queries import without_query
 from service.api.replies.places import JobId, SolutionId, SweepId
 from service.api.replies.responses import refusals
+from service.jobs.keys import ApiKey
 from service.storage.sweeps.deleting import delete_job as remove_job
 from service.storage.sweeps.deleting import delete_solution as remove_solution
 from service.storage.sweeps.deleting import delete_sweep as remove_sweep
@@ -33,9 +36,7 @@ def delete_job(job_id: JobId, inside: Inside, holder: Holder) -> Response:
 
     Deleting what was submitted with another key needs the role operate.
     """
-    check_owner(holder, inside.jobs.get(job_id).key_id)
-    remove_job(inside.database, job_id)
-    return Response(status_code=_GONE)
+    return _removed(holder, inside.jobs.get(job_id).key_id, partial(remove_job, inside.database, job_id))
 
 
 @router.delete(
@@ -51,9 +52,11 @@ def delete_solution(solution_id: SolutionId, inside: Inside, holder: Holder) -> 
 
     Deleting what was computed for another key needs the role operate.
     """
-    check_owner(holder, key_of_solution(inside.database, solution_id))
-    remove_solution(inside.database, solution_id)
-    return Response(status_code=_GONE)
+    return _removed(
+        holder,
+        key_of_solution(inside.database, solution_id),
+        partial(remove_solution, inside.database, solution_id),
+    )
 
 
 @router.delete(
@@ -69,6 +72,12 @@ def delete_sweep(sweep_id: SweepId, inside: Inside, holder: Holder) -> Response:
 
     Deleting what was submitted with another key needs the role operate.
     """
-    check_owner(holder, inside.sweeps.get(sweep_id).key_id)
-    remove_sweep(inside.database, sweep_id)
+    return _removed(
+        holder, inside.sweeps.get(sweep_id).key_id, partial(remove_sweep, inside.database, sweep_id)
+    )
+
+
+def _removed(holder: ApiKey | None, key_id: str | None, remove: Callable[[], None]) -> Response:
+    check_owner(holder, key_id)
+    remove()
     return Response(status_code=_GONE)

@@ -23,7 +23,7 @@ from service.api.replies.errors import ApiError
 from service.api.replies.places import JobId, SweepId
 from service.api.replies.records import job_out, sweep_out
 from service.api.replies.responses import json_content, refusals
-from service.api.routes.overview import status_document
+from service.api.routes.installation.status import status_document
 from service.jobs.job import Job
 from service.jobs.keys import ApiKey, KeyStanding
 from service.jobs.sweeps import SweepRecord

@@ -1,11 +1,11 @@
 """/v1/jobs: submit, list, show and cancel jobs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, replace
 from http import HTTPStatus
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
@@ -15,8 +15,8 @@ from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.disconnects import while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import Listing, PageQuery, link_to, read_listing
-from service.api.queries.prefer import wait_seconds
+from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
+from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import (
     Asked,
     QueryModel,
@@ -25,19 +25,20 @@ from service.api.queries.queries import (
     query_parameters,
     without_query,
 )
+from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.errors import ApiError
 from service.api.replies.places import JobId
 from service.api.replies.records import job_out
 from service.api.replies.responses import json_response, refusals
 from service.api.submission import Accepted, Checked, JudgedDocument, accept, accept_many, check, check_each
-from service.jobs.idempotency import GivenKey
+from service.jobs.idempotency import Receipt
 from service.jobs.job import Job
-from service.jobs.keys import ApiKey
 from service.jobs.lanes import Lane
 from service.jobs.states import JobState
 from service.schemas.query.list_query import in_state
 from service.schemas.reading.faults import first_of
 from service.schemas.replies.job import JobItemOut, JobListOut, JobOut, JobPageOut
+from service.schemas.replies.overview import AttemptsOut
 from service.settings import Settings
 from service.storage.searching.sources import OF_JOB_ROWS
 
@@ -107,9 +108,7 @@ async def submit_job(
     inside: Inside,
     holder: Holder,
     query: Annotated[SubmitQuery, Depends(query_of(SubmitQuery))],
-    prefer: Annotated[
-        str | None, Header(description="`wait=S`: wait up to S ≤ 60 seconds for the job to finish.")
-    ] = None,
+    prefer: Prefer = None,
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Check a problem and queue it; if an equal problem was solved before, reuse its solution.
@@ -123,14 +122,14 @@ async def submit_job(
     """
     check_priority(holder, query.priority, "?priority")
     given = read_key(idempotency_key, request, content, holder)
-    terms, seconds = _Terms(holder, query.priority, given), wait_seconds(prefer)
+    terms = SubmissionTerms(holder, query.priority, given, wait_seconds(prefer))
 
     async def work() -> Response:
         found = await inside.reading.run(len(content), _checked, content, inside.settings)
         if isinstance(found, list):
             submitting = _submit_list(found, inside, terms)
         else:
-            submitting = _submit_one(found, inside, terms, seconds)
+            submitting = _submit_one(found, inside, terms)
         return await while_connected(request, submitting)
 
     return await inside.idempotency.once(given, work)
@@ -141,82 +140,39 @@ def _checked(content: bytes, settings: Settings) -> Checked | list[Checked | Api
     return check_each(document, settings) if isinstance(document, list) else check(document, settings)
 
 
-@dataclass(frozen=True, slots=True)
-class _Terms:
-    """Who submits, how urgently, and under which Idempotency-Key."""
-
-    holder: ApiKey | None
-    priority: int
-    given: GivenKey | None
-
-    @property
-    def key_id(self) -> str | None:
-        return None if self.holder is None else self.holder.id
-
-
-async def _submit_one(problem: Checked, inside: Resources, terms: _Terms, seconds: int | None) -> Response:
+async def _submit_one(problem: Checked, inside: Resources, terms: SubmissionTerms) -> Response:
     examined = await accept(inside, problem, terms.holder)
-    job = await run_in_threadpool(_queue, examined, inside, terms)
-    # No waiting if the limit of waiting clients is reached.
-    if seconds is None or not inside.waiting.acquire(blocking=False):
-        return await run_in_threadpool(_submitted, job)
-    try:
-        await _finish(job, inside, seconds)
-    finally:
-        inside.waiting.release()
-    answer = await run_in_threadpool(_waited, job.id, inside, seconds)
-    await run_in_threadpool(inside.idempotency.keep, terms.given, answer)
-    return answer
+
+    def store(receipt: Receipt[Made] | None) -> Job:
+        accepted = examined.accepted()
+        return inside.jobs.submit(
+            accepted.document,
+            accepted.digest,
+            priority=terms.priority,
+            key_id=terms.key_id,
+            receipt=receipt,
+            examination=accepted.examination,
+            found=accepted.entries,
+            marks=accepted.marks,
+        )
+
+    return await queue(inside, terms, store, _shown)
 
 
-def _queue(examined: JudgedDocument, inside: Resources, terms: _Terms) -> Job:
-    problem = examined.accepted()
-    job = inside.jobs.submit(
-        problem.document,
-        problem.digest,
-        priority=terms.priority,
-        key_id=terms.key_id,
-        receipt=receipt_of(terms.given, lambda jobs: _submitted(*jobs)),
-        examination=problem.windows,
-        found=problem.entries,
-        marks=problem.marks,
-    )
-    if not job.is_finished:
-        inside.doorbell.ring()
-    return job
+def _shown(job: Job) -> tuple[JobOut, str]:
+    return job_out(job), f"/v1/jobs/{job.id}"
 
 
-async def _finish(job: Job, inside: Resources, seconds: int) -> None:
-    """Wait for a job without blocking a thread."""
-
-    async def is_finished() -> bool:
-        return (await run_in_threadpool(inside.jobs.get, job.id)).is_finished
-
-    await inside.doorbell.wait_for(job.id, is_finished=is_finished, timeout=seconds)
-
-
-def _submitted(job: Job) -> Response:
-    return json_response(job_out(job), status=HTTPStatus.ACCEPTED, headers=_location(job.id))
-
-
-def _waited(job_id: str, inside: Resources, seconds: int) -> Response:
-    job = inside.jobs.get(job_id)
-    headers = {**_location(job_id), "Preference-Applied": f"wait={seconds}"}
-    return json_response(
-        job_out(job), status=HTTPStatus.OK if job.is_finished else HTTPStatus.ACCEPTED, headers=headers
-    )
-
-
-def _location(job_id: str) -> dict[str, str]:
-    return {"Location": f"/v1/jobs/{job_id}"}
-
-
-async def _submit_list(problems: list[Checked | ApiError], inside: Resources, terms: _Terms) -> Response:
+async def _submit_list(
+    problems: list[Checked | ApiError], inside: Resources, terms: SubmissionTerms
+) -> Response:
     examined = await accept_many(inside, problems, terms.holder)
     return await run_in_threadpool(_queue_list, examined, inside, terms)
 
 
-def _queue_list(examined: Sequence[JudgedDocument | ApiError], inside: Resources, terms: _Terms) -> Response:
+def _queue_list(
+    examined: Sequence[JudgedDocument | ApiError], inside: Resources, terms: SubmissionTerms
+) -> Response:
     answers = [each if isinstance(each, ApiError) else each.accepted_or_refusal() for each in examined]
     accepted = [answer for answer in answers if isinstance(answer, Accepted)]
     if not accepted:
@@ -228,7 +184,7 @@ def _queue_list(examined: Sequence[JudgedDocument | ApiError], inside: Resources
         # A list of one problem waits in the lane of single problems.
         lane=Lane.SINGLE if len(accepted) == 1 else Lane.LIST,
         receipt=receipt_of(terms.given, lambda made: _list_submitted(answers, made)),
-        examinations=[problem.windows for problem in accepted],
+        examinations=[problem.examination for problem in accepted],
         found=[entry for problem in accepted for entry in problem.entries],
         marks=[problem.marks for problem in accepted],
     )
@@ -278,17 +234,26 @@ async def list_jobs(
 
 
 def _page(request: Request, listing: Listing, inside: Resources) -> Response:
-    page, query = inside.jobs.find(listing.query), listing.query
-    items = listing.rows(page.values) if query.columns else [job_out(job) for job in page.jobs]
-    following = listing.next_page(request, page.next)
-    answer = JobPageOut(items=items, total=page.total, limit=query.limit, offset=query.offset, next=following)
-    return json_response(answer, headers=link_to(following))
+    page = inside.jobs.find(listing.query)
+    return page_answer(request, listing, JobPageOut, page, list(map(job_out, page.jobs)))
 
 
 @router.get("/{job_id}", response_model=JobOut, responses=refusals(404), dependencies=[without_query])
 def get_job(job_id: JobId, inside: Inside) -> Response:
     """Show a job."""
     return json_response(job_out(inside.jobs.get(job_id)))
+
+
+@router.get(
+    "/{job_id}/attempts",
+    response_model=AttemptsOut,
+    responses=refusals(404),
+    dependencies=[without_query],
+)
+def get_attempts(job_id: JobId, inside: Inside) -> Response:
+    """List the attempts at a job, each with its worker, its times, and how and why it ended."""
+    items = [asdict(attempt) for attempt in inside.jobs.attempts(job_id)]
+    return json_response(AttemptsOut.model_validate({"items": items}))
 
 
 @router.post(

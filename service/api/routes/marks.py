@@ -1,5 +1,7 @@
 """PATCH of a job, a solution and a sweep: changes their labels and their notes."""
 
+from collections.abc import Callable
+from functools import partial
 from http import HTTPStatus
 from typing import Annotated, TypeVar
 
@@ -15,14 +17,16 @@ from service.api.replies.errors import ApiError
 from service.api.replies.places import JobId, SolutionId, SweepId
 from service.api.replies.records import job_out, solution_out, sweep_out
 from service.api.replies.responses import json_content, json_response, refusals
-from service.api.routes.solutions import solution_tag
+from service.api.routes.solutions.solutions import solution_tag
 from service.jobs.job import Job
+from service.jobs.keys import ApiKey
 from service.jobs.sweeps import SweepRecord
 from service.schemas.reading.faults import Fault, InvalidProblemError
 from service.schemas.reading.marks import MOST_LABELS, Marks, patched
 from service.schemas.reading.marks_in import MarksPatchIn
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.job import JobOut
+from service.schemas.replies.response_model import ResponseModel
 from service.schemas.replies.solution import SolutionOut
 from service.schemas.replies.sweep import SweepOut
 from service.storage.solutions.solution_store import Solution
@@ -32,6 +36,7 @@ from service.storage.sweeps.deleting import key_of_solution
 router = APIRouter(prefix="/v1")
 
 Marked = TypeVar("Marked", Job, Solution, SweepRecord)
+Owned = TypeVar("Owned", Job, SweepRecord)
 
 EXAMPLES: dict[str, object] = {
     "change": {"value": {"labels": {"project": "thesis", "draft": None}, "note": "figure 3"}},
@@ -61,14 +66,7 @@ def change_job(
 
     Of jobs that were submitted with another key this needs the role operate.
     """
-    patch = _read(content)
-
-    def change(job: Job) -> Marks:
-        check_owner(holder, job.key_id)
-        _require_current(if_match, tag_of_content(json_content(job_out(job))))
-        return _changed(job, patch)
-
-    return _tagged(job_out(inside.jobs.mark(job_id, change)))
+    return _change(content, holder, if_match, partial(inside.jobs.mark, job_id), job_out)
 
 
 @router.patch(
@@ -120,14 +118,26 @@ def change_sweep(
 
     Of sweeps that were submitted with another key this needs the role operate.
     """
+    return _change(content, holder, if_match, partial(inside.sweeps.mark, sweep_id), sweep_out)
+
+
+def _change(
+    content: bytes,
+    holder: ApiKey | None,
+    if_match: str | None,
+    mark: Callable[[Callable[[Owned], Marks]], Owned],
+    show: Callable[[Owned], ResponseModel],
+) -> Response:
+    """Change what is tagged by the bytes of its answer, by ``mark``; answer as GET does, by ``show``."""
     patch = _read(content)
 
-    def change(record: SweepRecord) -> Marks:
-        check_owner(holder, record.key_id)
-        _require_current(if_match, tag_of_content(json_content(sweep_out(record))))
-        return _changed(record, patch)
+    def change(given: Owned) -> Marks:
+        check_owner(holder, given.key_id)
+        _require_current(if_match, tag_of_content(json_content(show(given))))
+        return _changed(given, patch)
 
-    return _tagged(sweep_out(inside.sweeps.mark(sweep_id, change)))
+    answer = json_content(show(mark(change)))
+    return Response(answer, media_type=JSON, headers={"ETag": tag_of_content(answer)})
 
 
 def _read(content: bytes) -> dict[str, object]:
@@ -158,8 +168,3 @@ def _require_current(header: str | None, tag: str) -> None:
     if not is_current(header, tag):
         detail = "it has changed since If-Match was right; get it again, and send the change with its ETag"
         raise ApiError(HTTPStatus.PRECONDITION_FAILED, "changed_meanwhile", detail)
-
-
-def _tagged(model: JobOut | SweepOut) -> Response:
-    content = json_content(model)
-    return Response(content, media_type=JSON, headers={"ETag": tag_of_content(content)})

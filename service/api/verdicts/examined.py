@@ -32,6 +32,8 @@ class ExaminedProblem:
     answer: Answer
     entries: tuple[Entry, ...] = ()
     """Its verdict and the windows of its curve: to be stored with its job, unless they are there."""
+    seconds: float = 0.0
+    """That a child took for it."""
 
 
 class Examiner:
@@ -71,8 +73,8 @@ class Examiner:
         if entries and all("error" in answer for answer in answers):
             await run_in_threadpool(self._store.add, entries)
         return [
-            ExaminedProblem(answer, () if "error" in answer else self._entries(problem))
-            for problem, answer in zip(problems, answers, strict=True)
+            ExaminedProblem(answer, () if "error" in answer else self._entries(problem), seconds)
+            for problem, answer, seconds in zip(problems, answers, reply["seconds"], strict=True)
         ]
 
     def _entries(self, problem: ToExamine) -> tuple[Entry, ...]:

@@ -8,8 +8,9 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import ArrayLike, NDArray
 
-from polhode.documents.problems import Document
-from polhode.documents.quantities import Quantity
+from polhode.audits import Audit, audited
+from polhode.documents.problems import Document, audit_of
+from polhode.documents.quantities import Exact, Quantity
 from polhode.errors import PolhodeError
 from polhode.evaluation import attitude
 from polhode.evaluation.function import FloatArray, FunctionOfTime, PairOfDoubles
@@ -142,6 +143,28 @@ class Motion(Generic[CarrierT]):
         """Return how to cite the motion in a paper: as BibTeX, or as a citation file (CFF)."""
         path = f"/v1/solutions/{self.id}/citation?format={file_format}"
         return (yield from ask(self.carrier.terms, "GET", path, accept="*/*")).content.decode()
+
+    @operation
+    def audit(
+        self,
+        *,
+        tier: str | None = None,
+        tolerance: Exact | None = None,
+        method: str | None = None,
+        seconds: float | None = None,
+    ) -> Operation[Audit]:
+        """Have the problem solved again, and tell how the two compare; what is left out is the same.
+
+        Raises
+        ------
+        FailedError
+            It was not solved again.
+        UnfinishedError
+            It took longer than ``seconds``; it goes on.
+        WrongArgumentError
+            Both a tier and a tolerance.
+        """
+        return (yield from audited(self.carrier.terms, self.id, audit_of(tier, tolerance, method), seconds))
 
     @operation
     def plot(

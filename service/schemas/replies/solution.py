@@ -111,6 +111,12 @@ class CostOut(ResponseModel):
     """Cost of the computation."""
 
     compute_seconds: float = Field(description="Seconds of the worker's clock.")
+    examination_seconds: float | None = Field(
+        default=None,
+        description="Seconds that potential and motion were examined before the job was queued; next to"
+        " nothing where the result of an earlier examination was kept. Null for motions from a state, which"
+        " need none, and for solutions that were stored before it was told.",
+    )
 
 
 class ProvenanceOut(ResponseModel):
@@ -126,6 +132,11 @@ class ProvenanceOut(ResponseModel):
     )
     libraries: str | None = Field(
         default=None, description="Versions of the libraries that computed; null like `processor`."
+    )
+    threads: int | None = Field(
+        default=None,
+        description="Threads among which products of matrices may have been divided: their last digits may"
+        " depend on it; workers set 1. Null like `processor`, and where the library does not tell.",
     )
 
 

@@ -20,9 +20,11 @@ from service.storage.inspection.repairs import (
     date_ends,
     delete_orphans,
     end_attempts,
+    forget_comparisons,
     open_attempts,
     release_leases,
 )
+from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.schema import METADATA, TABLES
 from service.storage.tables.solutions import DenseOutputRow, SolutionRow
@@ -59,6 +61,7 @@ def invariants_of_jobs() -> Iterator[Invariant]:
     yield from _lives()
     yield from _attempts()
     yield from _solutions()
+    yield from _audits()
 
 
 def differ(left: ColumnElement[bool], right: ColumnElement[bool]) -> ColumnElement[bool]:
@@ -196,4 +199,20 @@ def _solutions() -> Iterator[Invariant]:
         "functions_of_time",
         "every solution has its function of time",
         select(SolutionRow.id).where(not_(has_function)),
+    )
+
+
+def _audits() -> Iterator[Invariant]:
+    has_succeeded = JobRow.state == JobState.SUCCEEDED.value
+    jobs = select(AuditRow.job_id).join(JobRow, JobRow.id == AuditRow.job_id)
+    yield Invariant(
+        "comparisons",
+        "an audit whose job has succeeded has its comparison",
+        jobs.where(has_succeeded, AuditRow.comparison.is_(None)),
+    )
+    yield Invariant(
+        "early_comparisons",
+        "an audit whose job has not succeeded has no comparison",
+        jobs.where(not_(has_succeeded), AuditRow.comparison.is_not(None)),
+        Remedy("the comparison is removed: the job makes it anew", forget_comparisons),
     )

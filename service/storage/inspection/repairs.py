@@ -28,6 +28,7 @@ from service.jobs.states import AttemptOutcome, JobState
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database
 from service.storage.jobs.moves import end_attempt, move
+from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import AttemptRow, JobRow
 
 Broken = Select[str]
@@ -92,6 +93,12 @@ def end_attempts(database: Database, broken: Broken) -> int:
     statement = update(AttemptRow).where(AttemptRow.job_id.in_(broken), open_attempts()).values(**values)
     with database.write() as session:
         return _changed(session, statement)
+
+
+def forget_comparisons(database: Database, broken: Broken) -> int:
+    """Remove the comparisons of audits."""
+    with database.write() as session:
+        return _changed(session, update(AuditRow).where(AuditRow.job_id.in_(broken)).values(comparison=None))
 
 
 def release_leases(database: Database, broken: Broken) -> int:

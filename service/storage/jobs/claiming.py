@@ -16,12 +16,14 @@ from service.storage.jobs import chunks
 from service.storage.jobs.finishing import solved, succeed
 from service.storage.jobs.joint_statements import claim_and_begin
 from service.storage.jobs.moves import may_become
+from service.storage.jobs.stored import stored_solutions
+from service.storage.tables.audits import AuditRow
 from service.storage.tables.base import table_of
 from service.storage.tables.examinations import ExaminationRow
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.verdicts.entries import examination_version
 
-_JOBS, _EXAMINATIONS = table_of(JobRow), table_of(ExaminationRow)
+_JOBS, _EXAMINATIONS, _AUDITS = table_of(JobRow), table_of(ExaminationRow), table_of(AuditRow)
 
 
 def _kept(name: str) -> ColumnElement[object]:
@@ -65,6 +67,12 @@ _CLAIM = (
         _kept("content"),
         _kept("seal"),
         _JOBS.c.examination,
+        _JOBS.c.examined_seconds,
+        select(_AUDITS.c.solution_id)
+        .where(_AUDITS.c.job_id == _JOBS.c.id)
+        .correlate(_JOBS)
+        .scalar_subquery()
+        .label("audited"),
     )
 )
 _CLAIM_AND_BEGIN = claim_and_begin(_CLAIM)
@@ -90,7 +98,10 @@ def take_jobs(
     reused = [
         claim
         for claim in claims
-        if claim.digest in solutions and succeed(connection, claim, solutions[claim.digest], reused=True)
+        # An audit computes what is stored already.
+        if claim.digest in solutions
+        and claim.audited is None
+        and succeed(connection, claim, solutions[claim.digest], reused=True)
     ]
     return Taken(
         tuple(claim for claim in claims if claim not in reused), tuple(claim.job_id for claim in reused)
@@ -122,6 +133,8 @@ def _claim(
         if attempts:
             connection.execute(_BEGIN, attempts)
         solutions = solved(connection, sorted({row.digest for row in rows}), hold=True)
+    audited = {row.audited for row in rows if row.audited is not None}
+    stored = stored_solutions(connection, sorted(audited)) if audited else {}
     places = {job_id: place for place, job_id in enumerate(ids)}
     claims = [
         Claim(
@@ -136,6 +149,8 @@ def _claim(
             sweep_id=row.sweep_id,
             lane=Lane(row.lane),
             windows=_windows(row),
+            audited=stored.get(row.audited),
+            examined_seconds=row.examined_seconds,
         )
         for row in sorted(rows, key=lambda row: places[row.id])
     ]

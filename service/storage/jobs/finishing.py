@@ -15,11 +15,13 @@ from service.storage.jobs.joint_statements import NEW, insert_solution, store_an
 from service.storage.jobs.moves import may_become
 from service.storage.keys.key_store import charge
 from service.storage.marks.mark_rows import copy_labels
+from service.storage.tables.audits import AuditRow
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 
 _JOBS, _ATTEMPTS, _SOLUTIONS = table_of(JobRow), table_of(AttemptRow), table_of(SolutionRow)
+_AUDITS = table_of(AuditRow)
 
 _INSERT_DENSE = insert(table_of(DenseOutputRow))
 _INSERT_SAMPLES = insert(table_of(SamplesRow))
@@ -49,6 +51,11 @@ _END_ATTEMPT = (
     .where(_ATTEMPTS.c.job_id == bindparam("job"), _ATTEMPTS.c.number == bindparam("try"))
     .values(ended_at=DatabaseNow(), outcome=AttemptOutcome.SUCCEEDED.value)
 )
+_COMPARE = (
+    update(_AUDITS)
+    .where(_AUDITS.c.job_id == bindparam("job"))
+    .values(comparison=bindparam("compared", type_=_AUDITS.c.comparison.type))
+)
 _STORE_AND_SUCCEED = store_and_succeed(_SUCCEED, _END_ATTEMPT)
 _SOLVED = (
     select(_SOLUTIONS.c.digest, _SOLUTIONS.c.id)
@@ -63,10 +70,21 @@ _DIGESTS = 500
 
 def store_and_charge(connection: Connection, claim: Claim, outcome: Solved) -> bool:
     """Store the solution of a claimed job on the account of its key, if the claim holds."""
-    if not store_solution(connection, claim, outcome.summary, outcome.dense, outcome.samples):
+    summary = _with_examination(outcome.summary, claim.examined_seconds)
+    if not store_solution(connection, claim, summary, outcome.dense, outcome.samples):
         return False
+    if outcome.comparison is not None:
+        connection.execute(_COMPARE, {"job": claim.job_id, "compared": outcome.comparison})
     charge(connection, claim.key_id, len(outcome.dense) + len(outcome.samples))
     return True
+
+
+def _with_examination(summary: Mapping[str, object], seconds: float | None) -> Mapping[str, object]:
+    """Return the summary with what the examination has cost, which was before the job."""
+    cost = summary.get("cost")
+    if seconds is None or not isinstance(cost, Mapping):
+        return summary
+    return {**summary, "cost": {**cost, "examination_seconds": seconds}}
 
 
 def store_solution(

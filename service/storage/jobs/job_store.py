@@ -18,23 +18,22 @@ from service.schemas.reading.marks import UNMARKED, Marks
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id
-from service.storage.database.paging import rows_of_page
 from service.storage.examinations.kept_rows import keep_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
 from service.storage.jobs.finishing import store_and_charge
 from service.storage.jobs.moves import end_attempt, fence, history, lose, move
+from service.storage.jobs.pages import page_of_jobs
 from service.storage.jobs.records import delivery_of, job_of
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.idempotency_store import write_key
 from service.storage.marks.mark_rows import marks_of, rewrite
-from service.storage.searching.pages import find
-from service.storage.searching.sources import OF_JOB_ROWS, Source, chunks_of
+from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
-from service.verdicts.entries import Entry
+from service.verdicts.entries import Entry, Examination
 
 _JOBS = table_of(JobRow)
 _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
@@ -57,7 +56,7 @@ class SqlJobStore:
         *,
         priority: int = 0,
         key_id: str | None = None,
-        examination: str | None = None,
+        examination: Examination | None = None,
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Marks = UNMARKED,
@@ -81,7 +80,7 @@ class SqlJobStore:
         priority: int = 0,
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
-        examinations: Sequence[str | None] = (),
+        examinations: Sequence[Examination | None] = (),
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Sequence[Marks] = (),
@@ -111,18 +110,11 @@ class SqlJobStore:
 
     def find(self, query: ListQuery) -> JobPage:
         """Return one page of the jobs that match; only the wanted columns of them, if there are any."""
-        return self._find(OF_JOB_ROWS, query)
+        return page_of_jobs(self._database, OF_JOB_ROWS, query)
 
     def find_of_sweep(self, sweep_id: str, query: ListQuery) -> JobPage:
         """Do the same for the jobs that compute the points of a sweep."""
-        return self._find(chunks_of(sweep_id), query)
-
-    def _find(self, source: Source, query: ListQuery) -> JobPage:
-        with self._database.read() as session:
-            found = find(session, source, query)
-            rows = [] if query.columns else rows_of_page(session, JobRow, found.ids)
-            jobs = tuple(map(job_of, rows, marks_of(session, rows)))
-            return JobPage(jobs, found.total, found.values, found.next)
+        return page_of_jobs(self._database, chunks_of(sweep_id), query)
 
     def attempts(self, job_id: str) -> tuple[Attempt, ...]:
         """Return the history of a job, oldest first."""

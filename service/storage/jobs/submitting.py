@@ -15,10 +15,12 @@ from service.storage.database.ids import new_id
 from service.storage.jobs.finishing import solved
 from service.storage.jobs.turns import next_turns
 from service.storage.marks.mark_rows import insert_labels
+from service.storage.tables.audits import AuditRow
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
+from service.verdicts.entries import Examination
 
-_INSERT = insert(table_of(JobRow))
+_INSERT, _INSERT_AUDITS = insert(table_of(JobRow)), insert(table_of(AuditRow))
 
 
 def insert_jobs(
@@ -28,16 +30,20 @@ def insert_jobs(
     lane: Lane,
     priority: int,
     key_id: str | None,
-    examinations: Sequence[str | None] = (),
+    examinations: Sequence[Examination | None] = (),
     marks: Sequence[Marks] = (),
+    audited: str | None = None,
 ) -> list[JobRow]:
     """Insert a job for each problem and its digest; it has succeeded already if an equal one was solved.
 
+    If they are audits of the solution ``audited``, which this transaction has locked, nothing is reused.
     The returned rows are detached from the session.
     """
     now = database_now(session)
     connection = session.connection()
-    solutions = solved(connection, sorted({digest for _, digest in problems}), hold=True)
+    solutions: dict[str, str] = {}
+    if audited is None:
+        solutions = solved(connection, sorted({digest for _, digest in problems}), hold=True)
     waiting = [digest for _, digest in problems if digest not in solutions]
     given = next_turns(connection, lane=lane, priority=priority, key_id=key_id, seconds=[None] * len(waiting))
     turns = iter(given)
@@ -60,7 +66,8 @@ def insert_jobs(
                 "solution_id": solution_id,
                 "key_id": key_id,
                 "problem": problem,
-                "examination": examination,
+                "examination": None if examination is None else examination.windows,
+                "examined_seconds": None if examination is None else examination.seconds,
                 "facts": facts_of(problem),
                 "digest": digest,
                 "created_at": now,
@@ -70,6 +77,9 @@ def insert_jobs(
         )
     if values:
         session.execute(_INSERT, values)
+    if audited is not None:
+        audits = [{"job_id": each["id"], "solution_id": audited} for each in values]
+        session.execute(_INSERT_AUDITS, audits)
     made = zip(values, marks, strict=False)
     insert_labels(session, JobRow, [(str(each["id"]), now, mark) for each, mark in made])
     return [JobRow(**each) for each in values]

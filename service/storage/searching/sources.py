@@ -16,6 +16,7 @@ from service.schemas.query.conditions import Subject
 from service.schemas.query.facts import OF_JOBS, OF_RESULTS, OF_SOLUTIONS, OF_SWEEPS, stored_name
 from service.schemas.query.kinds import Kind
 from service.schemas.query.subjects import Vocabulary
+from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.labels import LABELS_OF, AnyLabelRow
 from service.storage.tables.solutions import SolutionRow
@@ -151,6 +152,12 @@ def chunks_of(sweep_id: str) -> Source:
         name=f"chunks of {sweep_id}",
         always=(JobRow.kind == JobKind.CHUNK.value, JobRow.sweep_id == sweep_id),
     )
+
+
+def audits_of(solution_id: str) -> Source:
+    """Return the jobs that audit a solution."""
+    audits = select(AuditRow.job_id).where(AuditRow.solution_id == solution_id)
+    return replace(OF_JOB_ROWS, name=f"audits of {solution_id}", always=(JobRow.id.in_(audits),))
 
 
 OF_SWEEP_ROWS = Source(

@@ -22,6 +22,8 @@ class SolutionOrigin:
     """Of the problem and the numerics version that solved it."""
     examination: str | None
     """Key of the windows that its examination found; None where none was kept."""
+    examined_seconds: float | None
+    """That the examination took; None if that is not known."""
     attempts: tuple[Attempt, ...]
     """At its job, oldest first; the last one that succeeded made it."""
 
@@ -37,5 +39,6 @@ def origin_of(database: Database, solution_id: str) -> SolutionOrigin:
             solution_of(row, *marks_of(session, [row])),
             row.digest,
             None if job is None else job.examination,
+            None if job is None else job.examined_seconds,
             history(session, row.job_id),
         )

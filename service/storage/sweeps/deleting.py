@@ -1,6 +1,6 @@
 """Deletes jobs, solutions and sweeps with all that belongs to them; one function is one transaction."""
 
-from sqlalchemy import delete, func, select
+from sqlalchemy import and_, delete, func, or_, select
 from sqlalchemy.orm import Session
 
 from service.jobs.errors import InUseError, JobNotFoundError, SolutionNotFoundError, StillAtWorkError
@@ -10,6 +10,7 @@ from service.storage.database.database import Database
 from service.storage.database.ids import is_id
 from service.storage.jobs import chunks
 from service.storage.keys.key_store import charge
+from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
@@ -49,7 +50,7 @@ def delete_solution(database: Database, solution_id: str) -> None:
     Raises
     ------
     InUseError
-        Later jobs have reused it.
+        Later jobs have reused it, or a live one audits it.
     SolutionNotFoundError
     """
     with database.write() as session:
@@ -63,7 +64,9 @@ def delete_solution(database: Database, solution_id: str) -> None:
             ).one_or_none()
         if row is None:
             raise SolutionNotFoundError(solution_id)
-        others = JobRow.solution_id == row.id, JobRow.id != row.job_id
+        audits = select(AuditRow.job_id).where(AuditRow.solution_id == row.id)
+        is_audit = and_(JobRow.id.in_(audits), JobRow.finished_at.is_(None))
+        others = or_(JobRow.solution_id == row.id, is_audit), JobRow.id != row.job_id
         if count := session.scalar(select(func.count()).select_from(JobRow).where(*others)):
             found = session.scalars(select(JobRow.id).where(*others).order_by(JobRow.id).limit(_MOST_TOLD))
             raise InUseError(f"solution {row.id}", [f"/v1/jobs/{job_id}" for job_id in found], count)

@@ -79,6 +79,8 @@ class JobRow(Base):
     """Of a chunk: {"first": index, "count": points}."""
     examination: Mapped[str | None]
     """Key of the kept windows of its curve; not a foreign key, so that these can be trimmed."""
+    examined_seconds: Mapped[float | None]
+    """That its examination took; null without one."""
     facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
     """Family and numbers of the problem, for conditions; a chunk has none."""
     digest: Mapped[str]

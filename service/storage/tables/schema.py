@@ -1,5 +1,6 @@
 """Lists every table, each after the tables that it refers to."""
 
+from service.storage.tables.audits import AuditRow
 from service.storage.tables.base import Base
 from service.storage.tables.examinations import ExaminationRow
 from service.storage.tables.jobs import AttemptRow, JobRow
@@ -21,6 +22,7 @@ TABLES: tuple[type[Base], ...] = (
     SweepChunkRow,
     JobRow,
     AttemptRow,
+    AuditRow,
     JobLabelRow,
     SolutionLabelRow,
     SweepLabelRow,

@@ -38,7 +38,10 @@ def places(client, jobs):
     certified = solve_job(client, jobs, CERTIFIED)
     sweep = client.post("/v1/sweeps", json=SWEEP).json()
     finish_sweep(jobs)
+    audit = client.post(f"/v1/solutions/{certified['id']}/audits").json()
+    jobs.cancel(audit["id"])
     ids = {
+        "audit_id": audit["id"],
         "job_id": certified["job"],
         "solution_id": certified["id"],
         "sweep_id": sweep["id"],

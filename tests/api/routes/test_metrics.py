@@ -184,7 +184,7 @@ def test_requests_are_counted_by_the_template_of_their_route(client, stored, scr
 
 
 def test_a_fault_of_ours_is_counted_as_one(client, monkeypatch, scrape):
-    monkeypatch.setattr("service.api.routes.health.json_response", lambda _: 1 / 0)
+    monkeypatch.setattr("service.api.routes.installation.health.json_response", lambda _: 1 / 0)
     assert client.get("/livez").status_code == 500
     assert scrape()("polhode_http_request_seconds_count", route="/livez", status="500") == 1
 

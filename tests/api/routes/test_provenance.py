@@ -6,7 +6,7 @@ from datetime import datetime
 import pytest
 
 from service.jobs.outcome import Solved
-from tests.support.api import PLANAR
+from tests.support.api import PLANAR, solve_job
 from tests.support.finishing import finish_success
 from workers.computation.compute import solve_document
 
@@ -91,6 +91,7 @@ def test_it_is_enough_to_make_the_solution_again(client, lived):
     (computation,) = (each for each in graph["activity"].values() if "polhode:numerics" in each)
     assert computation["polhode:processor"] == made["provenance"]["processor"]
     assert computation["polhode:numerics"] == made["provenance"]["numerics"]
+    assert computation["polhode:threads"] == made["provenance"]["threads"]
     assert computation["polhode:compute_seconds"] == lived["cost"]["compute_seconds"]
     software = {each["prov:label"] for each in graph["agent"].values()}
     assert set(made["provenance"]["libraries"].split(", ")) <= software
@@ -103,6 +104,19 @@ def test_a_planar_motion_has_its_examination_and_one_from_a_state_has_none(clien
         for solution in (lived, {"id": stored.solution_id})
     ]
     assert kinds == [{"polhode:Examination", "polhode:Computation"}, {"polhode:Computation"}]
+
+
+def test_the_seconds_of_the_examination_are_those_of_the_job_that_computed_it(client, lived, jobs, stored):
+    told = lived["cost"]["examination_seconds"]
+    activities = provenance(client, lived)["activity"].values()
+    (examination,) = (each for each in activities if each["prov:type"] == "polhode:Examination")
+    assert examination["polhode:seconds"] == told > 0.0
+    # A motion from a state needs none.
+    state = client.get(f"/v1/solutions/{stored.solution_id}").json()
+    assert state["cost"]["examination_seconds"] is None
+    # Nor does the same problem at another tier, of which all is known.
+    again = {**PLANAR, "accuracy": {"tier": "high"}}
+    assert solve_job(client, jobs, again)["cost"]["examination_seconds"] < told
 
 
 def test_what_there_is_not_has_none(client):

@@ -8,13 +8,16 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
+from service.jobs.outcome import Solved
 from service.jobs.states import JobState
 from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
 from service.storage.database.sqlite_file import file_of
 from service.storage.inspection.inspect import inspect, invariants, repair
 from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.key_store import KeyStore
+from service.storage.solutions.audit_store import AuditStore
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY, copy_of
 from tests.support.finishing import finish_success
@@ -54,7 +57,10 @@ def live(database):
     jobs, sweeps = SqlJobStore(database), SweepStore(database)
     key, _ = KeyStore(database).create(Role.SUBMIT)
     solved = solve(jobs, "solved", key_id=key.id, marks=MARKS)
-    assert jobs.submit(PROBLEM, "solved").reused
+    audited = jobs.submit(PROBLEM, "solved")
+    assert audited.reused
+    AuditStore(database, TableDispatcher()).submit(audited.solution_id, PROBLEM, "audited", key_id=key.id)
+    assert jobs.finish(claim(jobs), Solved(SUMMARY, b"dense", b"samples", {"verdict": "agrees"}))[0]
     jobs.submit(PROBLEM, "refused")
     jobs.finish_failure(claim(jobs), {"code": "no_motion", "detail": "none"})
     jobs.submit(PROBLEM, "lost")
@@ -191,6 +197,14 @@ DAMAGE = [
         False,
     ),
     ("DELETE FROM dense_outputs", "functions_of_time", False),
+    ("DELETE FROM solutions WHERE digest = 'solved'", "audits_solution_id", True),
+    ("DELETE FROM jobs WHERE digest = 'audited'", "audits_job_id", True),
+    ("UPDATE audits SET comparison = NULL", "comparisons", False),
+    (
+        "UPDATE jobs SET state = 'cancelled', solution_id = NULL WHERE digest = 'audited'",
+        "early_comparisons",
+        True,
+    ),
     ("UPDATE sweep_chunks SET first = first - 1 WHERE first > 0", "sweep_overlaps", False),
     ("DELETE FROM sweep_chunks WHERE first = 0", "sweep_gaps", True),
     ("DELETE FROM jobs WHERE state = 'running'", "sweep_ends", True),

@@ -23,8 +23,9 @@ from service.storage.tables.solutions import DenseOutputRow, SamplesRow, Solutio
 from tests.support.api import PLANAR, STATE
 from tests.workers.chores import do_chunk
 from workers.cli.main import main
+from workers.computation.comparison import Sameness
 from workers.computation.compute import solve_document
-from workers.computation.reproduction import Sameness, repeat_solutions
+from workers.computation.reproduction import repeat_solutions
 
 pytestmark = pytest.mark.any_database
 

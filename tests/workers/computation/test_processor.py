@@ -16,8 +16,9 @@ from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import STATE
 from tests.support.other_processor import environment, masks
 from workers.computation import processor
+from workers.computation.comparison import Sameness
 from workers.computation.compute import solve_document
-from workers.computation.reproduction import Sameness, repeat_solutions
+from workers.computation.reproduction import repeat_solutions
 from workers.computation.summary import provenance
 
 ROOT = Path(__file__).parents[2]
@@ -46,6 +47,17 @@ def test_a_solution_tells_what_computed_it():
     assert summary["provenance"] == provenance()
     assert summary["provenance"]["processor"] == processor.processor()
     assert "numpy" in summary["provenance"]["libraries"]
+
+
+def test_the_threads_are_those_that_the_library_uses():
+    library = processor._openblas().scipy_openblas_set_num_threads64_
+    before = processor.threads()
+    try:
+        for count in (1, 2):
+            library(count)
+            assert processor.threads() == provenance()["threads"] == count
+    finally:
+        library(before)
 
 
 def test_other_features_are_another_processor_with_the_same_libraries():

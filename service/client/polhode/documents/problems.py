@@ -96,20 +96,16 @@ def problem(
     # A whole document says itself what it asks for.
     if base is None or any(each is not None for each in times_given):
         found["time"] = _time(found.get("time"), time, samples, stop=stop, periods=periods, times=times)
-    _one_of("accuracy", accuracy=accuracy, tolerance=tolerance, tier=tier)
-    sections: Sequence[tuple[str, object]] = (
-        ("accuracy", accuracy),
-        ("accuracy", None if tolerance is None else {"tolerance": tolerance}),
-        ("accuracy", None if tier is None else {"tier": tier}),
-        ("method", method),
-        ("outputs", outputs),
-        ("labels", labels),
-        ("note", note),
-    )
-    for section, given in sections:
+    found |= _how(accuracy, tolerance, tier, method, outputs)
+    for section, given in (("labels", labels), ("note", note)):
         if given is not None:
             found[section] = written(given)
     return found
+
+
+def audit_of(tier: str | None, tolerance: Exact | None, method: str | None) -> Document:
+    """Return the document that asks for an audit; what is None is left out."""
+    return _how(None, tolerance, tier, method, None)
 
 
 def question(
@@ -260,6 +256,25 @@ def _time(known: object, time: object, samples: int | None, **spans: object) -> 
         return {**kept, **({} if samples is None else {"samples": samples})}
     count = samples or kept.get("samples", DEFAULT_TIME["samples"])
     return given if "times" in given else {**given, "samples": count}
+
+
+def _how(
+    accuracy: Mapping[str, object] | None,
+    tolerance: Exact | None,
+    tier: str | None,
+    method: str | None,
+    outputs: Sequence[str] | None,
+) -> Document:
+    """Return the sections that say how a problem is solved, as far as they are given."""
+    _one_of("accuracy", accuracy=accuracy, tolerance=tolerance, tier=tier)
+    sections: Sequence[tuple[str, object]] = (
+        ("accuracy", accuracy),
+        ("accuracy", None if tolerance is None else {"tolerance": tolerance}),
+        ("accuracy", None if tier is None else {"tier": tier}),
+        ("method", method),
+        ("outputs", outputs),
+    )
+    return {section: written(given) for section, given in sections if given is not None}
 
 
 def _one_of(section: str, **given: object) -> None:

@@ -13,7 +13,7 @@ from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import Listing, PageQuery, link_to, read_listing
+from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
 from service.api.queries.queries import Asked, asked_of, query_parameters, without_query
 from service.api.replies.places import SweepId
 from service.api.replies.records import sweep_out, sweep_state_out
@@ -154,15 +154,8 @@ async def list_sweeps(
 
 
 def _page(request: Request, listing: Listing, inside: Resources) -> Response:
-    page, query = inside.sweeps.find(listing.query), listing.query
-    items = (
-        listing.rows(page.values) if query.columns else [sweep_state_out(record) for record in page.sweeps]
-    )
-    following = listing.next_page(request, page.next)
-    answer = SweepPageOut(
-        items=items, total=page.total, limit=query.limit, offset=query.offset, next=following
-    )
-    return json_response(answer, headers=link_to(following))
+    page = inside.sweeps.find(listing.query)
+    return page_answer(request, listing, SweepPageOut, page, list(map(sweep_state_out, page.sweeps)))
 
 
 @router.get("/{sweep_id}", response_model=SweepOut, responses=refusals(404), dependencies=[without_query])

@@ -10,12 +10,12 @@ from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import Inside, Resources
-from service.api.queries.lists import AskingQuery, Listing, link_to, read_listing
+from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
 from service.api.replies.conditional import REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.places import SolutionId
 from service.api.replies.records import solution_out
-from service.api.replies.responses import JSON, json_content, json_response, refusals
+from service.api.replies.responses import JSON, json_content, refusals
 from service.dynamics.motion import SolvedBy
 from service.dynamics.problem import Tier
 from service.schemas.problem.potentials import FamilyName
@@ -103,13 +103,8 @@ def _listing(asked: Asked[SolutionsQuery], conditions: tuple[Condition, ...]) ->
 
 
 def _page(request: Request, listing: Listing, inside: Resources) -> Response:
-    page, query = inside.solutions.find(listing.query), listing.query
-    items = listing.rows(page.values) if query.columns else [solution_out(each) for each in page.solutions]
-    following = listing.next_page(request, page.next)
-    answer = SolutionPageOut(
-        items=items, total=page.total, limit=query.limit, offset=query.offset, next=following
-    )
-    return json_response(answer, headers=link_to(following))
+    page = inside.solutions.find(listing.query)
+    return page_answer(request, listing, SolutionPageOut, page, list(map(solution_out, page.solutions)))
 
 
 @router.get(

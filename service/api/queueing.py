@@ -1,0 +1,79 @@
+"""Queues one accepted problem, and answers at once, or when its job has ended."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from http import HTTPStatus
+
+from fastapi import Response
+from starlette.concurrency import run_in_threadpool
+
+from service.api.dependencies import Resources
+from service.api.keys.idempotency import receipt_of
+from service.api.replies.responses import json_response
+from service.jobs.idempotency import GivenKey, Receipt
+from service.jobs.job import Job
+from service.jobs.keys import ApiKey
+from service.schemas.replies.response_model import ResponseModel
+
+Made = tuple[Job, ...]
+Store = Callable[[Receipt[Made] | None], Job]
+"""Stores the job, with the answer of a receipt."""
+Show = Callable[[Job], tuple[ResponseModel, str]]
+"""Returns what the answer shows of a job, and its path."""
+
+
+@dataclass(frozen=True, slots=True)
+class SubmissionTerms:
+    """Who submits, how urgently, under which Idempotency-Key, and how long the client waits."""
+
+    holder: ApiKey | None
+    priority: int
+    given: GivenKey | None
+    seconds: int | None
+
+    @property
+    def key_id(self) -> str | None:
+        """Id of the key that is charged."""
+        return None if self.holder is None else self.holder.id
+
+
+async def queue(inside: Resources, terms: SubmissionTerms, store: Store, show: Show) -> Response:
+    """Store a job, and answer with what ``show`` tells of it: 202, or 200 if it has ended in time."""
+
+    def submitted(job: Job) -> Response:
+        model, place = show(job)
+        return json_response(model, status=HTTPStatus.ACCEPTED, headers={"Location": place})
+
+    def put() -> Job:
+        job = store(receipt_of(terms.given, lambda jobs: submitted(*jobs)))
+        if not job.is_finished:
+            inside.doorbell.ring()
+        return job
+
+    def waited() -> Response:
+        ended = inside.jobs.get(job.id)
+        model, place = show(ended)
+        headers = {"Location": place, "Preference-Applied": f"wait={terms.seconds}"}
+        status = HTTPStatus.OK if ended.is_finished else HTTPStatus.ACCEPTED
+        return json_response(model, status=status, headers=headers)
+
+    job = await run_in_threadpool(put)
+    # No waiting if the limit of waiting clients is reached.
+    if terms.seconds is None or not inside.waiting.acquire(blocking=False):
+        return await run_in_threadpool(submitted, job)
+    try:
+        await _finish(job, inside, terms.seconds)
+    finally:
+        inside.waiting.release()
+    answer = await run_in_threadpool(waited)
+    await run_in_threadpool(inside.idempotency.keep, terms.given, answer)
+    return answer
+
+
+async def _finish(job: Job, inside: Resources, seconds: int) -> None:
+    """Wait for a job without blocking a thread."""
+
+    async def is_finished() -> bool:
+        return (await run_in_threadpool(inside.jobs.get, job.id)).is_finished
+
+    await inside.doorbell.wait_for(job.id, is_finished=is_finished, timeout=seconds)

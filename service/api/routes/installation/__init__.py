@@ -1,0 +1,1 @@
+"""The endpoints of the installation: its health and state, its catalogue, its documentation."""

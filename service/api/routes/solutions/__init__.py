@@ -1,0 +1,1 @@
+"""The endpoints of one solution, and the list of solutions."""

@@ -1,0 +1,1 @@
+"""The endpoints of one sweep and its points, and the list of sweeps."""

@@ -1,0 +1,115 @@
+"""Stores audits, jobs that solve the problem of a stored solution again, and reads their comparisons."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from sqlalchemy import Connection, select
+
+from service.jobs.dispatch import Dispatcher
+from service.jobs.errors import AuditNotFoundError, SolutionNotFoundError
+from service.jobs.idempotency import Receipt
+from service.jobs.job import Job, JobPage
+from service.jobs.lanes import Lane
+from service.schemas.query.list_query import ListQuery
+from service.schemas.reading.marks import UNMARKED
+from service.storage.database.database import Database
+from service.storage.database.ids import is_id
+from service.storage.examinations.kept_rows import keep_rows
+from service.storage.jobs.pages import page_of_jobs
+from service.storage.jobs.records import delivery_of, job_of
+from service.storage.jobs.submitting import insert_jobs
+from service.storage.keys.idempotency_store import write_key
+from service.storage.marks.mark_rows import marks_of
+from service.storage.searching.sources import audits_of
+from service.storage.tables.audits import AuditRow
+from service.storage.tables.jobs import JobRow
+from service.storage.tables.solutions import SolutionRow
+from service.verdicts.entries import Entry, Examination
+
+
+@dataclass(frozen=True, slots=True)
+class Audit:
+    """A job that solves the problem of a stored solution again."""
+
+    job: Job
+    solution_id: str
+    """The audited solution; the job's own is the new one."""
+    comparison: Mapping[str, object] | None
+    """Of the two solutions; None as long as there is no second one."""
+
+
+@dataclass(frozen=True, slots=True)
+class AuditPage:
+    """Some audits of one solution, in the order that was asked for."""
+
+    audits: tuple[Audit, ...]
+    page: JobPage
+
+
+class AuditStore:
+    """Writes and reads audits."""
+
+    def __init__(self, database: Database, dispatcher: Dispatcher[Connection]) -> None:
+        self._database, self._dispatcher = database, dispatcher
+
+    def submit(
+        self,
+        solution_id: str,
+        problem: Mapping[str, object],
+        digest: str,
+        *,
+        priority: int = 0,
+        key_id: str | None = None,
+        examination: Examination | None = None,
+        found: Sequence[Entry] = (),
+        receipt: Receipt[tuple[Job, ...]] | None = None,
+    ) -> Job:
+        """Store a job that solves ``problem``, that of a solution or one like it, to compare the two.
+
+        The rest is as :meth:`service.jobs.store.JobStore.submit` takes it; nothing is reused.
+
+        Raises
+        ------
+        SolutionNotFoundError
+            There is no such solution, or none any more.
+        """
+        with self._database.write() as session:
+            # Locked: it is not deleted before this job refers to it.
+            held = select(SolutionRow.id).where(SolutionRow.id == solution_id)
+            if session.scalar(held.with_for_update(read=True, key_share=True)) is None:
+                raise SolutionNotFoundError(solution_id)
+            keep_rows(session.connection(), found)
+            (row,) = insert_jobs(
+                session,
+                [(problem, digest)],
+                lane=Lane.SINGLE,
+                priority=priority,
+                key_id=key_id,
+                examinations=[examination],
+                audited=solution_id,
+            )
+            self._dispatcher.dispatch(session.connection(), [delivery_of(row)])
+            job = job_of(row, UNMARKED)
+            if receipt is not None:
+                write_key(session.connection(), receipt.given, receipt.answer((job,)))
+            return job
+
+    def get(self, solution_id: str, audit_id: str) -> Audit:
+        """Return an audit of a solution, or raise :class:`AuditNotFoundError`."""
+        if is_id(solution_id) and is_id(audit_id):
+            with self._database.read() as session:
+                row = session.get(JobRow, audit_id)
+                audit = session.get(AuditRow, audit_id)
+                if row is not None and audit is not None and audit.solution_id == solution_id:
+                    return Audit(job_of(row, *marks_of(session, [row])), solution_id, audit.comparison)
+        raise AuditNotFoundError(solution_id, audit_id)
+
+    def find(self, solution_id: str, query: ListQuery) -> AuditPage:
+        """Return one page of the audits of a solution that match, asked like jobs."""
+        page = page_of_jobs(self._database, audits_of(solution_id), query)
+        statement = select(AuditRow.job_id, AuditRow.comparison).where(
+            AuditRow.job_id.in_([job.id for job in page.jobs])
+        )
+        with self._database.read() as session:
+            compared = {row.job_id: row.comparison for row in session.execute(statement)}
+        return AuditPage(tuple(Audit(job, solution_id, compared.get(job.id)) for job in page.jobs), page)
