@@ -87,7 +87,10 @@ def parts_of_range(
     if not stray:
         return parts
     again = [small for part in stray for each in part.seen for small in each.parts(MOST_PARTS)]
-    rest = [(each, part.signatures) for part in parts if part not in stray for each in part.seen]
+    known = {part.seen[0].stretch for part in stray}
+    rest = [
+        (each, part.signatures) for part in parts if part.seen[0].stretch not in known for each in part.seen
+    ]
     return _joined([*rest, *_settled(halves, again, STRAY, is_late)])
 
 
