@@ -46,9 +46,10 @@ def atlas(
     ] = None,
 ) -> None:
     """Tell for which λ of a range there are planar motions, of which kind, and where that changes."""
-    from service.cli.atlases import draw_file  # noqa: PLC0415
-
-    draw_file(file, as_json=as_json, picture=picture)
+    options = ["--json"] if as_json else []
+    if picture is not None:
+        options.append(f"--picture={picture}")
+    become_worker(["atlas", *options, "--", str(file)], os.environ)
 
 
 def compile_solvers() -> None:

@@ -10,7 +10,7 @@ from service.dynamics.atlas.atlas import Atlas, AtlasPart, make_atlas
 from service.dynamics.atlas.bands import Band, Measured, WindowSeries
 from service.dynamics.atlas.changes import Change
 from service.dynamics.verdict.verdict import decide
-from service.schemas.atlas.reading import AtlasQuestion, read_atlas
+from service.schemas.atlas.reading import AtlasQuestion, read_any_atlas
 from service.verdicts.documents import Document, verdict_document
 from service.verdicts.kept import verdict_deadline
 from service.verdicts.refusals import answer_or_refusal, refusal_of_verdict
@@ -26,7 +26,7 @@ def examine_atlas(document_json: str) -> str:
 
 
 def _judge(document: object) -> Document:
-    asked = read_atlas(document)
+    asked = read_any_atlas(document)
     verdict = decide(asked.body, asked.potential, verdict_deadline())
     answer = verdict_document(asked.body, verdict, asked.potential)
     refused = refusal_of_verdict(verdict, answer, asked.accepts_undecided)
@@ -79,6 +79,7 @@ def _window(band: Band, *, wants_period: bool) -> Document:
         **_pair("g2", band.g2),
         "period": _known(band.period.value.tolist()) if has_period else None,
         "period_error": _known(band.period.error.tolist()) if has_period else None,
+        "stability": None,
     }
 
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 
 from tests.benchmarks import (
+    atlases,
     certified,
     costs,
     fast,
@@ -42,6 +43,7 @@ TABLES: tuple[Callable[[Effort], Table], ...] = (
     costs.tiers,
     costs.outputs,
     costs.parts,
+    atlases.atlases,
     certified.others,
     jobs.jobs,
     requests.requests,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from service.cli.commands import app
+from workers.cli.main import app
 
 POLHODE = Path(sys.executable).with_name("polhode")
 ATLAS = {
@@ -42,6 +42,24 @@ def test_json_and_a_picture(tmp_path):
     command = [POLHODE, "atlas", str(tmp_path / "atlas.json"), "--picture", "-"]
     printed = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert printed.stdout == out.read_text(encoding="utf-8")
+
+
+def test_stability_is_told_and_drawn(tmp_path):
+    out = tmp_path / "atlas.svg"
+    # The windows of one part only: each λ takes as long as a job.
+    asked = {
+        **ATLAS,
+        "body": {**ATLAS["body"], "B": "3/2"},
+        "lambda": ["3/5", "31/50"],
+        "outputs": ["stability"],
+    }
+    found = run(tmp_path, "--picture", str(out), document=asked)
+    assert found.exit_code == 0, found.stderr
+    assert "stable at 9 of 9 λ" in found.stdout
+    assert "μ + 1/μ" in out.read_text(encoding="utf-8")
+    refused = run(tmp_path, document={**ATLAS, "outputs": ["stability"]})
+    assert refused.exit_code == 1
+    assert "missing_moment" in refused.stderr
 
 
 def test_what_is_refused(tmp_path):

@@ -92,6 +92,18 @@ def solve(
 
 
 @app.command()
+def atlas(
+    file: Document,
+    as_json: AsJson = False,
+    picture: Annotated[Path | None, typer.Option(metavar="OUT", help="write a picture of it (SVG)")] = None,
+) -> None:
+    """Draw an atlas without a database."""
+    from workers.cli.atlas import draw_file  # noqa: PLC0415
+
+    raise typer.Exit(draw_file(file, as_json=as_json, picture=picture))
+
+
+@app.command()
 def sweep(
     file: Document,
     out: Annotated[

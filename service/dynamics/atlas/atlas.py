@@ -156,20 +156,18 @@ def _change(
         return None
     mirrored = halves[0].shape.is_mirrored
     # In the order of the client's λ; stretches are in that of the primed one.
-    first = Beside(before.signatures, before.stretches[0 if mirrored else -1])
-    second = Beside(after.signatures, after.stretches[-1 if mirrored else 0])
-    return change_between(halves, _at(first, upper=not mirrored), _at(second, upper=mirrored), ends)
+    first = _at(before, -1 if not mirrored else 0, upper=not mirrored)
+    second = _at(after, -1 if mirrored else 0, upper=mirrored)
+    return change_between(halves, first, second, ends)
 
 
-def _at(beside: Beside, *, upper: bool) -> Beside:
-    """Return it with a single λ next to the change, and far enough from it that the zeros are apart."""
-    stretch = beside.nearest
-    end = _logarithm(stretch, upper=upper)
-    return Beside(beside.signatures, _at_logarithm(end - AWAY if upper else end + AWAY))
+def _at(part: LambdaPart, nearest: int, *, upper: bool) -> Beside:
+    """Return the part with a single λ next to the change, and far enough from it that the zeros are apart."""
+    end = _logarithm(part.stretches[nearest], upper=upper)
+    return Beside(part, _at_logarithm(end - AWAY if upper else end + AWAY))
 
 
 def _part(halves: Sequence[HalfCurves], part: LambdaPart, lower: arb, upper: arb, count: int) -> AtlasPart:
-    assert part.signatures is not None
     single = _single(part, count)
     if halves[0].shape.is_mirrored:
         single = single[::-1]
@@ -182,7 +180,7 @@ def _part(halves: Sequence[HalfCurves], part: LambdaPart, lower: arb, upper: arb
         windows = find_windows(half.body, half.potential, motion)
     except DynamicsError as refusal:
         return AtlasPart(lower, upper, None, refusal)
-    return AtlasPart(lower, upper, series_of(halves, part.signatures, single, windows, row), None)
+    return AtlasPart(lower, upper, series_of(halves, part, single, windows, row), None)
 
 
 def _single(part: LambdaPart, count: int) -> list[LambdaStretch]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.atlas.energies import energies
 from service.dynamics.atlas.periods import periods
-from service.dynamics.atlas.pictures import Signature
 from service.dynamics.atlas.radicands import equator_of
+from service.dynamics.atlas.structures import LambdaPart
 from service.dynamics.atlas.zeros import Zeros, zeros_of
 from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.window import Window
@@ -64,13 +64,13 @@ class WindowSeries:
 
 def series_of(
     halves: Sequence[HalfCurves],
-    signatures: Sequence[Signature],
+    part: LambdaPart,
     single: Sequence[LambdaStretch],
     windows: Sequence[Window],
     row: int,
 ) -> WindowSeries:
     """Return the windows at single λ of one part; ``windows`` are those at ``row``."""
-    zeros = [zeros_of(half, single, signature) for half, signature in zip(halves, signatures, strict=True)]
+    zeros = [zeros_of(half, k, part, single) for k, half in enumerate(halves)]
     lambda_ = np.array([float(halves[0].sent(each)[0].mid()) for each in single])
     Z, G = equator_of(halves[0], single)
     bands = tuple(_band(halves[0], zeros, Z, G, window, row) for window in windows)

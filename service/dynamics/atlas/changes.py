@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from service.dynamics.atlas.bands import Measured
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.atlas.pictures import EQUATOR, Signature
+from service.dynamics.atlas.structures import LambdaPart
 from service.dynamics.atlas.zeros import Zeros, zeros_of
 
 FloatArray = NDArray[np.float64]
@@ -44,9 +45,14 @@ class Change:
 class Beside:
     """A part next to a change, as seen from it."""
 
-    signatures: tuple[Signature, ...]
+    part: LambdaPart
     nearest: LambdaStretch
     """The λ of the part next to the change."""
+
+    @property
+    def signatures(self) -> tuple[Signature, ...]:
+        """Those of the part."""
+        return () if self.part.signatures is None else self.part.signatures
 
 
 def change_between(
@@ -75,7 +81,7 @@ def _of_half(
         return "several", None, None
     grows = len(other) > len(one)
     many = after if grows else before
-    sign, g1, g2 = _meeting(half, many.signatures[k], many.nearest)
+    sign, g1, g2 = _meeting(half, k, many)
     if sign == 0:
         return "several", None, None
     if sign > 0:
@@ -89,11 +95,9 @@ def _signs(signature: Signature) -> list[int]:
     return [*signature[:border], *signature[border + 2 :]]
 
 
-def _meeting(
-    half: HalfCurves, signature: Signature, nearest: LambdaStretch
-) -> tuple[int, Measured | None, Measured | None]:
+def _meeting(half: HalfCurves, number: int, beside: Beside) -> tuple[int, Measured | None, Measured | None]:
     """Return the sign of p² between the two neighbouring zeros that are closest, and where they are."""
-    zeros = zeros_of(half, [nearest], signature)
+    zeros = zeros_of(half, number, beside.part, [beside.nearest])
     x = 0.5 * (zeros.low[0] + zeros.high[0])
     v = np.where(zeros.hemisphere > 0, x, np.pi - x)
     gaps = np.diff(v) / np.sin(np.minimum(v[1:], v[:-1]))
@@ -101,7 +105,7 @@ def _meeting(
         return 0, None, None
     first = int(np.nanargmin(gaps))
     g1, g2 = (_about(bounds, first) for bounds in _places(half, zeros))
-    return _signs(signature)[first + 1], g1, g2
+    return _signs(beside.signatures[number])[first + 1], g1, g2
 
 
 def _places(half: HalfCurves, zeros: Zeros) -> list[tuple[FloatArray, ...]]:

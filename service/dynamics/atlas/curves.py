@@ -7,7 +7,7 @@ k = λ, or k = 1/λ where λ > 1, because the bounds of the curve are tight for 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 from flint import arb
@@ -25,6 +25,9 @@ from service.dynamics.reduction.sign_proofs.equators import loops_of_stretches
 
 FloatArray = NDArray[np.float64]
 
+CLOSER = 2.0
+"""Ratio of the distances from a place of both ends of a part."""
+
 
 @dataclass(frozen=True, slots=True)
 class LambdaStretch:
@@ -34,12 +37,18 @@ class LambdaStretch:
     low: float
     high: float
 
-    def halves(self) -> "tuple[LambdaStretch, LambdaStretch]":
-        """Return both parts, with equal ratios of their ends, in the order of growing k."""
-        middle = float(np.sqrt(self.low) * np.sqrt(self.high))
-        return LambdaStretch(self.is_inverse, self.low, middle), LambdaStretch(
-            self.is_inverse, middle, self.high
-        )
+    def parts(self, count: int) -> "list[LambdaStretch]":
+        """Return so many parts, with about equal ratios of their ends, in the order of growing k."""
+        inner = self.low * (self.high / self.low) ** (np.arange(1, count) / count)
+        ends = [self.low, *np.clip(inner, self.low, self.high).tolist(), self.high]
+        return [LambdaStretch(self.is_inverse, low, high) for low, high in pairwise(ends) if low < high]
+
+    def parts_towards(self, place: float, least: float) -> "list[LambdaStretch]":
+        """Return parts as wide as they are far from a place inside; the one about it is twice ``least``."""
+        steps = least * CLOSER ** np.arange(np.log(1.0 / least) / np.log(CLOSER))
+        ends = [*(place * (1.0 - steps)).tolist(), *(place * (1.0 + steps)).tolist()]
+        inner = sorted(end for end in ends if self.low < end < self.high)
+        return [LambdaStretch(self.is_inverse, *pair) for pair in pairwise([self.low, *inner, self.high])]
 
     @property
     def width(self) -> float:

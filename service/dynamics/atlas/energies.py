@@ -32,33 +32,30 @@ def energies(half: HalfCurves, single: Sequence[LambdaStretch]) -> tuple[FloatAr
 
 
 def _energies(half: HalfCurves, single: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
-    count, loops = len(single), half.loops(single)
-    low, high = np.full(count, -np.inf), np.full(count, np.inf)
-    for side, x in PLACES:
-        cells = Cells(
-            np.arange(count), np.full(count, side), np.full(count, x * (1.0 - THIN)), np.full(count, x)
-        )
-        algebra = IntervalAlgebra(scales(loops, cells))
-        first, third = axes(algebra, loops, cells)
-        mirrored = half.shape.is_mirrored
-        g1, g3 = (third, first) if mirrored else (first, third)
-        g2 = algebra.interval(*heights(loops, cells))
-        jets = FirstOrderJets(algebra, 1)
-        seeds = [jets.seed(g1, (algebra.negate(g3),)), jets.seed(g2, (None,)), jets.seed(g3, (g1,))]
-        A, C = half.body.A, half.body.C
-        with np.errstate(all="ignore"):
-            V = half.tape.evaluate(jets, seeds)
-            total = V.value
-            if V.first[0] is not None:
-                # Mirrored, A and C, g1 and g3 are exchanged and D changes its sign: the quotient is the same.
-                Q = algebra.add(
-                    algebra.multiply(algebra.constant(A), algebra.power(g1, Fraction(2))),
-                    algebra.multiply(algebra.constant(C), algebra.power(g3, Fraction(2))),
-                )
-                product = algebra.multiply(algebra.constant(2 * (A - C)), algebra.multiply(g1, g3))
-                total = algebra.add(total, algebra.divide(algebra.multiply(Q, V.first[0]), product))
-            lo, hi = (np.broadcast_to(side, (count,)) for side in algebra.bounds(total))
-        known = lo <= hi
-        low, high = np.where(known, np.maximum(low, lo), low), np.where(known, np.minimum(high, hi), high)
+    shape, loops = (len(single), len(PLACES)), half.loops(single)
+    side, x = (np.tile(np.array(each), shape[0]) for each in zip(*PLACES, strict=True))
+    cells = Cells(np.repeat(np.arange(shape[0]), shape[1]), side, x * (1.0 - THIN), x)
+    algebra = IntervalAlgebra(scales(loops, cells))
+    first, third = axes(algebra, loops, cells)
+    g1, g3 = (third, first) if half.shape.is_mirrored else (first, third)
+    g2 = algebra.interval(*heights(loops, cells))
+    jets = FirstOrderJets(algebra, 1)
+    seeds = [jets.seed(g1, (algebra.negate(g3),)), jets.seed(g2, (None,)), jets.seed(g3, (g1,))]
+    A, C = half.body.A, half.body.C
+    with np.errstate(all="ignore"):
+        V = half.tape.evaluate(jets, seeds)
+        total = V.value
+        if V.first[0] is not None:
+            # Mirrored, A and C, g1 and g3 are exchanged and D changes its sign: the quotient is the same.
+            Q = algebra.add(
+                algebra.multiply(algebra.constant(A), algebra.power(g1, Fraction(2))),
+                algebra.multiply(algebra.constant(C), algebra.power(g3, Fraction(2))),
+            )
+            product = algebra.multiply(algebra.constant(2 * (A - C)), algebra.multiply(g1, g3))
+            total = algebra.add(total, algebra.divide(algebra.multiply(Q, V.first[0]), product))
+        lo, hi = (np.broadcast_to(bound, x.shape).reshape(shape) for bound in algebra.bounds(total))
+    known = lo <= hi
+    low = np.where(known, lo, -np.inf).max(axis=1)
+    high = np.where(known, hi, np.inf).min(axis=1)
     is_known = np.isfinite(low) & np.isfinite(high)
     return np.where(is_known, low, np.nan), np.where(is_known, high, np.nan)

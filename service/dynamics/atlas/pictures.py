@@ -1,7 +1,7 @@
 """Proves, for many stretches of λ at once, on which cells of the curve p² has a sign."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,11 +44,12 @@ class Bracket:
 
 @dataclass(frozen=True, slots=True)
 class Finest:
-    """Relative widths below which cells are not cut."""
+    """Relative widths below which cells are not cut, and how often they are cut."""
 
     anywhere: float = 0.0
     at_equator: float = 0.0
     """Of the cell next to the equator, where a zero may cross it."""
+    rounds: int = ROUNDS
 
 
 def pictures_of(curves: Curves, starts: Sequence[Picture | None], finest: Sequence[Finest]) -> list[Picture]:
@@ -57,8 +58,11 @@ def pictures_of(curves: Curves, starts: Sequence[Picture | None], finest: Sequen
     A start is a picture of curves among which this one is: what it settles stays settled.
     """
     found = _first(curves, starts)
-    for _ in range(ROUNDS):
-        cuts = [_cut(picture, least) for picture, least in zip(found, finest, strict=True)]
+    for round_ in range(ROUNDS):
+        cuts = [
+            _cut(picture, least) if round_ < least.rounds else np.zeros((), dtype=np.bool_)
+            for picture, least in zip(found, finest, strict=True)
+        ]
         active = [k for k, cut in enumerate(cuts) if 0 < cut.sum() <= MOST_CUT]
         if not active:
             break
@@ -140,6 +144,20 @@ def _no_zeros(cells: Cells) -> IntArray:
 
 def _split(whole: Picture, owners: Sequence[int]) -> dict[int, Picture]:
     return {k: chosen(whole, np.flatnonzero(whole.cells.owner == k)) for k in owners}
+
+
+def compact(picture: Picture) -> Picture:
+    """Return the picture with neighbouring cells joined on which the same is proved."""
+    settled, hemisphere = picture.is_settled, picture.cells.hemisphere
+    labels = np.where(picture.found.is_undefined, UNDEFINED, picture.found.sign)
+    is_more = settled[1:] & settled[:-1] & (labels[1:] == labels[:-1]) & (hemisphere[1:] == hemisphere[:-1])
+    starts = np.concatenate([[0], np.flatnonzero(~is_more) + 1])
+    first = chosen(picture, starts)
+    low, high = (
+        np.minimum.reduceat(picture.cells.low, starts),
+        np.maximum.reduceat(picture.cells.high, starts),
+    )
+    return replace(first, cells=replace(first.cells, low=low, high=high))
 
 
 def signature_of(picture: Picture) -> Signature | None:

@@ -1,6 +1,6 @@
 """Evaluates the curve and p² in doubles at many λ and many places at once: guesses and series, no proofs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,10 @@ from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.reduction.geometry.height import log_sine_real, numerator_real
 
 FloatArray = NDArray[np.float64]
+
+SECANTS, HALVINGS = 3, 60
+"""So many steps by secants, then one that halves; in all at most so many."""
+CLOSE = 2.0**-51
 
 
 def equator_of(half: HalfCurves, stretches: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
@@ -67,3 +71,30 @@ def p_squared(
         D = half.potential.D_real(g1, g2, g3)
         ratio = -g1 / g3 if half.shape.is_mirrored else g3 / g1
         return factor * ratio * D, c
+
+
+def zero_between(
+    value: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, close: float = CLOSE
+) -> FloatArray:
+    """Return about where ``value`` changes its sign between ``low`` and ``high``, arrays of one shape.
+
+    Secants by Illinois' rule, which halves the weight of an end that stays; and each fourth step a bisection.
+    They end where the bracket or the last step is ``close``, relative.
+    """
+    f_low, f_high = value(low), value(high)
+    place = 0.5 * (low + high)
+    for step in range(HALVINGS):
+        before = place
+        with np.errstate(all="ignore"):
+            secant = (low * f_high - high * f_low) / (f_high - f_low)
+        is_inside = (secant >= low) & (secant <= high) if step % (SECANTS + 1) < SECANTS else False
+        place = np.where(is_inside, secant, 0.5 * (low + high))
+        here = value(place)
+        is_before = (here > 0.0) == (f_low > 0.0)
+        f_low, f_high = np.where(is_before, here, 0.5 * f_low), np.where(is_before, 0.5 * f_high, here)
+        low, high = np.where(is_before, place, low), np.where(is_before, high, place)
+        # NaN is no reason to go on.
+        is_open = (high - low > close * high) & (np.abs(place - before) > close * high) & (here != 0.0)
+        if not is_open.any():
+            break
+    return place

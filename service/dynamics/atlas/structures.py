@@ -7,94 +7,156 @@ What is still open when it is very narrow encloses a value of λ where something
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
-from service.dynamics.atlas.pictures import Finest, Signature, signature_of
+from service.dynamics.atlas.guesses import guessed_changes
+from service.dynamics.atlas.pictures import Finest, Signature, compact, signature_of
 from service.dynamics.atlas.turns import settled_pictures
 from service.dynamics.reduction.sign_proofs.signs import Picture
 
-NARROW = 1e-9
-"""Relative width of a stretch that is not halved any more."""
-RATIO = 2.0
+NARROW, STRAY = 1e-9, 1e-11
+"""Relative width of a stretch that is not cut any more; and of one between two parts that are alike."""
+RATIO = 1.3
 """Of the ends of the first stretches."""
 FINEST, WIDE = 1 / 8, 1e-3
-"""Cells are cut to this share of the root of a stretch's width; of one as wide as this without a limit."""
-MOST_OPEN = 96
+"""Cells are cut to this share of the root of a stretch's width; of one as wide as this without a limit, but
+for those next to the equator."""
+AT_ONCE, MOST_PARTS = 16, 8
+"""About so many stretches are looked at together; into so many one is cut."""
+FEW_ROUNDS = 2
+"""Cells of a wide stretch are cut so often; then it is cheaper to cut the stretch."""
+MOST_OPEN = 256
 """Stretches that are halved at a time: with more of them nothing is gained."""
+
+Signatures = tuple[Signature, ...]
+"""Of each half curve."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """A stretch, and what is known of each half curve for all its λ."""
+
+    stretch: LambdaStretch
+    pictures: tuple[Picture | None, ...]
+
+    def parts(self, count: int) -> "list[Seen]":
+        """Return so many parts, of which as much is known."""
+        return [Seen(part, self.pictures) for part in self.stretch.parts(count)]
 
 
 @dataclass(frozen=True, slots=True)
 class LambdaPart:
     """Neighbouring stretches with one signature for each half curve; None where that is not proved."""
 
-    stretches: tuple[LambdaStretch, ...]
+    seen: tuple[Seen, ...]
     """In the order of growing primed λ."""
-    signatures: tuple[Signature, ...] | None
+    signatures: Signatures | None
 
+    @property
+    def stretches(self) -> tuple[LambdaStretch, ...]:
+        """The stretches alone."""
+        return tuple(each.stretch for each in self.seen)
 
-@dataclass(frozen=True, slots=True)
-class _Open:
-    """A stretch, and what is known of each half curve of a stretch that contains it."""
+    @property
+    def is_narrow(self) -> bool:
+        """No stretch of it is cut any more."""
+        return all(each.stretch.width <= NARROW for each in self.seen)
 
-    stretch: LambdaStretch
-    pictures: tuple[Picture | None, ...]
-
-    def halves(self) -> "list[_Open]":
-        return [_Open(half, self.pictures) for half in self.stretch.halves()]
+    def pictures_at(self, single: LambdaStretch, half: int) -> Picture | None:
+        """Return what is known of a half curve at a single λ; None outside of the stretches."""
+        for each in self.seen:
+            stretch = each.stretch
+            if stretch.is_inverse == single.is_inverse and stretch.low <= single.low <= stretch.high:
+                return each.pictures[half]
+        return None
 
 
 def parts_of_range(
     halves: Sequence[HalfCurves], first: Sequence[LambdaStretch], is_late: Callable[[], bool]
 ) -> list[LambdaPart]:
     """Return the parts in the order of growing primed λ; what is open when it ``is_late`` stays open."""
-    waiting = [_Open(stretch, (None,) * len(halves)) for stretch in first]
-    done: list[tuple[LambdaStretch, tuple[Signature, ...] | None]] = []
+    parts = _joined(_settled(halves, [Seen(each, (None,) * len(halves)) for each in first], NARROW, is_late))
+    stray = [
+        part
+        for before, part, after in zip(parts, parts[1:], parts[2:], strict=False)
+        if part.signatures is None and before.signatures == after.signatures and part.is_narrow
+    ]
+    if not stray:
+        return parts
+    again = [small for part in stray for each in part.seen for small in each.parts(MOST_PARTS)]
+    known = {part.seen[0].stretch for part in stray}
+    rest = [
+        (each, part.signatures) for part in parts if part.seen[0].stretch not in known for each in part.seen
+    ]
+    return _joined([*rest, *_settled(halves, again, STRAY, is_late)])
+
+
+def _settled(
+    halves: Sequence[HalfCurves], waiting: Sequence[Seen], narrow: float, is_late: Callable[[], bool]
+) -> list[tuple[Seen, Signatures | None]]:
+    """Return stretches with their signatures; those without are at most ``narrow``, or it was late."""
+    done: list[tuple[Seen, Signatures | None]] = []
     while waiting:
-        following: list[_Open] = []
+        following: list[Seen] = []
         for inverse in (False, True):
             chosen = [each for each in waiting if each.stretch.is_inverse == inverse]
             if not chosen:
                 continue
             for known, signatures in _look_again(halves, chosen):
-                if signatures is None and known.stretch.width > NARROW:
+                if signatures is None and known.stretch.width > narrow:
                     following.append(known)
                 else:
-                    done.append((known.stretch, signatures))
+                    done.append((known, signatures))
         if len(following) > MOST_OPEN or is_late():
-            done.extend((each.stretch, None) for each in following)
+            done.extend((each, None) for each in following)
             break
-        waiting = [half for each in following for half in each.halves()]
-    return _joined(sorted(done, key=lambda each: _place(each[0])))
+        waiting = _cut(halves, following)
+    return done
+
+
+def _cut(halves: Sequence[HalfCurves], following: Sequence[Seen]) -> list[Seen]:
+    """Return parts of open stretches, the finer the nearer a guessed change is, else equal ones."""
+    count = min(max(AT_ONCE // max(len(following), 1), 2), MOST_PARTS)
+    guessed = guessed_changes(halves, [(each.stretch, each.pictures) for each in following])
+    cut = list[Seen]()
+    for each, place in zip(following, guessed, strict=True):
+        stretch = each.stretch
+        parts = stretch.parts(count) if place is None else stretch.parts_towards(place, 2.0 * NARROW)
+        cut.extend(Seen(part, each.pictures) for part in parts)
+    return cut
 
 
 def _look_again(
-    halves: Sequence[HalfCurves], waiting: Sequence[_Open]
-) -> list[tuple[_Open, tuple[Signature, ...] | None]]:
+    halves: Sequence[HalfCurves], waiting: Sequence[Seen]
+) -> list[tuple[Seen, Signatures | None]]:
     """Return each stretch with what is known of it now, and its signatures."""
     stretches = [each.stretch for each in waiting]
     # Next to a double zero p² changes by the width of the stretch over the root of it along the curve.
     finest = [
-        Finest(float(np.sqrt(each.width)) * FINEST, each.width * FINEST) if each.width < WIDE else Finest()
+        Finest(float(np.sqrt(each.width)) * FINEST, each.width * FINEST)
+        if each.width < WIDE
+        else Finest(0.0, each.width * FINEST, FEW_ROUNDS)
         for each in stretches
     ]
     columns = [
         settled_pictures(half, stretches, [each.pictures[k] for each in waiting], finest)
         for k, half in enumerate(halves)
     ]
-    found: list[tuple[_Open, tuple[Signature, ...] | None]] = []
+    found: list[tuple[Seen, Signatures | None]] = []
     for place, stretch in enumerate(stretches):
         pictures = [column[place] for column in columns]
         signatures = [signature_of(picture) for picture in pictures]
         known = tuple(signature for signature in signatures if signature is not None)
-        found.append((_Open(stretch, tuple(pictures)), known if len(known) == len(halves) else None))
+        seen = Seen(stretch, tuple(compact(picture) for picture in pictures))
+        found.append((seen, known if len(known) == len(halves) else None))
     return found
 
 
 def first_stretches(low: float, high: float) -> list[LambdaStretch]:
-    """Return stretches with ends of the ratio 2 or less that cover ``low`` ≤ λ ≤ ``high`` (primed λ > 0)."""
+    """Return stretches with ends of the ratio RATIO or less that cover ``low`` ≤ primed λ ≤ ``high``."""
     found: list[LambdaStretch] = []
     if low < 1.0:
         top = min(high, 1.0)
@@ -119,11 +181,9 @@ def _place(stretch: LambdaStretch) -> tuple[bool, float]:
     return stretch.is_inverse, -stretch.high if stretch.is_inverse else stretch.low
 
 
-def _joined(pieces: Sequence[tuple[LambdaStretch, tuple[Signature, ...] | None]]) -> list[LambdaPart]:
+def _joined(pieces: Sequence[tuple[Seen, Signatures | None]]) -> list[LambdaPart]:
+    ordered = sorted(pieces, key=lambda each: _place(each[0].stretch))
     parts: list[LambdaPart] = []
-    for stretch, signatures in pieces:
-        if parts and parts[-1].signatures == signatures:
-            parts[-1] = LambdaPart((*parts[-1].stretches, stretch), signatures)
-        else:
-            parts.append(LambdaPart((stretch,), signatures))
+    for signatures, group in groupby(ordered, key=lambda each: each[1]):
+        parts.append(LambdaPart(tuple(seen for seen, _ in group), signatures))
     return parts

@@ -38,8 +38,8 @@ GRID, GRIDS, STEP, NEWTON = 33, 3, 1e-5, 3
 
 
 @dataclass(frozen=True, slots=True)
-class _Gap:
-    """Cells of a picture on which D turns."""
+class TurningGap:
+    """Cells of the picture number ``owner`` on which D turns."""
 
     owner: int
     first: int
@@ -68,7 +68,7 @@ def _with_turns(
 ) -> list[Picture]:
     """Return the pictures, each gap on which X² D has one sign being settled, or made one cell."""
     found = list(pictures)
-    gaps = [gap for k, picture in enumerate(pictures) for gap in _candidates(k, picture)]
+    gaps = [gap for k, picture in enumerate(pictures) for gap in turning_gaps(k, picture)]
     if not gaps:
         return found
     least = _least_bends(curves, gaps)
@@ -76,7 +76,7 @@ def _with_turns(
     gaps, least = [gaps[k] for k in bent], least[bent]
     if not gaps:
         return found
-    centres = _turning_places(half, [stretches[gap.owner] for gap in gaps], gaps)
+    centres = turning_places(half, [stretches[gap.owner] for gap in gaps], gaps)
     settled = _settled(curves, gaps, least, centres)
     # The later gap of a picture first: the numbers of the other cells stay.
     for gap, cells in sorted(zip(gaps, settled, strict=True), key=lambda each: -each[0].first):
@@ -86,13 +86,14 @@ def _with_turns(
     return found
 
 
-def _candidates(owner: int, picture: Picture) -> list[_Gap]:
+def turning_gaps(owner: int, picture: Picture) -> list[TurningGap]:
+    """Return the open gaps of a picture, if they are few and narrow, in which D may turn once."""
     gaps = picture.open_gaps()
     found = [_candidate(owner, picture, gap) for gap in gaps] if len(gaps) <= MOST_GAPS else []
     return [gap for gap in found if gap is not None]
 
 
-def _candidate(owner: int, picture: Picture, gap: tuple[int, int]) -> _Gap | None:
+def _candidate(owner: int, picture: Picture, gap: tuple[int, int]) -> TurningGap | None:
     """Return the stretch of an open gap that holds all places where D turns; None where it is too wide.
 
     It is the gap, or the part of it to which D leads from the same sign on both sides.
@@ -111,11 +112,11 @@ def _candidate(owner: int, picture: Picture, gap: tuple[int, int]) -> _Gap | Non
         low, high = float(picture.cells.low[here].min()), float(picture.cells.high[here].max())
         side = picture.cells.hemisphere[here]
         if (side == side[0]).all() and low > 0.0 and high < QUARTER and high - low < WIDEST * high:
-            return _Gap(owner, start, stop, float(side[0]), low, high, before, after)
+            return TurningGap(owner, start, stop, float(side[0]), low, high, before, after)
     return None
 
 
-def _least_bends(curves: Curves, gaps: Sequence[_Gap]) -> FloatArray:
+def _least_bends(curves: Curves, gaps: Sequence[TurningGap]) -> FloatArray:
     """Return for each gap the smallest |X² D| with the sign that X² D has all over it; 0 without one."""
     ends = np.array([np.linspace(gap.low, gap.high, BENDS + 1) for gap in gaps])
     *_, (low, high) = derivative_values(curves, _cells(gaps, ends[:, :-1], ends[:, 1:]), 2)
@@ -126,7 +127,9 @@ def _least_bends(curves: Curves, gaps: Sequence[_Gap]) -> FloatArray:
     return found
 
 
-def _turning_places(half: HalfCurves, stretches: Sequence[LambdaStretch], gaps: Sequence[_Gap]) -> FloatArray:
+def turning_places(
+    half: HalfCurves, stretches: Sequence[LambdaStretch], gaps: Sequence[TurningGap]
+) -> FloatArray:
     """Return where D turns in each gap for a λ inside the stretch, in doubles: a guess."""
     low, high = (np.array([getattr(gap, end) for gap in gaps])[:, None] for end in ("low", "high"))
     side = np.array([gap.hemisphere for gap in gaps])[:, None]
@@ -155,7 +158,9 @@ def _turning_places(half: HalfCurves, stretches: Sequence[LambdaStretch], gaps: 
     return found
 
 
-def _settled(curves: Curves, gaps: Sequence[_Gap], least: FloatArray, centres: FloatArray) -> list[Picture]:
+def _settled(
+    curves: Curves, gaps: Sequence[TurningGap], least: FloatArray, centres: FloatArray
+) -> list[Picture]:
     """Return the cells that take the place of each gap."""
     low, high = centres[:, None] * (1.0 - THIN), centres[:, None] * (1.0 + THIN)
     (value, slope) = derivative_values(curves, _cells(gaps, low, high), 1)
@@ -170,7 +175,7 @@ def _settled(curves: Curves, gaps: Sequence[_Gap], least: FloatArray, centres: F
 
 
 def _decided(
-    gap: _Gap, bend: float, D: tuple[float, float], drop: float, ends: tuple[float, float, float, float]
+    gap: TurningGap, bend: float, D: tuple[float, float], drop: float, ends: tuple[float, float, float, float]
 ) -> Picture:
     sign = gap.before
     if gap.before != gap.after:
@@ -187,7 +192,7 @@ def _decided(
     return _row(gap, (gap.low, gap.high), (0,), (0,))
 
 
-def _row(gap: _Gap, ends: Sequence[float], signs: Sequence[int], slopes: Sequence[int]) -> Picture:
+def _row(gap: TurningGap, ends: Sequence[float], signs: Sequence[int], slopes: Sequence[int]) -> Picture:
     """Return cells one after the other, with signs and slopes in the order of growing v."""
     n = len(signs)
     order = slice(None) if gap.hemisphere > 0 else slice(None, None, -1)
@@ -197,7 +202,7 @@ def _row(gap: _Gap, ends: Sequence[float], signs: Sequence[int], slopes: Sequenc
     return Picture(cells, Found(np.array(signs), np.array(slopes), nothing, nothing), np.full(n, BENT))
 
 
-def _cells(gaps: Sequence[_Gap], low: FloatArray, high: FloatArray) -> Cells:
+def _cells(gaps: Sequence[TurningGap], low: FloatArray, high: FloatArray) -> Cells:
     """Return cells of gaps, shape (gaps, n)."""
     n = low.shape[1]
     owner = np.repeat(np.array([gap.owner for gap in gaps]), n)

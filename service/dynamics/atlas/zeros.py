@@ -8,16 +8,17 @@ from numpy.typing import NDArray
 
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, grouped
 from service.dynamics.atlas.pictures import EQUATOR, Finest, Signature, brackets_of, signature_of
-from service.dynamics.atlas.radicands import d_on_curves, equator_of
+from service.dynamics.atlas.radicands import d_on_curves, equator_of, zero_between
+from service.dynamics.atlas.structures import LambdaPart
 from service.dynamics.atlas.turns import settled_pictures
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Cells, heights
 from service.dynamics.reduction.sign_proofs.cells import Curves, look_at
+from service.dynamics.reduction.sign_proofs.signs import Picture
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-HALVINGS = 56
 WIDTHS = np.array([8.0**-k for k in range(16, 4, -1)])
 """Relative widths to both sides of a guess that are tried, from 3.6e-15 to 3e-5."""
 THIN = 1e-15
@@ -38,9 +39,9 @@ class Zeros:
     """Bounds of g2."""
 
 
-def zeros_of(half: HalfCurves, single: Sequence[LambdaStretch], signature: Signature) -> Zeros:
-    """Return the zeros for single λ of a part with this signature."""
-    parts = [_zeros_of(half, group, signature) for group in grouped(single)]
+def zeros_of(half: HalfCurves, number: int, part: LambdaPart, single: Sequence[LambdaStretch]) -> Zeros:
+    """Return the zeros for single λ of a part on its half curve ``number``."""
+    parts = [_zeros_of(half, number, part, group) for group in grouped(single)]
 
     def joined(bounds: Sequence[FloatArray]) -> FloatArray:
         return np.concatenate(bounds)
@@ -60,41 +61,47 @@ def _hemispheres(signature: Signature) -> list[int]:
     return [1] * (border - 1) + [-1] * (len(signature) - border - 2)
 
 
-def _zeros_of(half: HalfCurves, single: Sequence[LambdaStretch], signature: Signature) -> Zeros:
-    curves = half.over(single)
-    pictures = settled_pictures(half, single, [None] * len(single), [Finest()] * len(single))
-    brackets = [brackets_of(picture) if signature_of(picture) == signature else None for picture in pictures]
+def _zeros_of(half: HalfCurves, number: int, part: LambdaPart, single: Sequence[LambdaStretch]) -> Zeros:
+    assert part.signatures is not None
+    curves, signature = half.over(single), part.signatures[number]
     hemisphere = np.array(_hemispheres(signature), dtype=np.int64)
     low = np.full((len(single), len(hemisphere)), np.nan)
     high = low.copy()
-    for k, found in enumerate(brackets):
-        if found is not None and [each.hemisphere for each in found] == hemisphere.tolist():
+    for k, picture in enumerate(_pictures(half, number, part, single)):
+        found = brackets_of(picture) if signature_of(picture) == signature else []
+        if [each.hemisphere for each in found] == hemisphere.tolist():
             low[k], high[k] = [each.low for each in found], [each.high for each in found]
-    guesses = _bisected(half, single, hemisphere, low, high)
-    low, high = _enclosed(curves, hemisphere, guesses)
+    low, high = _enclosed(curves, hemisphere, _guesses(half, single, hemisphere, low, high))
     cells = _cells(hemisphere, low, high)
     full = (len(single), len(hemisphere))
     size, height = _sizes(curves, cells), heights(curves.loops, cells)
     return Zeros(low, high, hemisphere, _shaped(size, full), _shaped(height, full))
 
 
+def _pictures(
+    half: HalfCurves, number: int, part: LambdaPart, single: Sequence[LambdaStretch]
+) -> list[Picture]:
+    """Return those of the stretches of the part; a λ that was rounded out of all of them is looked at."""
+    known = [part.pictures_at(each, number) for each in single]
+    missing = [each for each, picture in zip(single, known, strict=True) if picture is None]
+    fresh = iter(
+        settled_pictures(half, missing, [None] * len(missing), [Finest()] * len(missing)) if missing else []
+    )
+    return [next(fresh) if picture is None else picture for picture in known]
+
+
 def _shaped(bounds: tuple[FloatArray, FloatArray], full: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
     return bounds[0].reshape(full), bounds[1].reshape(full)
 
 
-def _bisected(
+def _guesses(
     half: HalfCurves, single: Sequence[LambdaStretch], hemisphere: IntArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
     if not low.size:
         return low
     side = hemisphere[None, :].astype(np.float64)
     Z, G = equator_of(half, single)
-    at_low = d_on_curves(half, Z, G, side, low)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        is_before = (d_on_curves(half, Z, G, side, middle) > 0.0) == (at_low > 0.0)
-        low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
-    return 0.5 * (low + high)
+    return zero_between(lambda x: d_on_curves(half, Z, G, side, x), low, high)
 
 
 def _enclosed(curves: Curves, hemisphere: IntArray, guesses: FloatArray) -> tuple[FloatArray, FloatArray]:

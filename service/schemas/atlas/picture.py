@@ -8,8 +8,10 @@ from xml.sax.saxutils import escape
 from service.schemas.atlas.replies import AtlasOut, AtlasSamplesOut, AtlasWindowOut
 
 WIDTH, LEFT, RIGHT, TOP, GAP = 860.0, 60.0, 20.0, 58.0, 36.0
-HEIGHTS = (260.0, 120.0, 120.0)
-"""Of the panels: windows, energy, periods."""
+HEIGHTS = (260.0, 120.0, 120.0, 120.0)
+"""Of the panels: windows, energy, periods, and the trace of the multipliers if it was asked for."""
+TRACES = (-4.0, 4.0)
+"""Ends of the axis of traces: between -2 and 2 a motion is stable; what is beyond is drawn at the border."""
 LOGARITHMIC = 10.0
 """Ratio of the ends of the range from which λ is drawn on a logarithmic axis."""
 COLOURS = ("#3b6ea5", "#c7762b", "#4c8c4a", "#9b4f96", "#a33c3c", "#5f6b7a")
@@ -67,8 +69,11 @@ def picture_of(atlas: AtlasOut) -> str:
     low, high = atlas.lambda_
     across = _Axis(low, high, LEFT, WIDTH - RIGHT, high / low >= LOGARITHMIC)
     series = [part.samples for part in atlas.parts if part.samples is not None]
-    tops = [TOP + sum(HEIGHTS[:k]) + GAP * k for k in range(len(HEIGHTS))]
-    bottom = tops[-1] + HEIGHTS[-1]
+    curves = [("energy", _energies(series)), ("period", _periods(series))]
+    if any(window.stability is not None for samples in series for window in samples.windows):
+        curves.append(("μ + 1/μ: stable between -2 and 2", _traces(series)))
+    tops = [TOP + sum(HEIGHTS[:k]) + GAP * k for k in range(len(curves) + 1)]
+    bottom = tops[-1] + HEIGHTS[len(curves)]
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {bottom + 44:g}" role="img">',
         f"<title>{escape(_summary(atlas))}</title><style>{STYLE}</style>",
@@ -80,11 +85,12 @@ def picture_of(atlas: AtlasOut) -> str:
     for samples in series:
         for window in samples.windows:
             lines += _bands(across, windows, samples, window)
-    for k, (name, curves) in enumerate((("energy", _energies(series)), ("period", _periods(series))), 1):
-        found = [(colour, list(points)) for colour, points in curves]
+    for k, (name, drawn) in enumerate(curves, 1):
+        found = [(colour, list(points)) for colour, points in drawn]
         values = [y for _, points in found for _, y in points]
-        up = _Axis(*_spread(values), tops[k] + HEIGHTS[k], tops[k])
-        lines += _frame(across, up, name, is_last=k == 2)
+        ends = TRACES if k == len(HEIGHTS) - 1 else _spread(values)
+        up = _Axis(*ends, tops[k] + HEIGHTS[k], tops[k])
+        lines += _frame(across, up, name, is_last=k == len(curves))
         lines += [_curve(across, up, colour, points) for colour, points in found if len(points) > 1]
     lines += _marks(atlas, across, bottom)
     lines.append("</svg>")
@@ -153,6 +159,14 @@ def _periods(series: Sequence[AtlasSamplesOut]) -> Iterator[_Curve]:
         for window in samples.windows:
             if window.period is not None:
                 yield COLOURS[window.window % len(COLOURS)], _known(samples.lambda_, window.period)
+
+
+def _traces(series: Sequence[AtlasSamplesOut]) -> Iterator[_Curve]:
+    for samples in series:
+        for window in samples.windows:
+            if window.stability is not None:
+                colour = COLOURS[window.window % len(COLOURS)]
+                yield colour, _known(samples.lambda_, window.stability.trace)
 
 
 def _known(x: Sequence[float], y: Sequence[float | None]) -> list[tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""Reads what ``POST /v1/atlases`` takes: a body, a potential and a range of λ."""
+"""Reads what ``POST /v1/atlases`` and ``polhode atlas`` take: a body, a potential and a range of λ."""
 
 from dataclasses import dataclass
 from fractions import Fraction
@@ -16,7 +16,7 @@ from service.schemas.problem.problem import each_once
 from service.schemas.problem.rules import read_setting
 from service.schemas.problem.sections import Accept, BodyIn
 from service.schemas.reading.choices import WireModel
-from service.schemas.reading.faults import InvalidProblemError, fault_of
+from service.schemas.reading.faults import Fault, InvalidProblemError, fault_of
 from service.schemas.reading.needs import given, one_of_each, within
 from service.schemas.reading.numbers import Positive, Sign, integer_schema, read_integer, refuse
 from service.schemas.reading.parts import read_parts
@@ -50,7 +50,7 @@ Followed = Annotated[
     PlainValidator(_read_followed),
     WithJsonSchema(integer_schema("101", minimum=FEWEST, maximum=MOST)),
 ]
-AtlasOutput = Literal["period"]
+AtlasOutput = Literal["period", "stability"]
 
 
 def _all_outputs() -> list[AtlasOutput]:
@@ -62,7 +62,7 @@ class AtlasIn(WireModel):
 
     model_config = one_of_each([within("body", given("A", "C"))])
 
-    body: BodyIn = Field(description="The rigid body; A ≠ C. B has no meaning here.")
+    body: BodyIn = Field(description="The rigid body; A ≠ C. B is needed for stability only.")
     potential: PotentialIn = Field(description="The potential, with a formula of g1, g2 and g3.")
     lambda_: Annotated[list[Positive], Field(min_length=2, max_length=2), AfterValidator(_forward)] = Field(
         alias="lambda", description="Smallest and largest λ, from 1e-9 to 1e9."
@@ -73,8 +73,10 @@ class AtlasIn(WireModel):
         default=101,
         description="About how many λ the windows are followed at; each part has at least 9.",
     )
-    outputs: Annotated[list[AtlasOutput], Field(max_length=1)] = Field(
-        default_factory=_all_outputs, description="`period`, or nothing, which is faster."
+    outputs: Annotated[list[AtlasOutput], Field(max_length=2)] = Field(
+        default_factory=_all_outputs,
+        description="`period`, or nothing, which is faster. `stability` takes a job's time for"
+        " every λ, and is computed by `polhode atlas`; this service refuses it.",
     )
     accept: Accept = Field(
         default="proved",
@@ -92,11 +94,33 @@ class AtlasQuestion:
     range: LambdaRange
     samples: int
     wants_period: bool
+    wants_stability: bool
     accepts_undecided: bool
 
 
 def read_atlas(document: object) -> AtlasQuestion:
-    """Return what the document asks.
+    """Return what the document asks of a service, which computes no stability.
+
+    Raises
+    ------
+    InvalidProblemError
+        Lists every fault.
+    """
+    asked = read_any_atlas(document)
+    if asked.wants_stability:
+        message = (
+            "stability takes a job's time for every λ, and this service draws atlases while the client waits;"
+            " accepted is period. `polhode atlas FILE` computes stability, and so does a sweep along"
+            " /motion/lambda that keeps stability.trace"
+        )
+        assert isinstance(document, dict)
+        place = document["outputs"].index("stability")
+        raise InvalidProblemError([Fault(f"/outputs/{place}", "invalid_value", message)])
+    return asked
+
+
+def read_any_atlas(document: object) -> AtlasQuestion:
+    """Return what the document asks, stability included.
 
     Raises
     ------
@@ -110,6 +134,12 @@ def read_atlas(document: object) -> AtlasQuestion:
             body.require_planar()
         except DynamicsError as error:
             faults.append(fault_of(error))
+    outputs = parts.get("outputs")
+    if body is not None and isinstance(outputs, list) and "stability" in outputs:
+        try:
+            body.require_B("stability")
+        except DynamicsError as error:
+            faults.append(fault_of(error))
     match parts:
         case {
             "lambda_": [Fraction() as lower, Fraction() as upper],
@@ -120,5 +150,6 @@ def read_atlas(document: object) -> AtlasQuestion:
             "accept": str(accept),
         } if body is not None and potential is not None and not faults:
             over = LambdaRange(lower, upper, g1_sign, g3_sign)
-            return AtlasQuestion(body, potential, over, samples, bool(outputs), accept == "undecided")
+            wanted = ("period" in outputs, "stability" in outputs)
+            return AtlasQuestion(body, potential, over, samples, *wanted, accept == "undecided")
     raise InvalidProblemError(each_once(faults))

@@ -26,6 +26,27 @@ class MeasuredOut(ResponseModel):
     error: float = Field(description="Largest error that it may have.")
 
 
+class AtlasStabilityOut(ResponseModel):
+    """Whether small disturbances leave the plane, for each of `samples.lambda`; null where that is not told.
+
+    As in a solution: the errors are measured by halving the steps, and not proved; between these λ nothing
+    is said.
+    """
+
+    trace: list[float | None] = Field(description="μ + 1/μ over the period of the six variables.")
+    trace_error: list[float | None] = Field(description="Estimated errors of the trace.")
+    multipliers: list[tuple[tuple[float, float], tuple[float, float]] | None] = Field(
+        description="μ and 1/μ as [real, imaginary]."
+    )
+    multipliers_error: list[float | None] = Field(
+        description="Errors of each multiplier that follow from those of the trace."
+    )
+    verdict: list[Literal["stable", "unstable", "marginal"] | None] = Field(
+        description="`stable` if |trace| < 2, `unstable` if > 2, `marginal` if the error does not tell."
+    )
+    reason: list[str | None] = Field(description="The code that a job at this λ is refused with, else null.")
+
+
 class AtlasWindowOut(ResponseModel):
     """One window on a part: its kind and ends are the same for all λ of the part."""
 
@@ -55,6 +76,9 @@ class AtlasWindowOut(ResponseModel):
     )
     period_error: list[float | None] | None = Field(
         description="Estimated errors: by how much the last two sums of the quadrature differ, and rounding."
+    )
+    stability: AtlasStabilityOut | None = Field(
+        description="Null where it was not asked for, or the motion is not periodic."
     )
 
 

@@ -1,9 +1,10 @@
 """Writes an atlas as text for people."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from service.schemas.atlas.picture import KINDS
-from service.schemas.atlas.replies import AtlasOut, AtlasPartOut, AtlasWindowOut
+from service.schemas.atlas.replies import AtlasOut, AtlasPartOut, AtlasStabilityOut, AtlasWindowOut
 
 
 def describe_atlas(atlas: AtlasOut) -> str:
@@ -46,7 +47,16 @@ def _part(part: AtlasPartOut) -> Iterator[str]:
 
 def _window(window: AtlasWindowOut) -> str:
     period = "" if window.period is None else f", period {_range(window.period)}"
-    return f"  window {window.window}: {window.kind}, {window.ends[0]} to {window.ends[1]}{period}"
+    ends = f"{window.ends[0]} to {window.ends[1]}"
+    return f"  window {window.window}: {window.kind}, {ends}{period}{_stability(window.stability)}"
+
+
+def _stability(stability: AtlasStabilityOut | None) -> str:
+    """Return how many of the λ that were looked at have which verdict."""
+    if stability is None:
+        return ""
+    found = Counter(verdict or "not told" for verdict in stability.verdict)
+    return "".join(f", {verdict} at {count} of {found.total()} λ" for verdict, count in found.most_common())
 
 
 def _range(values: Sequence[float | None]) -> str:

@@ -1,0 +1,54 @@
+"""Computes the stability of the motions of an atlas: at each λ it is that of the job of this motion."""
+
+import json
+
+from service.jobs.outcome import Refused
+from workers.computation.compute import solve_document
+from workers.computation.summary import Document
+
+TOLD = {"trace": "trace", "trace_error": "error", "multipliers": "multipliers"}
+TOLD |= {"multipliers_error": "multipliers_error", "verdict": "verdict"}
+"""Names of columns, and of what a solution tells."""
+SAME = ("body", "potential", "accept")
+"""Members that a problem has in common with the document of an atlas."""
+
+
+def with_stability(document_json: str, atlas_json: str) -> str:
+    """Return an atlas as :mod:`service.verdicts.atlases` answers it, with the stability of its windows.
+
+    ``document_json`` is what was asked. Windows that are not periodic have none.
+    """
+    document, answer = json.loads(document_json), json.loads(atlas_json)
+    atlas = answer.get("verdict", {"parts": []})
+    for part in atlas["parts"]:
+        samples = part["samples"]
+        for window in () if samples is None else samples["windows"]:
+            if window["kind"] == "periodic":
+                window["stability"] = _along(document, window["window"], samples["lambda"])
+    return json.dumps(answer, allow_nan=False)
+
+
+def _along(document: Document, window: int, lambdas: list[float]) -> Document:
+    columns: dict[str, list[object]] = {name: [] for name in (*TOLD, "reason")}
+    for lambda_ in lambdas:
+        found, reason = _at(document, window, lambda_)
+        for column, name in TOLD.items():
+            columns[column].append(None if found is None else found[name])
+        columns["reason"].append(reason)
+    return dict(columns)
+
+
+def _at(document: Document, window: int, lambda_: float) -> tuple[Document | None, str | None]:
+    """Return the stability that a job tells, or the code it is refused with."""
+    motion: Document = {"type": "planar", "lambda": lambda_, "window": window}
+    motion |= {name: document[name] for name in ("g1_sign", "g3_sign") if name in document}
+    problem: Document = {name: document[name] for name in SAME if name in document}
+    problem["motion"] = motion
+    problem["time"] = {"periods": 1, "samples": 2}
+    problem["outputs"] = ["stability"]
+    outcome = solve_document(json.dumps(problem))
+    if isinstance(outcome, Refused):
+        return None, str(outcome.error["code"])
+    stability = outcome.summary["stability"]
+    assert isinstance(stability, dict)
+    return stability, None
