@@ -14,6 +14,7 @@ from service.schemas.sweep.sweep import Sweep, json_number
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.invariants import drifts_of
 from workers.solvers.planar.choose import compiled_tier
+from workers.sweeping.by_roots import sweep_by_roots
 from workers.sweeping.doubles import Sampling, Swept, sweep_sets
 from workers.sweeping.emptiness import have_no_motion_at
 from workers.sweeping.family import potential_of
@@ -91,17 +92,7 @@ class BlockSolver:
     ) -> None:
         problem, places = self._quick.problem, group.places
         chosen = [squares[place] for place in places.tolist()]
-        at = self._quick.start_place
-        swept = sweep_sets(
-            problem.body,
-            side.motion,
-            group.program,
-            group.rows,
-            chosen,
-            self._sampling,
-            self._grade,
-            None if at is None else np.abs(points.doubles[at, places]),
-        )
+        swept = self._swept(points, parameters, side, group, chosen)
         if swept is None:
             return
         numbers, rows = self._numbers(swept), parameters.doubles[places]
@@ -110,7 +101,8 @@ class BlockSolver:
         decided &= swept.period_errors <= problem.tolerance * swept.periods
         decided &= np.isfinite(swept.samples).all(axis=(1, 2))
         decided &= ~swept.passes_pole | self._are_plain(rows)
-        decided &= self._quick.family.keeps_its_sign(rows, swept.approaches)
+        if swept.approaches is not None:
+            decided &= self._quick.family.keeps_its_sign(rows, swept.approaches)
         if self._keeps_energy and side.energies is not None:
             exact = [parameters.exact(place) for place in places.tolist()]
             energies = np.array(side.energies.rounded(exact, chosen)).reshape(-1, 2)
@@ -123,6 +115,21 @@ class BlockSolver:
         rest = np.flatnonzero(~decided)
         curves = [chosen[place] for place in rest.tolist()]
         found.empty[places[rest]] = have_no_motion_at(problem.body, side.motion, group, rest, curves)
+
+    def _swept(
+        self, points: SweptPoints, parameters: Parameters, side: Side, group: Group, chosen: Sequence[fmpq]
+    ) -> Swept | None:
+        body, at, places = self._quick.problem.body, self._quick.start_place, group.places
+        if side.rational is not None:
+            exact = [parameters.exact(place) for place in places.tolist()]
+            begun = (
+                None if at is None else [abs(_fraction(points.exact(at, place))) for place in places.tolist()]
+            )
+            return sweep_by_roots(side.rational, exact, chosen, self._sampling, begun)
+        starts = None if at is None else np.abs(points.doubles[at, places])
+        return sweep_sets(
+            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, starts
+        )
 
     def _drifts(
         self,

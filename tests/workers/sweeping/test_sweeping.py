@@ -20,7 +20,7 @@ from workers.sweeping.plan import make_plan
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}
 THREE_TERMS = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/50"}}
 TIME = {"stop": 20, "samples": 7}
-LOOSE, DRAFT = {"tolerance": 1e-9}, {"tier": "draft"}
+LOOSE, DRAFT, HIGH = {"tolerance": 1e-9}, {"tier": "draft"}, {"tier": "high"}
 A, B = "/potential/parameters/a", "/potential/parameters/b"
 LAMBDA, NU = "/motion/lambda", "/motion/nu"
 
@@ -179,11 +179,72 @@ IN_BLOCKS |= {
         potential={"type": "rational", "a": [-1], "b": ["1/50"], "c": ["1/5"]},
     ),
 }
+IN_BLOCKS |= {
+    "high": sweep(
+        (A, uniform(-1, "-1/2", 3)),
+        (B, values("1/20", "0.04")),
+        (LAMBDA, uniform("1/2", 2, 2)),
+        keep=("period", "period.error", "energy", "energy.error", "error"),
+        time={"stop": 5, "samples": 7},
+        accuracy=HIGH,
+    ),
+    "1e-12, in periods": sweep(
+        (LAMBDA, uniform("1/2", 2)), accuracy={"tolerance": 1e-12}, time={"periods": "7/3", "samples": 5}
+    ),
+    "high, numbers alone, in periods": sweep(
+        (LAMBDA, uniform("1/2", 2)), accuracy=HIGH, series=False, time={"periods": "7/3", "samples": 5}
+    ),
+    "high, periods alone": sweep((A, uniform(-2, -1)), accuracy=HIGH, outputs=["period"], series=False),
+    "high, drifts": sweep(
+        (LAMBDA, uniform("1/2", 1, 2)),
+        keep=("energy", "invariants.energy.drift", "invariants.areas.drift"),
+        outputs=["gamma", "invariants"],
+        accuracy=HIGH,
+    ),
+    "high, of both signs of nu, and none": sweep(
+        (NU, {"linspace": [-1, 1, 5]}), motion={"type": "planar", "nu": -1}, accuracy=HIGH
+    ),
+    "high, starts": sweep(
+        ("/motion/start/g1", values("1/2", "3/10", "0.55", 1, -1, 0)),
+        motion={"type": "planar", "lambda": 1, "start": {"g1": "1/2"}},
+        potential=expression("-g1 + b/g3^2", b="1/20"),
+        accuracy=HIGH,
+    ),
+    "high, for A < C": sweep(
+        (LAMBDA, uniform("3/4", "5/4", 3)),
+        ("/motion/start/g1", values("1/2", "3/5")),
+        body={"A": 1, "C": 2},
+        potential=expression("-g3 + b/g1^2", b="1/50"),
+        motion={"type": "planar", "lambda": 1, "start": {"g1": "1/2"}},
+        accuracy=HIGH,
+    ),
+    "high, one window or several": sweep(
+        (A, values(0, "-1/2", -1)),
+        potential=expression("g1 - 1/(20*g3^2) + a*(g1^2-g2^2)", a=-1),
+        accuracy=HIGH,
+    ),
+    "high, parameters that shorten the formula": sweep(
+        (A, values(-1, 1, 0, "-1/50")), (B, values("1/50", 1, 0)), potential=THREE_TERMS, accuracy=HIGH
+    ),
+    "high, late": sweep(
+        (LAMBDA, uniform("1/2", 2, 3)), accuracy=HIGH, time={"start": 1e6, "stop": 1000010, "samples": 5}
+    ),
+}
 ONE_BY_ONE = {
     "gravity that is not admissible but for c = 0": sweep(
         ("/potential/c", values(0, "1/2")), potential={"type": "gravity", "a": -1, "c": 0}
     ),
-    "high": sweep((A, uniform(-2, -1, 2)), accuracy={"tier": "high"}),
+    "high, of moments that are not double": sweep(
+        (LAMBDA, uniform(1, 2, 2)),
+        body={"A": "17/10", "C": 1},
+        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
+        accuracy=HIGH,
+    ),
+    "high, of what is no sum of powers": sweep(
+        (A, uniform(1, 2, 2)),
+        potential=expression("-a*g1*exp(2*g1^2+g3^2-2*g1^2-g3^2)+sqrt(2)*g1", a=1),
+        accuracy=HIGH,
+    ),
     "certified": sweep((A, uniform(-2, -1, 2)), keep=("period",), accuracy={"tier": "certified"}),
     "a formula with a parameter under a function": sweep(
         (A, uniform(1, 2, 2)), potential=expression("-exp(a)*g1 + b/g3^2", a=1, b="1/50")
@@ -288,7 +349,7 @@ def test_a_sweep_that_says_so_goes_in_blocks(name, monkeypatch):
     )
     points = decode_points(computed(document).data)
     # Each refusal but that of no motion, two points for comparison, and those that doubles leave in doubt.
-    in_doubt = {"poles passed by convention", "one window or several"}
+    in_doubt = {"poles passed by convention", "one window or several", "high, one window or several"}
     allowed = sum(outcome not in (SOLVED, "no_motion") for outcome in points.outcomes) + 2
     assert any(outcome in (SOLVED, "no_motion") for outcome in points.outcomes)
     assert name in in_doubt or len(singly) <= allowed or name in SHORTER
@@ -296,6 +357,7 @@ def test_a_sweep_that_says_so_goes_in_blocks(name, monkeypatch):
 
 SHORTER = {
     "parameters that shorten the formula",
+    "high, parameters that shorten the formula",
     "too fine for doubles",
     "windows next to a pole that doubles do not see",
     "starts at ends and next to them",
@@ -305,7 +367,10 @@ SHORTER = {
 """Sweeps of which some points, though solved, leave the common way."""
 
 
-@pytest.mark.parametrize("name", ["high", "a moment", "a formula with a parameter under a function"])
+@pytest.mark.parametrize(
+    "name",
+    ["high, of moments that are not double", "a moment", "a formula with a parameter under a function"],
+)
 def test_other_sweeps_go_point_by_point(name):
     assert make_plan(read_sweep(ONE_BY_ONE[name])).quick is None
 
@@ -313,7 +378,7 @@ def test_other_sweeps_go_point_by_point(name):
 @pytest.mark.parametrize(
     ("name", "is_judged"),
     [
-        ("high", True),
+        ("high, of moments that are not double", True),
         ("times", True),
         ("a moment", False),
         ("a formula with a parameter under a function", False),
