@@ -1,7 +1,7 @@
 """What a point of a sweep costs, by what the sweep varies, keeps and asks for, in one process."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from service.schemas.sweep.reading import read_sweep
 from tests.benchmarks.measuring import Effort, Table, in_words
@@ -10,6 +10,7 @@ from workers.sweeping.plan import make_plan
 
 POINTS = 2000
 WARM = 8
+MOST = 100_000
 _NUMBERS = ("period", "energy", "error")
 _OUTPUTS = ["period", "gamma", "omega"]
 _BASE: Mapping[str, object] = {
@@ -20,6 +21,15 @@ _BASE: Mapping[str, object] = {
     "accuracy": {"tolerance": 1e-9},
 }
 _LINEAR = "1e-9"
+
+
+def _axis(pointer: str, first: object, last: object) -> Mapping[str, object]:
+    return {"pointer": pointer, "linspace": [first, last, 1000]}
+
+
+_LAMBDA = {"pointer": "/motion/lambda", "linspace": ["6/10", 2, POINTS + WARM]}
+_MOMENTS = {"pointer": "/body/A", "values": [f"{150 + k}/100" for k in range(50)]}
+_POWERS = {"type": "homogeneous", "A": [0], "B": [-1], "C": ["1/20"]}
 
 
 def points(effort: Effort) -> Table:
@@ -47,8 +57,21 @@ def _sweeps() -> dict[str, Mapping[str, object]]:
         "orientation kept": _sweep(("precession.psi1",), outputs=[*_OUTPUTS, "orientation"]),
         "stability kept": _sweep(("stability.trace",), outputs=[*_OUTPUTS, "stability"]),
         "without a motion": _sweep(potential={"type": "gravity", "a": 1}),
+        "A alone": _sweep(axes=[_MOMENTS], potential=_POWERS),
+        "A, and a thousand λ": _sweep(axes=[_MOMENTS, _axis("/motion/lambda", "6/10", 2)], potential=_POWERS),
+        "a parameter under exp, and λ": _sweep(
+            axes=[
+                {"pointer": "/potential/parameters/k", "values": [1, "3/2", 2]},
+                _axis("/motion/lambda", "6/10", 2),
+            ],
+            potential={
+                "type": "expression",
+                "expression": "b/g3^2 - exp(k)*g1",
+                "parameters": {"k": 1, "b": "1/50"},
+            },
+        ),
         "from any state": _sweep(
-            axis={"pointer": "/motion/omega/0", "linspace": ["1/10", "9/10", POINTS]},
+            axes=[_axis("/motion/omega/0", "1/10", "9/10")],
             keep=("energy", "error"),
             motion={"type": "state", "omega": ["1/2", "1/10", 1], "gamma": ["3/5", 0, "4/5"]},
         ),
@@ -58,18 +81,18 @@ def _sweeps() -> dict[str, Mapping[str, object]]:
 def _sweep(
     more: tuple[str, ...] = (),
     *,
-    axis: Mapping[str, object] | None = None,
+    axes: Sequence[Mapping[str, object]] = (_LAMBDA,),
     keep: tuple[str, ...] = _NUMBERS,
     **fields: object,
 ) -> Mapping[str, object]:
-    along = axis or {"pointer": "/motion/lambda", "linspace": ["6/10", 2, POINTS]}
-    return {"base": {**_BASE, **fields}, "axes": [along], "keep": [*keep, *more]}
+    return {"base": {**_BASE, **fields}, "axes": [*axes], "keep": [*keep, *more]}
 
 
 def _point(document: Mapping[str, object], effort: Effort) -> float:
     """Return the processor seconds of a point, from as many as are solved in a second or two."""
-    solver = ChunkSolver(make_plan(read_sweep(document, max_points=POINTS)))
+    sweep = read_sweep(document, max_points=MOST)
+    solver = ChunkSolver(make_plan(sweep))
     solver.solve(0, WARM, time.perf_counter() + 60.0)
     began, until = time.process_time(), time.perf_counter() + 0.2 * effort.repeats(10)
-    found = solver.solve(WARM, POINTS - WARM, until)
+    found = solver.solve(WARM, min(POINTS, sweep.points - WARM), until)
     return (time.process_time() - began) / len(found.outcomes)

@@ -230,6 +230,44 @@ IN_BLOCKS |= {
         (LAMBDA, uniform("1/2", 2, 3)), accuracy=HIGH, time={"start": 1e6, "stop": 1000010, "samples": 5}
     ),
 }
+IN_SLICES = {
+    "a moment": sweep(
+        ("/body/A", values("17/10", 1, "9/5", -1, "19/10")),
+        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
+    ),
+    "moments and lambda, and the largest moment last": sweep(
+        ("/body/C", values(1, "9/10")),
+        (LAMBDA, uniform("1/2", 1, 2)),
+        ("/body/A", values("17/10", "9/5", "9/10", 2)),
+        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
+    ),
+    "an exponent": sweep(
+        ("/potential/parameters/k", values(2, 1, 3)),
+        (LAMBDA, uniform("1/2", 1, 3)),
+        potential=expression("a*g1 + b/g3^k", a=-1, b="1/50", k=2),
+    ),
+    "a parameter under a function": sweep(
+        (A, uniform(1, 2, 2)),
+        (LAMBDA, uniform("1/2", 1, 3)),
+        potential=expression("-exp(a)*g1/4 + b/g3^2", a=1, b="1/50"),
+        time={"stop": 5, "samples": 3},
+    ),
+    "no motion for some": sweep(
+        (A, values(0, 3)),
+        (LAMBDA, uniform(1, 2, 3)),
+        potential=expression("cos(a)*g1 + b/g3^2", a=0, b="1/50"),
+    ),
+    "inadmissible for one value": sweep(
+        (B, values(0, 1, -1)), (LAMBDA, uniform(1, 2, 3)), potential=expression("-g1 + b*(b-1)*g2*g1^3", b=0)
+    ),
+    "an exponent, high": sweep(
+        ("/potential/parameters/k", values(2, 0)),
+        (LAMBDA, uniform("1/2", 1, 3)),
+        potential=expression("a*g1 + b/g3^k", a=-1, b="1/50", k=2),
+        accuracy=HIGH,
+        time={"stop": 1, "samples": 3},
+    ),
+}
 ONE_BY_ONE = {
     "gravity that is not admissible but for c = 0": sweep(
         ("/potential/c", values(0, "1/2")), potential={"type": "gravity", "a": -1, "c": 0}
@@ -246,13 +284,9 @@ ONE_BY_ONE = {
         accuracy=HIGH,
     ),
     "certified": sweep((A, uniform(-2, -1, 2)), keep=("period",), accuracy={"tier": "certified"}),
-    "a formula with a parameter under a function": sweep(
-        (A, uniform(1, 2, 2)), potential=expression("-exp(a)*g1 + b/g3^2", a=1, b="1/50")
-    ),
     "admissible for one value": sweep(
         (B, values(0, 1, -1)), potential=expression("-g1 + b*(b-1)*g2*g1^3", b=0)
     ),
-    "a moment": sweep(("/body/A", values(2, 1, "5/2", -1))),
     "times": sweep(("/time/stop", values(1, 10, -1))),
     "windows": sweep(
         ("/motion/window", values(0, 1, 2)), motion={"type": "planar", "lambda": 1, "window": 0}
@@ -318,9 +352,9 @@ def alone(swept, index):
 
 
 @pytest.mark.usefixtures("no_hurry")
-@pytest.mark.parametrize("name", [*IN_BLOCKS, *ONE_BY_ONE])
+@pytest.mark.parametrize("name", [*IN_BLOCKS, *IN_SLICES, *ONE_BY_ONE])
 def test_every_bit_of_a_point_is_that_of_its_job(name):
-    document = {**IN_BLOCKS, **ONE_BY_ONE}[name]
+    document = {**IN_BLOCKS, **IN_SLICES, **ONE_BY_ONE}[name]
     swept = read_sweep(document)
     outcome = computed(document)
     assert outcome.count == swept.points
@@ -369,10 +403,30 @@ SHORTER = {
 
 @pytest.mark.parametrize(
     "name",
-    ["high, of moments that are not double", "a moment", "a formula with a parameter under a function"],
+    ["high, of moments that are not double", "times", "any state"],
 )
 def test_other_sweeps_go_point_by_point(name):
-    assert make_plan(read_sweep(ONE_BY_ONE[name])).quick is None
+    plan = make_plan(read_sweep(ONE_BY_ONE[name]))
+    assert plan.quick is None
+    assert chunk.ChunkSolver(plan).goes_point_by_point
+
+
+@pytest.mark.usefixtures("no_hurry")
+@pytest.mark.parametrize("name", IN_SLICES)
+def test_slices_of_a_sweep_go_in_blocks(name, monkeypatch):
+    document = IN_SLICES[name]
+    singly = []
+    original = chunk.solve_point
+    monkeypatch.setattr(
+        chunk,
+        "solve_point",
+        lambda sweep, index, **judged: singly.append(index) or original(sweep, index, **judged),
+    )
+    points = decode_points(computed(document).data)
+    together = {index for index in range(len(points.outcomes)) if index not in singly}
+    # The first of both is compared with its single job.
+    assert {points.outcomes[index] for index in together} <= {SOLVED, "no_motion"}
+    assert len(together) > 1
 
 
 @pytest.mark.parametrize(
@@ -380,8 +434,6 @@ def test_other_sweeps_go_point_by_point(name):
     [
         ("high, of moments that are not double", True),
         ("times", True),
-        ("a moment", False),
-        ("a formula with a parameter under a function", False),
         ("admissible for one value", False),
         ("any state", False),
     ],
