@@ -11,6 +11,7 @@ from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.coefficients import Coefficients, coefficients_of
 from workers.sweeping.energies import Energies, energies_of
 from workers.sweeping.family import Path, Poles, SweepFamily, has_symbol, prove_family, smooth_poles
+from workers.sweeping.integrals import keeps_further
 
 if TYPE_CHECKING:
     from workers.sweeping.by_roots import RationalFamily
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
 _CURVE_FIELDS = ("lambda", "nu")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
-DRIFTS = ("energy", "geometric", "areas")
-"""Integrals that every motion has."""
-_DRIFTS = {f"invariants.{name}.drift" for name in DRIFTS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +75,7 @@ def make_plan(sweep: Sweep) -> Plan:
     that those on the axes make. Compiled doubles take the sweeps that besides
 
     * vary nothing but the potential's numbers, λ or nu, B, and g1 at the start,
-    * ask, by method ``auto``, for no outputs but period, gamma, omega, and the drifts of the three integrals,
+    * ask, by method ``auto``, for no outputs but period, gamma, omega, and the integrals,
     * by the tiers ``draft`` and ``standard``, or a tolerance that ``standard`` keeps; by ``high`` and finer
       tolerances, where the potential is rational and A = 2C (or C = 2A).
     """
@@ -113,7 +111,7 @@ def _is_quick(sweep: Sweep, problem: Problem) -> bool:
         and set(problem.outputs) <= _PLAIN_OUTPUTS
         and compiled_tier(problem) is not None
         and isinstance(problem.motion, PlanarMotion)
-        and all(name in _DRIFTS for name in sweep.keep if name.startswith("invariants."))
+        and not (keeps_further(sweep.keep) and any(map(_is_of_moment, sweep.axes)))
         and (problem.wants_series or "invariants" not in problem.outputs)
         and all(
             _is_of_curve(axis) or _is_of_potential(axis) or _is_of_start(axis) or _is_of_moment(axis)

@@ -230,6 +230,28 @@ IN_BLOCKS |= {
         (LAMBDA, uniform("1/2", 2, 3)), accuracy=HIGH, time={"start": 1e6, "stop": 1000010, "samples": 5}
     ),
 }
+IN_BLOCKS |= {
+    "further invariants": sweep(
+        (A, uniform(-2, -1, 2)),
+        (LAMBDA, uniform("1/2", 1, 2)),
+        keep=("invariants.energy.drift", "invariants.kovalevskaya", "invariants.kovalevskaya.drift"),
+        outputs=["gamma", "omega", "invariants"],
+        body={"A": 2, "B": 2, "C": 1},
+        potential=expression("a*g1", a=-1),
+    ),
+    "a further invariant along areas of zero, and another that is none": sweep(
+        (NU, values("-1/2", "1/2", 1)),
+        keep=("invariants.goriachev", "invariants.goriachev.drift", "invariants.kovalevskaya"),
+        outputs=["gamma", "invariants"],
+        series=False,
+        body={"A": 2, "B": 2, "C": 1},
+        motion={"type": "planar", "nu": 1},
+        potential=expression("-abs(g1) + b/g3^2", b="1/20"),
+    ),
+    "a further invariant that there is not": sweep(
+        (LAMBDA, uniform("1/2", 1, 3)), keep=("invariants.kovalevskaya",), outputs=["gamma", "invariants"]
+    ),
+}
 IN_SLICES = {
     "a moment": sweep(
         ("/body/A", values("17/10", 1, "9/5", -1, "19/10")),
@@ -291,10 +313,11 @@ ONE_BY_ONE = {
     "windows": sweep(
         ("/motion/window", values(0, 1, 2)), motion={"type": "planar", "lambda": 1, "window": 0}
     ),
-    "further invariants": sweep(
-        (A, uniform(-2, -1, 2)),
-        keep=("invariants.energy.drift", "invariants.kovalevskaya"),
+    "further invariants along the moment that they depend on": sweep(
+        ("/body/B", values(2, "3/2")),
+        keep=("invariants.kovalevskaya",),
         outputs=["gamma", "omega", "invariants"],
+        body={"A": 2, "B": 2, "C": 1},
         potential=expression("a*g1", a=-1),
     ),
     "orientation": sweep(
