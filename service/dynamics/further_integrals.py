@@ -71,10 +71,6 @@ class FurtherIntegral:
         with np.errstate(all="ignore"):
             return np.asarray(self._square(self._numbers(nearest_double), p, q, g1, g2, g3))
 
-    def ball(self, omega: tuple[arb, arb, arb], gamma: tuple[arb, arb, arb]) -> arb:
-        """Return an enclosure of K, at the current ``flint.ctx.prec``."""
-        return self._square(self._numbers(BallAlgebra().constant), omega[0], omega[1], *gamma)
-
     def balls(self, states: Sequence[Sequence[float]]) -> list[arb]:
         """Return enclosures of K at states (p, q, r, g1, g2, g3), at the current ``flint.ctx.prec``."""
         numbers = self._numbers(BallAlgebra().constant)

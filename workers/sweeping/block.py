@@ -17,7 +17,7 @@ from workers.sweeping.by_roots import sweep_by_roots
 from workers.sweeping.doubles import Sampling, Swept, sweep_sets
 from workers.sweeping.emptiness import have_no_motion_at
 from workers.sweeping.family import potential_of
-from workers.sweeping.integrals import Integrals
+from workers.sweeping.integrals import KeptIntegrals
 from workers.sweeping.plan import Quick, Side
 from workers.sweeping.points import Parameters, SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.programs import AffineProgram, Group, affine_program, grouped
@@ -55,7 +55,7 @@ class BlockSolver:
         assert grade is not None
         self._grade = grade
         names = [name for name in sweep.series_columns if name != "t"]
-        self._integrals = Integrals(problem.body, sweep.keep)
+        self._integrals = KeptIntegrals(problem.body, sweep.keep)
         columns = ALL if self._integrals.names else np.array(list(map(COLUMNS.index, names)), dtype=np.int64)
         self._sampling = Sampling(problem.time, columns, problem.wants_series)
         self._names = names
@@ -122,13 +122,12 @@ class BlockSolver:
         body, at, places = self._quick.problem.body, self._quick.start_place, group.places
         if side.rational is not None:
             exact = [parameters.exact(place) for place in places.tolist()]
-            begun = (
-                None if at is None else [abs(_fraction(points.exact(at, place))) for place in places.tolist()]
-            )
+            starts = None if at is None else [points.exact(at, place) for place in places.tolist()]
+            begun = None if starts is None else [abs(_fraction(start)) for start in starts]
             return sweep_by_roots(side.rational, exact, chosen, self._sampling, begun)
-        starts = None if at is None else np.abs(points.doubles[at, places])
+        sizes = None if at is None else np.abs(points.doubles[at, places])
         return sweep_sets(
-            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, starts
+            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, sizes
         )
 
     def _along(

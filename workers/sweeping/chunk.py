@@ -89,11 +89,6 @@ class ChunkSolver:
         return found.points()
 
     @property
-    def goes_point_by_point(self) -> bool:
-        """Tell whether no points are solved together."""
-        return self._blocks is None
-
-    @property
     def _block_points(self) -> int:
         sweep = self._plan.sweep
         if self._blocks is None:

@@ -15,8 +15,6 @@ FloatArray = NDArray[np.float64]
 
 DRIFTS = ("energy", "geometric", "areas")
 """Integrals that every motion has."""
-FURTHER = ("kovalevskaya", "goriachev")
-"""Those that some potentials of bodies with A = B = 2C have."""
 _DRIFTS = {f"invariants.{name}.drift" for name in DRIFTS}
 
 
@@ -25,7 +23,7 @@ def keeps_further(keep: Sequence[str]) -> bool:
     return any(name.startswith("invariants.") and name not in _DRIFTS for name in keep)
 
 
-class Integrals:
+class KeptIntegrals:
     """What is kept of the integrals of one sweep."""
 
     def __init__(self, body: RigidBody, keep: Sequence[str]) -> None:

@@ -6,11 +6,13 @@ import time
 import numpy as np
 import pytest
 
+from service.dynamics.verdict.verdict import decide
 from service.jobs.outcome import Refused
 from service.schemas.sweep.kept_numbers import kept_numbers
 from service.schemas.sweep.reading import read_sweep
 from service.storage.codecs.arrays import decode_arrays
 from service.storage.codecs.points import SOLVED, decode_points
+from service.verdicts import kept
 from service.verdicts.examination import examine_problem
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk
@@ -431,7 +433,7 @@ SHORTER = {
 def test_other_sweeps_go_point_by_point(name):
     plan = make_plan(read_sweep(ONE_BY_ONE[name]))
     assert plan.quick is None
-    assert chunk.ChunkSolver(plan).goes_point_by_point
+    assert chunk.ChunkSolver(plan)._blocks is None
 
 
 @pytest.mark.usefixtures("no_hurry")
@@ -463,6 +465,15 @@ def test_slices_of_a_sweep_go_in_blocks(name, monkeypatch):
 )
 def test_a_verdict_is_shared_only_if_it_is_proved_for_all(name, is_judged):
     assert make_plan(read_sweep(ONE_BY_ONE[name])).is_judged == is_judged
+
+
+@pytest.mark.usefixtures("no_hurry")
+def test_points_refused_one_by_one_share_a_verdict(monkeypatch):
+    asked = []
+    monkeypatch.setattr(kept, "decide", lambda *question: asked.append(question) or decide(*question))
+    outcomes = decode_points(computed(IN_SLICES["inadmissible for one value"]).data).outcomes
+    assert outcomes.count("inadmissible_potential") == 3
+    assert len(asked) == 1
 
 
 @pytest.mark.usefixtures("no_hurry")
