@@ -12,7 +12,7 @@ integral is zero (Chaplygin 1903, Goriachev 1916). Off that level K' is
 proportional to the areas integral.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -40,6 +40,7 @@ from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T", FloatArray, arb)
+N = TypeVar("N")
 
 BITS = 128
 """Of the balls for a drift: near a collision the terms of W cancel like those of the energy."""
@@ -68,14 +69,21 @@ class FurtherIntegral:
         if self.b1:
             g3 = np.where(g3 == 0.0, np.nan, g3)
         with np.errstate(all="ignore"):
-            return np.asarray(self._square(nearest_double, p, q, g1, g2, g3))
+            return np.asarray(self._square(self._numbers(nearest_double), p, q, g1, g2, g3))
 
-    def ball(self, omega: tuple[arb, arb, arb], gamma: tuple[arb, arb, arb]) -> arb:
-        """Return an enclosure of K, at the current ``flint.ctx.prec``."""
-        return self._square(BallAlgebra().constant, omega[0], omega[1], *gamma)
+    def balls(self, states: Sequence[Sequence[float]]) -> list[arb]:
+        """Return enclosures of K at states (p, q, r, g1, g2, g3), at the current ``flint.ctx.prec``."""
+        numbers = self._numbers(BallAlgebra().constant)
+        return [
+            self._square(numbers, arb(p), arb(q), arb(g1), arb(g2), arb(g3)) for p, q, _, g1, g2, g3 in states
+        ]
 
-    def _square(self, number: Callable[[Fraction], T | float], p: T, q: T, g1: T, g2: T, g3: T) -> T:
+    def _numbers(self, number: Callable[[Fraction], N]) -> tuple[N, N, N, N, N]:
         a, b, c1, c2, b1 = (number(x / self.C) for x in (self.a, self.b, self.c1, self.c2, self.b1))
+        return a, b, c1, c2, b1
+
+    def _square(self, numbers: Sequence[T | float], p: T, q: T, g1: T, g2: T, g3: T) -> T:
+        a, b, c1, c2, b1 = numbers
         real = (p - q) * (p + q) - (a * g1 - b * g2) + c1 * (g3 * g3)
         imaginary = 2 * p * q - (a * g2 + b * g1) + c2 * (g3 * g3)
         if self.b1:  # else g3 = 0 is a point like any other
@@ -118,14 +126,9 @@ def integral_drift(integral: FurtherIntegral, samples: FloatArray) -> tuple[floa
     sample at a pole of V, where K has no value, is left out.
     """
     with ctx.workprec(BITS):
-        values = np.array([float(_at(integral, row)) for row in np.asarray(samples).tolist()])
+        values = np.array([float(K) for K in integral.balls(np.asarray(samples).tolist())])
     departures = np.abs(values - values[0])
     return float(values[0]), float(departures[np.isfinite(departures)].max(initial=0.0))
-
-
-def _at(integral: FurtherIntegral, row: list[float]) -> arb:
-    p, q, r, g1, g2, g3 = (arb(x) for x in row)
-    return integral.ball((p, q, r), (g1, g2, g3))
 
 
 # --- recognition ---------------------------------------------------------------------

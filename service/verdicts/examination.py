@@ -78,15 +78,22 @@ class Examined:
     """The problem that was read; None if the document states none."""
 
 
-def examine_document(document: object, *, explains: bool = True) -> Examined:
-    """Answer as :func:`examine_problem`, and hand on what was read and found on the way."""
+def examine_document(document: object, *, explains: bool = True, kept: Kept | None = None) -> Examined:
+    """Answer as :func:`examine_problem`, and hand on what was read and found on the way.
+
+    Those who examine many problems of one body and potential hand over a ``kept``, which keeps the verdict.
+    """
     searches = Searches(1 if explains else 0)
     problem = None
 
     def judge(document: object) -> Answer:
         nonlocal problem
         problem = read_problem(document)
-        return _judge_problem(problem, Kept({}), (None, None), searches)
+        if kept is None:
+            return _judge_problem(problem, Kept({}), (None, None), searches)
+        assert isinstance(document, dict)
+        what = json.dumps([document["body"], document["potential"]], sort_keys=True)
+        return _judge_problem(problem, kept, (what, None), searches)
 
     answer = answer_or_refusal(document, judge)
     return Examined(answer, problem)

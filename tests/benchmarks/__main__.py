@@ -23,7 +23,7 @@ from tests.benchmarks import (
     throughput,
 )
 from tests.benchmarks.measuring import Effort, Row, Table, circumstances, say
-from tests.benchmarks.whole import jobs, requests, tiers
+from tests.benchmarks.whole import jobs, points, requests, tiers
 from workers.computation.compiled_code import keep_compiled_code
 
 TARGETS: tuple[Callable[[Effort], list[Row]], ...] = (
@@ -47,6 +47,7 @@ TABLES: tuple[Callable[[Effort], Table], ...] = (
     certified.others,
     jobs.jobs,
     requests.requests,
+    points.points,
     tiers.tiers,
     service.around,
     throughput.engines,

@@ -22,6 +22,7 @@ from service.schemas.problem.problem import place_sent, read_problem
 from service.storage.codecs.arrays import encode_arrays, encode_dense
 from service.storage.solutions.shipped_accuracy import shipped_table
 from service.verdicts.examination import Examined, examine_document
+from service.verdicts.kept import Kept
 from service.verdicts.kept_windows import read_windows
 from workers.computation.certification import beside_enclosures, certified_samples, with_tolerance_kept
 from workers.computation.compiled_code import keep_compiled_code
@@ -80,13 +81,14 @@ def _refused(document: object, fault: DynamicsError) -> Refused:
     return Refused({"code": fault.code, "detail": fault.message, "pointer": pointer})
 
 
-def solve_checked(document_json: str, *, explains: bool = True) -> SolveOutcome:
+def solve_checked(document_json: str, *, explains: bool = True, kept: Kept | None = None) -> SolveOutcome:
     """Examine and solve a problem whose potential and motion have not been examined yet.
 
-    Where there is no motion, an error that ``explains`` says for which λ there are.
+    Where there is no motion, an error that ``explains`` says for which λ there are. In ``kept`` are verdicts
+    that were found before.
     """
     document = json.loads(document_json)
-    examined = examine_document(document, explains=explains)
+    examined = examine_document(document, explains=explains, kept=kept)
     return _solve_examined(document, examined)
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from flint import arb, ctx
+from flint import ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
@@ -56,7 +56,7 @@ def drifts_of(
 def _potential_energies(potential: Potential, gamma: FloatArray) -> FloatArray:
     """Return V from balls: large terms that cancel are no drift of the motion."""
     with ctx.workprec(BITS):
-        return np.array([float(potential.value_ball(*(arb(g) for g in row))) for row in gamma.tolist()])
+        return np.array([float(V) for V in potential.value_balls(gamma.tolist())])
 
 
 def _largest(departures: FloatArray) -> float:

@@ -12,12 +12,13 @@ from service.dynamics.motion import COLUMNS
 from service.schemas.reading.pointers import with_values
 from service.schemas.sweep.sweep import Sweep, json_number
 from workers.solvers.compiled.motion import ALL
-from workers.solvers.invariants import drifts_of
 from workers.solvers.planar.choose import compiled_tier
+from workers.sweeping.by_roots import sweep_by_roots
 from workers.sweeping.doubles import Sampling, Swept, sweep_sets
 from workers.sweeping.emptiness import have_no_motion_at
 from workers.sweeping.family import potential_of
-from workers.sweeping.plan import DRIFTS, Quick, Side
+from workers.sweeping.integrals import KeptIntegrals
+from workers.sweeping.plan import Quick, Side
 from workers.sweeping.points import Parameters, SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.programs import AffineProgram, Group, affine_program, grouped
 
@@ -54,8 +55,8 @@ class BlockSolver:
         assert grade is not None
         self._grade = grade
         names = [name for name in sweep.series_columns if name != "t"]
-        self._keeps_drifts = any(name.startswith("invariants.") for name in sweep.keep)
-        columns = ALL if self._keeps_drifts else np.array(list(map(COLUMNS.index, names)), dtype=np.int64)
+        self._integrals = KeptIntegrals(problem.body, sweep.keep)
+        columns = ALL if self._integrals.names else np.array(list(map(COLUMNS.index, names)), dtype=np.int64)
         self._sampling = Sampling(problem.time, columns, problem.wants_series)
         self._names = names
         self._keeps_energy = any("energy" in name for name in sweep.keep)
@@ -91,17 +92,7 @@ class BlockSolver:
     ) -> None:
         problem, places = self._quick.problem, group.places
         chosen = [squares[place] for place in places.tolist()]
-        at = self._quick.start_place
-        swept = sweep_sets(
-            problem.body,
-            side.motion,
-            group.program,
-            group.rows,
-            chosen,
-            self._sampling,
-            self._grade,
-            None if at is None else np.abs(points.doubles[at, places]),
-        )
+        swept = self._swept(points, parameters, side, group, chosen)
         if swept is None:
             return
         numbers, rows = self._numbers(swept), parameters.doubles[places]
@@ -110,39 +101,56 @@ class BlockSolver:
         decided &= swept.period_errors <= problem.tolerance * swept.periods
         decided &= np.isfinite(swept.samples).all(axis=(1, 2))
         decided &= ~swept.passes_pole | self._are_plain(rows)
-        decided &= self._quick.family.keeps_its_sign(rows, swept.approaches)
+        if swept.approaches is not None:
+            decided &= self._quick.family.keeps_its_sign(rows, swept.approaches)
         if self._keeps_energy and side.energies is not None:
             exact = [parameters.exact(place) for place in places.tolist()]
             energies = np.array(side.energies.rounded(exact, chosen)).reshape(-1, 2)
             numbers |= {"energy": energies[:, 0], "energy.error": energies[:, 1]}
             for name in self._sweep.keep:
                 decided &= np.isfinite(numbers[name]) if name in ("energy", "energy.error") else True
-        if self._keeps_drifts:
-            numbers |= self._drifts(points, places, decided, numbers.get("energy"), swept.samples)
+        if self._integrals.names:
+            numbers |= self._along(points, places, decided, side, numbers.get("energy"), swept.samples)
         found.add(places, decided, numbers, swept)
         rest = np.flatnonzero(~decided)
         curves = [chosen[place] for place in rest.tolist()]
         found.empty[places[rest]] = have_no_motion_at(problem.body, side.motion, group, rest, curves)
 
-    def _drifts(
+    def _swept(
+        self, points: SweptPoints, parameters: Parameters, side: Side, group: Group, chosen: Sequence[fmpq]
+    ) -> Swept | None:
+        body, at, places = self._quick.problem.body, self._quick.start_place, group.places
+        if side.rational is not None:
+            exact = [parameters.exact(place) for place in places.tolist()]
+            starts = None if at is None else [points.exact(at, place) for place in places.tolist()]
+            begun = None if starts is None else [abs(_fraction(start)) for start in starts]
+            return sweep_by_roots(side.rational, exact, chosen, self._sampling, begun)
+        sizes = None if at is None else np.abs(points.doubles[at, places])
+        return sweep_sets(
+            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, sizes
+        )
+
+    def _along(
         self,
         points: SweptPoints,
         places: IntArray,
         decided: BoolArray,
-        energies: FloatArray | None,
+        side: Side,
+        known: FloatArray | None,
         samples: FloatArray,
     ) -> dict[str, FloatArray]:
-        """Return how far the integrals stray along each decided motion; see :func:`.measure_drifts`."""
-        quick, body = self._quick, self._quick.problem.body
-        rows = np.full((len(places), len(DRIFTS)), np.nan)
+        """Return what is kept of the integrals along each decided motion, whose energies are ``known``."""
+        quick = self._quick
+        columns = {name: np.full(len(places), np.nan) for name in self._integrals.names}
         for n in np.flatnonzero(decided).tolist():
             potential = quick.problem.potential
             if quick.places:
-                potential = potential_of(body, self._potential_at(points, int(places[n])))
-            energy = 0.0 if energies is None else float(energies[n])
-            found = drifts_of(body, potential, samples[n], energy, is_planar=True)
-            rows[n] = [getattr(found, name) for name in DRIFTS]
-        return {f"invariants.{name}.drift": rows[:, k] for k, name in enumerate(DRIFTS)}
+                potential = potential_of(quick.problem.body, self._potential_at(points, int(places[n])))
+            energy = 0.0 if known is None else float(known[n])
+            found = self._integrals.along(potential, side.motion.sign_of_g1, energy, samples[n])
+            for name, column in columns.items():
+                column[n] = found.get(name, np.nan)
+        return columns
 
     def _numbers(self, swept: Swept) -> dict[str, FloatArray]:
         # Without functions of time a job claims no error of them.

@@ -8,17 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import NoMotionError
 from service.jobs.outcome import ChunkOutcome
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
+from service.verdicts.kept import Kept
 from workers.computation.compiled_code import keep_compiled_code
 from workers.sweeping.plan import Plan, make_plan
 from workers.sweeping.pointwise import SweepPoint, solve_point
 
 if TYPE_CHECKING:
-    from workers.sweeping.block import SolvedBlock
+    from workers.sweeping.block import BlockSolver, SolvedBlock
+    from workers.sweeping.slices import SlicedSolver
 
 FloatArray = NDArray[np.float64]
 
@@ -26,6 +29,8 @@ NO_MOTION = NoMotionError.code
 ENOUGH_SECONDS = 2.0
 """Seconds after which a chunk ends with the points it has."""
 BLOCK_POINTS = 256
+MOST_VERDICTS = 1000
+"""Of points solved one by one, before all are forgotten."""
 BLOCK_NUMBERS = 400_000
 """Numbers of a block's series at most."""
 
@@ -54,14 +59,22 @@ class ChunkSolver:
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._blocks = None
+        self._blocks: BlockSolver | SlicedSolver | None = None
+        self._slices: SlicedSolver | None = None
         if plan.quick is not None:
             keep_compiled_code()
             # The compiler is loaded only where it is needed.
-            from workers.sweeping.block import BlockSolver  # noqa: PLC0415
+            from workers.sweeping import block  # noqa: PLC0415
 
-            self._blocks = BlockSolver(plan.sweep, plan.quick)
+            self._blocks = block.BlockSolver(plan.sweep, plan.quick)
+        elif not plan.is_judged and isinstance(plan.sweep.first_problem.motion, PlanarMotion):
+            keep_compiled_code()
+            from workers.sweeping import slices  # noqa: PLC0415
+
+            outer = slices.outer_axes(plan.sweep)
+            self._blocks = self._slices = None if outer is None else slices.SlicedSolver(plan.sweep, outer)
         self._compared = set[str]()
+        self._verdicts, self._judged = Kept({}), 0
 
     def solve(self, first: int, count: int, until: float) -> ChunkPoints:
         """Solve points in turn until ``time.perf_counter()`` is ``until``, at least one."""
@@ -69,6 +82,8 @@ class ChunkSolver:
         while found.count < count and (not found.count or time.perf_counter() < until):
             start = first + found.count
             size = min(self._block_points, count - found.count)
+            if self._slices is not None:
+                size = self._slices.points_together(start, size)
             if not self._solve_block(found, start, size, until):
                 break
         return found.points()
@@ -119,7 +134,12 @@ class ChunkSolver:
         ) and all(np.array_equal(rows[place], alone.series[name]) for name, rows in block.series.items())
 
     def _alone(self, index: int) -> SweepPoint:
-        return solve_point(self._plan.sweep, index, is_judged=self._plan.is_judged)
+        slices = self._slices
+        is_judged = self._plan.is_judged if slices is None else slices.is_judged(index)
+        if not self._judged % MOST_VERDICTS:
+            self._verdicts = Kept({})
+        self._judged += 1
+        return solve_point(self._plan.sweep, index, is_judged=is_judged, kept=self._verdicts)
 
 
 class _Chunk:

@@ -40,8 +40,11 @@ class Swept:
     samples: FloatArray
     """Shape (sets, times, columns)."""
     passes_pole: BoolArray
-    approaches: FloatArray
-    """Poisson variables of points on the way to each pole, shape (sets, 2, depths, 3); see :data:`DEPTHS`."""
+    approaches: FloatArray | None
+    """Poisson variables of points on the way to each pole, shape (sets, 2, depths, 3); see :data:`DEPTHS`.
+
+    None where nobody needs to look there.
+    """
 
 
 DEPTHS = (1.0 / math.cosh(13.0), 1e-9, 1e-14, 1e-25, 1e-50, 1e-100)
@@ -147,7 +150,7 @@ def _each_with_its_times(batch: Batch, time: TimePeriods, late: FloatArray) -> S
 def _swept(
     loops: Records, found: Records, errors: FloatArray, times: FloatArray, samples: FloatArray
 ) -> Swept:
-    passes_pole, approaches = _pass_a_pole(loops, found), _approaches(loops)
+    passes_pole, approaches = pass_a_pole(loops, found), _approaches(loops)
     return Swept(found["period"], found["period_error"], errors, times, samples, passes_pole, approaches)
 
 
@@ -159,7 +162,7 @@ def _latest(sampling: Sampling, periods: FloatArray) -> FloatArray:
     return latest
 
 
-def _pass_a_pole(loops: Records, found: Records) -> BoolArray:
+def pass_a_pole(loops: Records, found: Records) -> BoolArray:
     """Tell which motions pass a pole, where v is a multiple of π, as :attr:`SpectralMotion.ends` does."""
     middle = np.arctan2(loops["s_middle"], loops["c_middle"])
     lower = np.floor((middle - loops["half_width"]) / np.pi)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from service.dynamics.problem import PlanarMotion, Problem
 from service.schemas.sweep.sweep import Sweep, SweepAxis
@@ -10,13 +11,14 @@ from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.coefficients import Coefficients, coefficients_of
 from workers.sweeping.energies import Energies, energies_of
 from workers.sweeping.family import Path, Poles, SweepFamily, has_symbol, prove_family, smooth_poles
+from workers.sweeping.integrals import keeps_further
+
+if TYPE_CHECKING:
+    from workers.sweeping.by_roots import RationalFamily
 
 _CURVE_FIELDS = ("lambda", "nu")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
-DRIFTS = ("energy", "geometric", "areas")
-"""Integrals that every motion has."""
-_DRIFTS = {f"invariants.{name}.drift" for name in DRIFTS}
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +27,8 @@ class Side:
 
     motion: PlanarMotion
     energies: Energies | None
+    rational: "RationalFamily | None" = None
+    """The potentials as sums of powers, at the tier ``high`` alone, which is for these."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +75,9 @@ def make_plan(sweep: Sweep) -> Plan:
     that those on the axes make. Compiled doubles take the sweeps that besides
 
     * vary nothing but the potential's numbers, λ or nu, B, and g1 at the start,
-    * ask, by method ``auto``, for no outputs but period, gamma, omega, and the drifts of the three integrals,
-    * by the tiers ``draft`` and ``standard``, or a tolerance that ``standard`` keeps.
+    * ask, by method ``auto``, for no outputs but period, gamma, omega, and the integrals,
+    * by the tiers ``draft`` and ``standard``, or a tolerance that ``standard`` keeps; by ``high`` and finer
+      tolerances, where the potential is rational and A = 2C (or C = 2A).
     """
     problem, potential = sweep.first_problem, sweep.base["potential"]
     if not isinstance(problem.motion, PlanarMotion) or not isinstance(potential, dict):
@@ -104,9 +109,9 @@ def _is_quick(sweep: Sweep, problem: Problem) -> bool:
     return (
         problem.method == "auto"
         and set(problem.outputs) <= _PLAIN_OUTPUTS
-        and compiled_tier(problem) in ("draft", "standard")
+        and compiled_tier(problem) is not None
         and isinstance(problem.motion, PlanarMotion)
-        and all(name in _DRIFTS for name in sweep.keep if name.startswith("invariants."))
+        and not (keeps_further(sweep.keep) and any(map(_is_of_moment, sweep.axes)))
         and (problem.wants_series or "invariants" not in problem.outputs)
         and all(
             _is_of_curve(axis) or _is_of_potential(axis) or _is_of_start(axis) or _is_of_moment(axis)
@@ -118,16 +123,30 @@ def _is_quick(sweep: Sweep, problem: Problem) -> bool:
 def _sides(
     sweep: Sweep, problem: Problem, motion: PlanarMotion, family: SweepFamily
 ) -> dict[int, Side] | None:
-    """Return the sides the sweep is on, None if energies are kept and have no formula there."""
+    """Return the sides the sweep is on.
+
+    None if energies are kept and have no formula there, or if compiled doubles cannot keep the tier.
+    """
     motions = [motion]
     if motion.nu is not None and any(_is_of_curve(axis) for axis in sweep.axes):
         motions = [replace(motion, nu=Fraction(sign)) for sign in (1, -1)]
-    sides: dict[int, Side] = {
-        each.sign_of_g1: Side(each, energies_of(problem.body, family, each)) for each in motions
-    }
+    is_high = compiled_tier(problem) == "high"
+    sides = dict[int, Side]()
+    for each in motions:
+        rational = _rational(problem, family, each) if is_high else None
+        sides[each.sign_of_g1] = Side(each, energies_of(problem.body, family, each), rational)
+    if is_high and any(side.rational is None for side in sides.values()):
+        return None
     keeps_energy = any("energy" in name for name in sweep.keep)
     has_all = all(side.energies is not None for side in sides.values())
     return sides if has_all or not keeps_energy else None
+
+
+def _rational(problem: Problem, family: SweepFamily, motion: PlanarMotion) -> "RationalFamily | None":
+    # The compiler is loaded only where it is needed.
+    from workers.sweeping.by_roots import rational_family  # noqa: PLC0415
+
+    return rational_family(problem.body, family, motion)
 
 
 def _is_of_potential(axis: SweepAxis) -> bool:

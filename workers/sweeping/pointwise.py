@@ -13,6 +13,7 @@ from service.schemas.sweep.kept_numbers import kept_numbers
 from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.arrays import decode_arrays
 from service.storage.codecs.points import SOLVED
+from service.verdicts.kept import Kept
 from workers.computation.compute import solve_checked, solve_document
 
 FloatArray = NDArray[np.float64]
@@ -32,15 +33,17 @@ class SweepPoint:
     """Empty for a point that was not solved."""
 
 
-def solve_point(sweep: Sweep, index: int, *, is_judged: bool) -> SweepPoint:
+def solve_point(sweep: Sweep, index: int, *, is_judged: bool, kept: Kept | None = None) -> SweepPoint:
     """Solve the point like its job; with ``is_judged`` its potential is known to be admissible.
 
     Then only the verdict is skipped: other refusals that precede a job are
-    raised by the job itself.
+    raised by the job itself. Else the verdict may be in ``kept``, or is put there.
     """
     document = json.dumps(sweep.document(index))
     try:
-        outcome = solve_document(document) if is_judged else solve_checked(document, explains=False)
+        outcome = (
+            solve_document(document) if is_judged else solve_checked(document, explains=False, kept=kept)
+        )
     except InvalidProblemError:
         return _refused(sweep, INVALID)
     return _kept(sweep, outcome)

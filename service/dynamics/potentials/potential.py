@@ -1,6 +1,7 @@
 """The interface of a potential: value and derivatives in the Poisson variables, in doubles and balls."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -92,6 +93,10 @@ class Potential(ABC):
     @abstractmethod
     def value_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
         """Return an enclosure of V, at the current ``flint.ctx.prec``."""
+
+    def value_balls(self, points: Iterable[Sequence[float]]) -> list[arb]:
+        """Return what :meth:`value_ball` does at each of many points (g1, g2, g3) in doubles."""
+        return [self.value_ball(arb(g1), arb(g2), arb(g3)) for g1, g2, g3 in points]
 
     @abstractmethod
     def value_and_D_ball(self, g1: arb, g2: arb, g3: arb) -> tuple[arb, arb]:
@@ -220,6 +225,15 @@ class FormulaPotential(Potential):
         run = self.tape.program("V", VALUE)
         value: arb = self.tape.evaluate(BallAlgebra(), (g1, g2, g3)) if run is None else run(g1, g2, g3)[0]
         return value
+
+    def value_balls(self, points: Iterable[Sequence[float]]) -> list[arb]:
+        """See Potential.value_balls; here the way to ask the formula is looked up once."""
+        run, found = None, list[arb]()
+        for g1, g2, g3 in points:
+            run = run or self.tape.program("V", VALUE)
+            place = arb(g1), arb(g2), arb(g3)
+            found.append(self.value_ball(*place) if run is None else run(*place)[0])
+        return found
 
     def D_ball(self, g1: arb, g2: arb, g3: arb) -> arb:
         """See Potential.D_ball."""

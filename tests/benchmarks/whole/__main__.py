@@ -4,7 +4,7 @@ import argparse
 
 from tests.benchmarks import report
 from tests.benchmarks.measuring import Effort, circumstances, say
-from tests.benchmarks.whole import jobs, requests, tiers
+from tests.benchmarks.whole import jobs, points, requests, tiers
 from workers.computation.compiled_code import keep_compiled_code
 
 
@@ -16,7 +16,7 @@ def main() -> None:
     effort = Effort(options.parse_args().quick)
     for line in circumstances():
         say(line)
-    for measure in (jobs.jobs, requests.requests, tiers.tiers):
+    for measure in (jobs.jobs, points.points, requests.requests, tiers.tiers):
         say(report.text_of_table(measure(effort)))
 
 

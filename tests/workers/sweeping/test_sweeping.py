@@ -6,11 +6,13 @@ import time
 import numpy as np
 import pytest
 
+from service.dynamics.verdict.verdict import decide
 from service.jobs.outcome import Refused
 from service.schemas.sweep.kept_numbers import kept_numbers
 from service.schemas.sweep.reading import read_sweep
 from service.storage.codecs.arrays import decode_arrays
 from service.storage.codecs.points import SOLVED, decode_points
+from service.verdicts import kept
 from service.verdicts.examination import examine_problem
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk
@@ -20,7 +22,7 @@ from workers.sweeping.plan import make_plan
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}
 THREE_TERMS = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/50"}}
 TIME = {"stop": 20, "samples": 7}
-LOOSE, DRAFT = {"tolerance": 1e-9}, {"tier": "draft"}
+LOOSE, DRAFT, HIGH = {"tolerance": 1e-9}, {"tier": "draft"}, {"tier": "high"}
 A, B = "/potential/parameters/a", "/potential/parameters/b"
 LAMBDA, NU = "/motion/lambda", "/motion/nu"
 
@@ -179,27 +181,145 @@ IN_BLOCKS |= {
         potential={"type": "rational", "a": [-1], "b": ["1/50"], "c": ["1/5"]},
     ),
 }
+IN_BLOCKS |= {
+    "high": sweep(
+        (A, uniform(-1, "-1/2", 3)),
+        (B, values("1/20", "0.04")),
+        (LAMBDA, uniform("1/2", 2, 2)),
+        keep=("period", "period.error", "energy", "energy.error", "error"),
+        time={"stop": 5, "samples": 7},
+        accuracy=HIGH,
+    ),
+    "1e-12, in periods": sweep(
+        (LAMBDA, uniform("1/2", 2)), accuracy={"tolerance": 1e-12}, time={"periods": "7/3", "samples": 5}
+    ),
+    "high, numbers alone, in periods": sweep(
+        (LAMBDA, uniform("1/2", 2)), accuracy=HIGH, series=False, time={"periods": "7/3", "samples": 5}
+    ),
+    "high, periods alone": sweep((A, uniform(-2, -1)), accuracy=HIGH, outputs=["period"], series=False),
+    "high, drifts": sweep(
+        (LAMBDA, uniform("1/2", 1, 2)),
+        keep=("energy", "invariants.energy.drift", "invariants.areas.drift"),
+        outputs=["gamma", "invariants"],
+        accuracy=HIGH,
+    ),
+    "high, of both signs of nu, and none": sweep(
+        (NU, {"linspace": [-1, 1, 5]}), motion={"type": "planar", "nu": -1}, accuracy=HIGH
+    ),
+    "high, starts": sweep(
+        ("/motion/start/g1", values("1/2", "3/10", "0.55", 1, -1, 0)),
+        motion={"type": "planar", "lambda": 1, "start": {"g1": "1/2"}},
+        potential=expression("-g1 + b/g3^2", b="1/20"),
+        accuracy=HIGH,
+    ),
+    "high, for A < C": sweep(
+        (LAMBDA, uniform("3/4", "5/4", 3)),
+        ("/motion/start/g1", values("1/2", "3/5")),
+        body={"A": 1, "C": 2},
+        potential=expression("-g3 + b/g1^2", b="1/50"),
+        motion={"type": "planar", "lambda": 1, "start": {"g1": "1/2"}},
+        accuracy=HIGH,
+    ),
+    "high, one window or several": sweep(
+        (A, values(0, "-1/2", -1)),
+        potential=expression("g1 - 1/(20*g3^2) + a*(g1^2-g2^2)", a=-1),
+        accuracy=HIGH,
+    ),
+    "high, parameters that shorten the formula": sweep(
+        (A, values(-1, 1, 0, "-1/50")), (B, values("1/50", 1, 0)), potential=THREE_TERMS, accuracy=HIGH
+    ),
+    "high, late": sweep(
+        (LAMBDA, uniform("1/2", 2, 3)), accuracy=HIGH, time={"start": 1e6, "stop": 1000010, "samples": 5}
+    ),
+}
+IN_BLOCKS |= {
+    "further invariants": sweep(
+        (A, uniform(-2, -1, 2)),
+        (LAMBDA, uniform("1/2", 1, 2)),
+        keep=("invariants.energy.drift", "invariants.kovalevskaya", "invariants.kovalevskaya.drift"),
+        outputs=["gamma", "omega", "invariants"],
+        body={"A": 2, "B": 2, "C": 1},
+        potential=expression("a*g1", a=-1),
+    ),
+    "a further invariant along areas of zero, and another that is none": sweep(
+        (NU, values("-1/2", "1/2", 1)),
+        keep=("invariants.goriachev", "invariants.goriachev.drift", "invariants.kovalevskaya"),
+        outputs=["gamma", "invariants"],
+        series=False,
+        body={"A": 2, "B": 2, "C": 1},
+        motion={"type": "planar", "nu": 1},
+        potential=expression("-abs(g1) + b/g3^2", b="1/20"),
+    ),
+    "a further invariant that there is not": sweep(
+        (LAMBDA, uniform("1/2", 1, 3)), keep=("invariants.kovalevskaya",), outputs=["gamma", "invariants"]
+    ),
+}
+IN_SLICES = {
+    "a moment": sweep(
+        ("/body/A", values("17/10", 1, "9/5", -1, "19/10")),
+        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
+    ),
+    "moments and lambda, and the largest moment last": sweep(
+        ("/body/C", values(1, "9/10")),
+        (LAMBDA, uniform("1/2", 1, 2)),
+        ("/body/A", values("17/10", "9/5", "9/10", 2)),
+        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
+    ),
+    "an exponent": sweep(
+        ("/potential/parameters/k", values(2, 1, 3)),
+        (LAMBDA, uniform("1/2", 1, 3)),
+        potential=expression("a*g1 + b/g3^k", a=-1, b="1/50", k=2),
+    ),
+    "a parameter under a function": sweep(
+        (A, uniform(1, 2, 2)),
+        (LAMBDA, uniform("1/2", 1, 3)),
+        potential=expression("-exp(a)*g1/4 + b/g3^2", a=1, b="1/50"),
+        time={"stop": 5, "samples": 3},
+    ),
+    "no motion for some": sweep(
+        (A, values(0, 3)),
+        (LAMBDA, uniform(1, 2, 3)),
+        potential=expression("cos(a)*g1 + b/g3^2", a=0, b="1/50"),
+    ),
+    "inadmissible for one value": sweep(
+        (B, values(0, 1, -1)), (LAMBDA, uniform(1, 2, 3)), potential=expression("-g1 + b*(b-1)*g2*g1^3", b=0)
+    ),
+    "an exponent, high": sweep(
+        ("/potential/parameters/k", values(2, 0)),
+        (LAMBDA, uniform("1/2", 1, 3)),
+        potential=expression("a*g1 + b/g3^k", a=-1, b="1/50", k=2),
+        accuracy=HIGH,
+        time={"stop": 1, "samples": 3},
+    ),
+}
 ONE_BY_ONE = {
     "gravity that is not admissible but for c = 0": sweep(
         ("/potential/c", values(0, "1/2")), potential={"type": "gravity", "a": -1, "c": 0}
     ),
-    "high": sweep((A, uniform(-2, -1, 2)), accuracy={"tier": "high"}),
-    "certified": sweep((A, uniform(-2, -1, 2)), keep=("period",), accuracy={"tier": "certified"}),
-    "a formula with a parameter under a function": sweep(
-        (A, uniform(1, 2, 2)), potential=expression("-exp(a)*g1 + b/g3^2", a=1, b="1/50")
+    "high, of moments that are not double": sweep(
+        (LAMBDA, uniform(1, 2, 2)),
+        body={"A": "17/10", "C": 1},
+        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
+        accuracy=HIGH,
     ),
+    "high, of what is no sum of powers": sweep(
+        (A, uniform(1, 2, 2)),
+        potential=expression("-a*g1*exp(2*g1^2+g3^2-2*g1^2-g3^2)+sqrt(2)*g1", a=1),
+        accuracy=HIGH,
+    ),
+    "certified": sweep((A, uniform(-2, -1, 2)), keep=("period",), accuracy={"tier": "certified"}),
     "admissible for one value": sweep(
         (B, values(0, 1, -1)), potential=expression("-g1 + b*(b-1)*g2*g1^3", b=0)
     ),
-    "a moment": sweep(("/body/A", values(2, 1, "5/2", -1))),
     "times": sweep(("/time/stop", values(1, 10, -1))),
     "windows": sweep(
         ("/motion/window", values(0, 1, 2)), motion={"type": "planar", "lambda": 1, "window": 0}
     ),
-    "further invariants": sweep(
-        (A, uniform(-2, -1, 2)),
-        keep=("invariants.energy.drift", "invariants.kovalevskaya"),
+    "further invariants along the moment that they depend on": sweep(
+        ("/body/B", values(2, "3/2")),
+        keep=("invariants.kovalevskaya",),
         outputs=["gamma", "omega", "invariants"],
+        body={"A": 2, "B": 2, "C": 1},
         potential=expression("a*g1", a=-1),
     ),
     "orientation": sweep(
@@ -257,9 +377,9 @@ def alone(swept, index):
 
 
 @pytest.mark.usefixtures("no_hurry")
-@pytest.mark.parametrize("name", [*IN_BLOCKS, *ONE_BY_ONE])
+@pytest.mark.parametrize("name", [*IN_BLOCKS, *IN_SLICES, *ONE_BY_ONE])
 def test_every_bit_of_a_point_is_that_of_its_job(name):
-    document = {**IN_BLOCKS, **ONE_BY_ONE}[name]
+    document = {**IN_BLOCKS, **IN_SLICES, **ONE_BY_ONE}[name]
     swept = read_sweep(document)
     outcome = computed(document)
     assert outcome.count == swept.points
@@ -288,7 +408,7 @@ def test_a_sweep_that_says_so_goes_in_blocks(name, monkeypatch):
     )
     points = decode_points(computed(document).data)
     # Each refusal but that of no motion, two points for comparison, and those that doubles leave in doubt.
-    in_doubt = {"poles passed by convention", "one window or several"}
+    in_doubt = {"poles passed by convention", "one window or several", "high, one window or several"}
     allowed = sum(outcome not in (SOLVED, "no_motion") for outcome in points.outcomes) + 2
     assert any(outcome in (SOLVED, "no_motion") for outcome in points.outcomes)
     assert name in in_doubt or len(singly) <= allowed or name in SHORTER
@@ -296,6 +416,7 @@ def test_a_sweep_that_says_so_goes_in_blocks(name, monkeypatch):
 
 SHORTER = {
     "parameters that shorten the formula",
+    "high, parameters that shorten the formula",
     "too fine for doubles",
     "windows next to a pole that doubles do not see",
     "starts at ends and next to them",
@@ -305,24 +426,54 @@ SHORTER = {
 """Sweeps of which some points, though solved, leave the common way."""
 
 
-@pytest.mark.parametrize("name", ["high", "a moment", "a formula with a parameter under a function"])
+@pytest.mark.parametrize(
+    "name",
+    ["high, of moments that are not double", "times", "any state"],
+)
 def test_other_sweeps_go_point_by_point(name):
-    assert make_plan(read_sweep(ONE_BY_ONE[name])).quick is None
+    plan = make_plan(read_sweep(ONE_BY_ONE[name]))
+    assert plan.quick is None
+    assert chunk.ChunkSolver(plan)._blocks is None
+
+
+@pytest.mark.usefixtures("no_hurry")
+@pytest.mark.parametrize("name", IN_SLICES)
+def test_slices_of_a_sweep_go_in_blocks(name, monkeypatch):
+    document = IN_SLICES[name]
+    singly = []
+    original = chunk.solve_point
+    monkeypatch.setattr(
+        chunk,
+        "solve_point",
+        lambda sweep, index, **judged: singly.append(index) or original(sweep, index, **judged),
+    )
+    points = decode_points(computed(document).data)
+    together = {index for index in range(len(points.outcomes)) if index not in singly}
+    # The first of both is compared with its single job.
+    assert {points.outcomes[index] for index in together} <= {SOLVED, "no_motion"}
+    assert len(together) > 1
 
 
 @pytest.mark.parametrize(
     ("name", "is_judged"),
     [
-        ("high", True),
+        ("high, of moments that are not double", True),
         ("times", True),
-        ("a moment", False),
-        ("a formula with a parameter under a function", False),
         ("admissible for one value", False),
         ("any state", False),
     ],
 )
 def test_a_verdict_is_shared_only_if_it_is_proved_for_all(name, is_judged):
     assert make_plan(read_sweep(ONE_BY_ONE[name])).is_judged == is_judged
+
+
+@pytest.mark.usefixtures("no_hurry")
+def test_points_refused_one_by_one_share_a_verdict(monkeypatch):
+    asked = []
+    monkeypatch.setattr(kept, "decide", lambda *question: asked.append(question) or decide(*question))
+    outcomes = decode_points(computed(IN_SLICES["inadmissible for one value"]).data).outcomes
+    assert outcomes.count("inadmissible_potential") == 3
+    assert len(asked) == 1
 
 
 @pytest.mark.usefixtures("no_hurry")

@@ -14,6 +14,7 @@ from workers.solvers.compiled.evaluation.program import Program, make_program
 from workers.solvers.compiled.frame import Frame, make_frame
 from workers.solvers.compiled.motion import Bounds, SpectralMotion
 from workers.solvers.compiled.rational.orbit import rational_orbit
+from workers.solvers.compiled.rational.roots import Radicand, rational_radicand
 from workers.solvers.compiled.records import Records, copied
 from workers.solvers.compiled.time_map.series import time_at
 
@@ -41,7 +42,9 @@ def solve_spectral(
     except NoClosedFormError:
         return None
     if tier == "high":
-        return _to_the_last_digit(body, potential, motion, frame)
+        radicand = rational_radicand(body, potential, motion)
+        exact = None if radicand is None else solve_rational(radicand, motion, frame)
+        return None if exact is None else _motion(potential, *exact)
     run = solve_batch(Batch(program, constants[None, :], frame.shared, tier))
     about = run.found[0]
     if not about["panels"]:
@@ -50,10 +53,14 @@ def solve_spectral(
     return _with_rounded_start(found) if isinstance(motion.start, StartAtPoint) else found
 
 
-def _to_the_last_digit(
-    body: RigidBody, potential: Potential, motion: PlanarMotion, frame: Frame
-) -> SpectralMotion | None:
-    orbit = rational_orbit(body, potential, motion, frame)
+def solve_rational(
+    radicand: Radicand, motion: PlanarMotion, frame: Frame
+) -> tuple[Period, BatchResult] | None:
+    """Return the period to the last digit and the only motion of a batch, without samples; None if undecided.
+
+    The curve is that of the radicand; ``motion`` says where on it the motion is, and where it starts.
+    """
+    orbit = rational_orbit(radicand, motion, frame)
     if orbit is None:
         return None
     loops, period = orbit
@@ -69,7 +76,7 @@ def _to_the_last_digit(
         # Slow next to a separatrix, the motion takes long for the rounding of its start.
         about.period_error += _time_of_one_ulp(run.panels, float(loop.start))
     loop.period_hi, loop.period_lo = period.hi, period.lo
-    return _motion(potential, period, run)
+    return period, run
 
 
 def _with_rounded_start(found: SpectralMotion) -> SpectralMotion:

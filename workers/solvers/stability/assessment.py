@@ -23,6 +23,8 @@ Verdict = Literal["stable", "unstable", "marginal"]
 UNIT_ROUNDOFF = EPSILON / 2.0
 MAX_PERIODS = 1_000_000
 """A motion that can be trusted for as many periods is not limited by its transverse perturbations."""
+TOGETHER = 8192
+"""Periods that are looked at together."""
 LARGEST_GROWTH = 60.0
 """Natural logarithm beyond which no tolerance matters: 26 decimal digits."""
 SPEED_PHASES = 16
@@ -101,18 +103,30 @@ def trusted_time(
     """
     frequency = 2.0 * np.pi / period.hi
     size = roundoff * max(1.0, speed / frequency) * max(1.0, frequency) * monodromy.excursion
-    reached = size * np.cumsum(power_norms(monodromy.matrix, MAX_PERIODS))
-    after = int(np.searchsorted(reached, tolerance))
-    if after == len(reached):
-        return None
+    first, total, before = 0, 0.0, 0.0
+    while True:
+        # Some at a time: the sum often gets there soon, and a million of them do not fit into a cache.
+        norms = power_norms(monodromy.matrix, MAX_PERIODS, first=first, most=TOGETHER)
+        if not len(norms):
+            return None
+        sums = np.cumsum(np.append(total, norms))[1:] if first else np.cumsum(norms)
+        reached = size * sums
+        here = int(np.searchsorted(reached, tolerance))
+        if here < len(reached):
+            break
+        first, total, before = first + len(norms), float(sums[-1]), float(reached[-1])
+    after = first + here
     if after == 0:
         return 0.0
-    before, beyond = np.log(reached[after - 1 : after + 1])
-    return float(period.hi * (after - 1 + (math.log(tolerance) - before) / (beyond - before)))
+    at = np.array([before if here == 0 else reached[here - 1], reached[here]])
+    low, high = np.log(at)
+    return float(period.hi * (after - 1 + (math.log(tolerance) - low) / (high - low)))
 
 
-def power_norms(matrix: FloatArray, count: int) -> FloatArray:
+def power_norms(matrix: FloatArray, count: int, *, first: int = 0, most: int | None = None) -> FloatArray:
     r"""Return Frobenius' norms of M^0, M^1, ..., M^count for a 2x2 matrix with det M = 1.
+
+    Of these only those from M^first on, and at most so many, if that is said.
 
     With N the traceless part of M and tr M = ± 2 cosh χ (or 2 cos φ),
 
@@ -120,20 +134,21 @@ def power_norms(matrix: FloatArray, count: int) -> FloatArray:
 
     and 1 and N are orthogonal. Powers beyond the growth exp(LARGEST_GROWTH) are left out.
     """
+    last = count if most is None else min(count, first + most - 1)
     half = 0.5 * float(np.trace(matrix))
     rest = float(np.linalg.norm(matrix - half * np.eye(2)))
     size = abs(half)
     if size > 1.0:
         chi = math.acosh(size)
-        k = np.arange(min(count, int(LARGEST_GROWTH / chi) + 2) + 1)
+        k = np.arange(first, min(last, int(LARGEST_GROWTH / chi) + 2) + 1)
         even, odd = np.cosh(k * chi), np.sinh(k * chi) / math.sinh(chi)
     elif size < 1.0:
         phi = math.acos(size)
-        k = np.arange(count + 1)
+        k = np.arange(first, last + 1)
         even, odd = np.cos(k * phi), np.sin(k * phi) / math.sin(phi)
     else:
-        odd = np.arange(count + 1.0)
-        even = np.ones(count + 1)
+        odd = np.arange(first, last + 1.0)
+        even = np.ones(len(odd))
     norms: FloatArray = np.hypot(math.sqrt(2.0) * even, rest * odd)
     return norms
 

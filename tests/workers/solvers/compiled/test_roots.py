@@ -57,10 +57,10 @@ def test_the_period_is_that_of_the_equation_of_motion():
 
 def test_the_product_of_roots_is_the_radicand():
     frame = make_frame(DOUBLE, ONE)
-    loops, _ = rational_orbit(DOUBLE, formula("-g1 + 1/(20*g3^2)", DOUBLE), ONE, frame)
+    radicand = rational_radicand(DOUBLE, formula("-g1 + 1/(20*g3^2)", DOUBLE), ONE)
+    loops, _ = rational_orbit(radicand, ONE, frame)
     loop = loops[0]
     assert loop.by_roots
-    radicand = rational_radicand(DOUBLE, formula("-g1 + 1/(20*g3^2)", DOUBLE), ONE)
     middle = math.atan2(loop.s_middle, loop.c_middle)
     for share in (-0.7, -0.2, 0.0, 0.5, 0.9):
         v = middle + share * loop.half_width

@@ -12,6 +12,7 @@ from tests.workers.solvers.stability.cases import Case, bobylev_steklov, case, l
 from workers.solvers.errors import PrecisionLostError
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.quadrature.errors import QuadratureNotConvergedError
+from workers.solvers.stability import assessment
 from workers.solvers.stability import monodromy as turns
 from workers.solvers.stability.assessment import MAX_PERIODS, UNIT_ROUNDOFF, power_norms, trusted_time
 from workers.solvers.stability.hill import hill_monodromy
@@ -119,3 +120,13 @@ def test_next_to_a_separatrix_panels_follow_the_motion():
     # Roundings of some fifty panels.
     assert hill.error <= 5e-12
     assert abs(np.linalg.det(hill.matrix) - 1.0) <= hill.error
+
+
+@pytest.mark.parametrize("trace", [0.3, -1.9999, 2.0, 2.0 + 1e-7, 5.0])
+@pytest.mark.parametrize("tolerance", [1e-15, 1e-11, 1e-9, 1e-4])
+def test_trusted_time_is_the_same_however_many_periods_are_looked_at_together(trace, tolerance, monkeypatch):
+    M = monodromy(trace, -1.0, 1.0, 0.0)
+    in_parts = trusted_time(M, 1.0, PERIOD, tolerance)
+    monkeypatch.setattr(assessment, "TOGETHER", MAX_PERIODS + 1)
+    # To the last bit: the same sum in the same order.
+    assert trusted_time(M, 1.0, PERIOD, tolerance) == in_parts

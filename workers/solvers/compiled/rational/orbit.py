@@ -4,18 +4,16 @@ import math
 
 from flint import arb, ctx
 
-from service.dynamics.body import RigidBody
-from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, StartAtPoint
 from service.dynamics.solution.dense_output import Period
 from workers.solvers.compiled.frame import Frame
 from workers.solvers.compiled.rational.roots import (
     GAP_BITS,
     PRECISIONS,
+    Radicand,
     Stretch,
     find_stretch,
     period_of_x,
-    rational_radicand,
 )
 from workers.solvers.compiled.records import ARC, Loop, Records, Start, new_records
 from workers.solvers.compiled.windows.arcs import REST, choose_start
@@ -25,16 +23,11 @@ Orbit = tuple[Records, Period]
 """A loop with an orbit on it and its start, and the period."""
 
 
-def rational_orbit(
-    body: RigidBody,
-    potential: Potential,
-    motion: PlanarMotion,
-    frame: Frame,
-) -> Orbit | None:
-    """Return the orbit with all its constants rounded last, None if it is not of this kind or not decided."""
-    radicand = rational_radicand(body, potential, motion)
-    if radicand is None:
-        return None
+def rational_orbit(radicand: Radicand, motion: PlanarMotion, frame: Frame) -> Orbit | None:
+    """Return the orbit with all its constants rounded last, None if it is not periodic or not decided.
+
+    Of ``motion`` only the window and the start count: the curve is that of the radicand.
+    """
     for precision in PRECISIONS:
         with ctx.workprec(precision):
             try:

@@ -27,7 +27,7 @@ from flint import acb, arb, ctx, fmpq, fmpq_poly, fmpz_poly
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.terms.laurent import G2, G3, LaurentAlgebra, g1_of_sign
+from service.dynamics.potentials.terms.laurent import G2, G3, Laurent, LaurentAlgebra, g1_of_sign
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.orbits.between_roots import RootsUndecidedError, positive_stretches
@@ -76,22 +76,35 @@ class Stretch:
 
 def rational_radicand(body: RigidBody, potential: Potential, motion: PlanarMotion) -> Radicand | None:
     """Return P if A = 2C (or C = 2A) and V is rational and even in g2 and g3 on the curve, else None."""
+    nu = curve_of(body, motion)
+    expanded = None if nu is None else expansion_of(body, potential, motion)
+    return None if nu is None or expanded is None else radicand_of(body, expanded, nu)
+
+
+def curve_of(body: RigidBody, motion: PlanarMotion) -> Fraction | None:
+    """Return ν of the curve g3² = ν |g1|, in axes in which A = 2C; None if it is no such curve."""
     if body.A == 2 * body.C:
-        C, sign, nu = body.C, motion.sign_of_g1, motion.lambda_squared
-        inputs = (g1_of_sign(sign), G2, G3)
-    elif body.C == 2 * body.A:
-        # λ' = λ^(−A/C) = λ^(−1/2) is squared.
-        if motion.lambda_ is None:
-            return None
-        C, sign, nu = body.A, motion.g3_sign, 1 / motion.lambda_
-        inputs = (G3, G2, g1_of_sign(sign))
-    else:
-        return None
+        return motion.lambda_squared
+    # λ' = λ^(−A/C) = λ^(−1/2) is squared.
+    return None if body.C != 2 * body.A or motion.lambda_ is None else 1 / motion.lambda_
+
+
+def expansion_of(body: RigidBody, potential: Potential, motion: PlanarMotion) -> Laurent | None:
+    """Return V in the axes of :func:`curve_of`, on the side that ``motion`` is on; None if not rational."""
     if not isinstance(potential, FormulaPotential):
         return None
-    expanded = potential.tape.evaluate(LaurentAlgebra(), inputs)
-    if expanded is None or any(k or e or j % 2 for _, j, k, e in expanded):
+    if body.A == 2 * body.C:
+        inputs = (g1_of_sign(motion.sign_of_g1), G2, G3)
+    else:
+        inputs = (G3, G2, g1_of_sign(motion.g3_sign))
+    return potential.tape.evaluate(LaurentAlgebra(), inputs)
+
+
+def radicand_of(body: RigidBody, expanded: Laurent, nu: Fraction) -> Radicand | None:
+    """Return P on the curve of ν, None if V is not even in g2 and g3 or has too many powers."""
+    if any(k or e or j % 2 for _, j, k, e in expanded):
         return None
+    C = min(body.A, body.C)
     terms: dict[int, fmpq] = {}
     exact_nu, unit = _exact(nu), _exact(1 / (2 * C))
     for (i, j, _, _), value in expanded.items():

@@ -1,0 +1,162 @@
+"""Computes points of a sweep to the last digit: rational potentials of bodies with A = 2C (or C = 2A).
+
+The roots of each point's radicand are enclosed in balls, as for a single job, and the same compiled code
+goes from there. What needs more than numbers, the formula of the potential as a sum of powers, is found once:
+the potential is affine in the numbers that vary, and so are its coefficients.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+from flint import fmpq
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.potentials.terms.laurent import Exponents, Laurent
+from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods
+from service.dynamics.sampling import SampleTimes, sample_times
+from service.dynamics.solution.dense_output import Period
+from workers.solvers.compiled.batch import NO_TIMES, BatchResult, bounds_of
+from workers.solvers.compiled.desk import DESK
+from workers.solvers.compiled.frame import Frame, make_frame
+from workers.solvers.compiled.rational.roots import Radicand, curve_of, expansion_of, radicand_of
+from workers.solvers.compiled.records import FOUND, Records, copied, new_records
+from workers.solvers.compiled.solve import solve_rational
+from workers.solvers.compiled.time_map.sampling import sample_one
+from workers.sweeping.doubles import Sampling, Swept, logarithms_of, pass_a_pole
+from workers.sweeping.family import SweepFamily
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RationalFamily:
+    """V as a sum of powers at each point: ``origin`` + Σ p_k ``slopes``_k."""
+
+    body: RigidBody
+    motion: PlanarMotion
+    """On the side of all points."""
+    origin: Laurent
+    slopes: tuple[Laurent, ...]
+
+    def radicand(self, parameters: Sequence[fmpq], nu: Fraction) -> Radicand | None:
+        """Return the radicand at a point, the very one of its own job."""
+        terms: dict[Exponents, Fraction] = dict(self.origin)
+        for p, slope in zip(parameters, self.slopes, strict=True):
+            number = _fraction(p)
+            for exponents, value in slope.items():
+                terms[exponents] = terms.get(exponents, Fraction(0)) + number * value
+        return radicand_of(self.body, {at: value for at, value in terms.items() if value}, nu)
+
+    def at(self, lambda_squared: fmpq, start: Fraction | None) -> PlanarMotion:
+        """Return the motion of a point, from |g1| = ``start`` where there is one."""
+        motion, square = self.motion, _fraction(lambda_squared)
+        if start is not None and isinstance(motion.start, StartAtPoint):
+            motion = replace(motion, start=replace(motion.start, g1=motion.sign_of_g1 * start))
+        if motion.nu is not None:
+            return replace(motion, nu=motion.sign_of_g1 * square)
+        # The square of a rational number.
+        return replace(motion, lambda_=Fraction(math.isqrt(square.numerator), math.isqrt(square.denominator)))
+
+
+def rational_family(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> RationalFamily | None:
+    """Return the potentials of a sweep as sums of powers; None if one of them is none, or by its body."""
+    if curve_of(body, motion) is None or make_frame(body, motion) is None:
+        return None
+    expanded = [expansion_of(body, member.potential, motion) for member in family.members]
+    found = [each for each in expanded if each is not None]
+    if len(found) != len(expanded):
+        return None
+    origin, *units = found
+    return RationalFamily(body, motion, origin, tuple(_difference(unit, origin) for unit in units))
+
+
+def sweep_by_roots(
+    family: RationalFamily,
+    rows: Sequence[Sequence[fmpq]],
+    lambdas_squared: Sequence[fmpq],
+    sampling: Sampling,
+    starts: Sequence[Fraction] | None = None,
+) -> Swept:
+    """Solve the potentials of ``rows`` to the last digit, each on the curve of the same place's λ².
+
+    ``starts`` are the |g1| at the starts, where each point has its own. What is not of this kind, or not
+    decided, is not solved.
+    """
+    frame = make_frame(family.body, family.motion)
+    assert frame is not None
+    loops = frame.loops(logarithms_of(lambdas_squared))
+    found = _Found(loops, sampling)
+    for n, (row, square) in enumerate(zip(rows, lambdas_squared, strict=True)):
+        motion = family.at(square, None if starts is None else starts[n])
+        nu = curve_of(family.body, motion)
+        radicand = None if nu is None else family.radicand(row, nu)
+        if radicand is None:
+            continue
+        solved = solve_rational(radicand, motion, Frame(copied(loops[n : n + 1])))
+        if solved is not None:
+            found.add(n, *solved)
+    return found.swept()
+
+
+class _Found:
+    """What is known of the motions, filled in one by one."""
+
+    def __init__(self, loops: Records, sampling: Sampling) -> None:
+        sets = len(loops)
+        self._loops, self._about, self._desk = copied(loops), new_records(FOUND, sets), new_records(DESK)
+        self._about["panels"] = 0
+        self._sampling = sampling
+        is_shared = sampling.has_times and not isinstance(sampling.time, TimePeriods)
+        self._shared = sample_times(sampling.time, None) if is_shared else NO_TIMES
+        count = sampling.time.samples if isinstance(sampling.time, TimePeriods) else len(self._shared.doubles)
+        self._times = np.full((sets, count), np.nan)
+        self._samples = np.full((sets, count if sampling.has_times else 0, len(sampling.columns)), np.nan)
+        self._periods, self._lows, self._uncertain, self._latest = np.full((4, sets), np.nan)
+
+    def add(self, n: int, period: Period, run: BatchResult) -> None:
+        """Fill in one motion, and sample it."""
+        self._loops[n], self._about[n] = run.loops[0], run.found[0]
+        self._periods[n], self._lows[n], self._uncertain[n] = period.hi, abs(period.lo), period.error
+        if not self._sampling.has_times:
+            self._latest[n] = period.hi
+            return
+        asked = self._asked(period)
+        self._times[n], self._latest[n] = asked.doubles, np.abs(asked.doubles).max()
+        columns = self._sampling.columns
+        if len(columns):
+            rows = self._samples[n]
+            sample_one(run.loops, run.panels, asked.doubles, asked.rests, columns, self._desk, rows)
+
+    def swept(self) -> Swept:
+        """Return all of them."""
+        bounds = bounds_of(self._about)
+        errors = bounds.error_at(self._latest, self._periods, self._uncertain)
+        is_solved = (self._about["panels"] > 0) & ~np.isnan(errors)
+        return Swept(
+            self._periods,
+            # What the second double of the period says is left out of the first.
+            self._lows + self._uncertain,
+            np.where(is_solved, errors, np.inf),
+            self._times,
+            self._samples,
+            pass_a_pole(self._loops, self._about),
+            None,
+        )
+
+    def _asked(self, period: Period) -> SampleTimes:
+        time = self._sampling.time
+        return sample_times(time, period) if isinstance(time, TimePeriods) else self._shared
+
+
+def _difference(one: Laurent, other: Laurent) -> Laurent:
+    keys = {*one, *other}
+    found = {key: one.get(key, Fraction(0)) - other.get(key, Fraction(0)) for key in keys}
+    return {key: value for key, value in found.items() if value}
+
+
+def _fraction(value: fmpq) -> Fraction:
+    return Fraction(int(value.p), int(value.q))
