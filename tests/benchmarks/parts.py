@@ -82,15 +82,20 @@ def accuracy_in_brief(curves: precision.Curves, proven: Result) -> str:
     """Return the table of README: what the tiers promise, what whole jobs reach, and two integrations."""
     by_tier = {point.name: point for point in (*curves[precision.JOB], proven)}
     rows = [
-        (f"`{tier}`", promised, REACHED[tier].format(f"{point.error:.0e}"), in_words(point.seconds))
+        (f"`{tier}`", promised, REACHED[tier].format(_short(point.error)), in_words(point.seconds))
         for tier, promised in PROMISED.items()
         for point in (by_tier[tier],)
     ]
     for name, tolerance in RIVALS.items():
         point = next(each for each in curves[name] if each.name == tolerance)
         told = f"for comparison: a bare integration by {name}, tolerance {tolerance}"
-        rows.append((told, "", f"{point.error:.0e}", in_words(point.seconds)))
+        rows.append((told, "", _short(point.error), in_words(point.seconds)))
     return report.markdown(("", "promised", "reached", "whole job"), rows)
+
+
+def _short(error: float) -> str:
+    """Return an error as people write it: 2e-9."""
+    return f"{error:.0e}".replace("e-0", "e-")
 
 
 def tables(
