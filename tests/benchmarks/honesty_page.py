@@ -69,12 +69,12 @@ SMOOTH = """## Smooth potentials
 
 The first {done} problems of the seed {seed}, in {minutes:.0f} minutes, numerics {numerics}. Every problem is
 solved in each tier the way the service does it, and compared with the certified motion in balls of
-{bits} bits. Bodies, coefficients, curves, windows, starts and signs are random; gaps to separatrices, to the
-equator and to the pole go down to 1e{smallest:.0f}; the times are 0, some within one period and some up to {latest:.0f}
-periods, one in five times backwards. Smallest is the least claimed/actual of the samples, median the power of
-ten in which its median lies. Samples that are rounded enclosures claim what they miss, a ratio of 1; they are
-of 64 bits, and the reference is made anew in 128. The verdict is not asked: all potentials are
-admissible by their making.
+{bits} bits. Bodies, coefficients, curves, windows, starts and signs are random; gaps to separatrices, to
+the equator and to the pole go down to 1e{smallest:.0f}; the times are 0, some within one period and some up
+to {latest:.0f} periods, one in five times backwards. Smallest is the least claimed/actual of the samples,
+median the power of ten in which its median lies. Samples that are rounded enclosures claim what they miss, a
+ratio of 1; they are of 64 bits, and the reference is made anew in 128. The verdict is not asked: all
+potentials are admissible by their making.
 
 | tier | family | asked | solved | refused | exceeded | smallest | median |
 | --- | --- | --- | --- | --- | --- | --- | --- |"""
