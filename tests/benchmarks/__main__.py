@@ -1,86 +1,45 @@
 """``make bench``: what things cost, rivals side by side, each with its error.
 
-Prints all tables and writes docs/performance.md with its picture; ``--quick``
-measures less, prints, and writes nothing.
+Prints all tables and writes them into their places in docs/performance.md and README.md, with the
+picture and with what ``GET /v1/accuracy`` ships. ``python -m tests.benchmarks PART ...`` measures and writes
+these parts alone; ``--quick`` measures less, prints, and writes nothing; ``--against FOLDER`` times whole
+jobs of another revision that is checked out there, in turns with ours, and writes nothing.
 """
 
 import argparse
 import sys
 import time
-from collections.abc import Callable
+from pathlib import Path
 
-from tests.benchmarks import (
-    atlases,
-    certified,
-    costs,
-    fast,
-    precision,
-    report,
-    service,
-    stored,
-    sweep,
-    sweep_service,
-    throughput,
-)
-from tests.benchmarks.measuring import Effort, Row, Table, circumstances, say
-from tests.benchmarks.whole import jobs, points, requests, tiers
+from tests.benchmarks.against import against
+from tests.benchmarks.measuring import Effort, circumstances, say
+from tests.benchmarks.parts import PARTS
+from tests.benchmarks.report import text_of_table
 from workers.computation.compiled_code import keep_compiled_code
-
-TARGETS: tuple[Callable[[Effort], list[Row]], ...] = (
-    fast.against_scipy,
-    fast.against_heyoka,
-    fast.any_time,
-    fast.near_the_separatrix,
-    stored.evaluation,
-    certified.periods,
-    certified.samples,
-    sweep.sweep,
-    sweep.known_structure,
-    fast.general_alpha,
-    sweep_service.through_the_service,
-)
-TABLES: tuple[Callable[[Effort], Table], ...] = (
-    costs.tiers,
-    costs.outputs,
-    costs.parts,
-    atlases.atlases,
-    certified.others,
-    jobs.jobs,
-    requests.requests,
-    points.points,
-    tiers.tiers,
-    service.around,
-    throughput.engines,
-    throughput.service,
-    throughput.growth,
-)
 
 
 def main() -> int:
     """Measure, print, write; 0 whether the targets are reached or not."""
     keep_compiled_code()
     options = argparse.ArgumentParser(prog="python -m tests.benchmarks")
+    options.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all without")
     options.add_argument("--quick", action="store_true", help="fewer and shorter runs; nothing is written")
-    effort = Effort(options.parse_args().quick)
-    began, known = time.perf_counter(), circumstances()
+    options.add_argument("--against", type=Path, metavar="FOLDER", help="another revision, checked out there")
+    arguments = options.parse_args()
+    unknown = set(arguments.parts) - set(PARTS)
+    if unknown:
+        options.error(f"unknown: {', '.join(sorted(unknown))}; the parts are {', '.join(PARTS)}")
+    effort, began, known = Effort(arguments.quick), time.perf_counter(), circumstances()
     for line in known:
         say(line)
-    rows: list[Row] = []
-    for target in TARGETS:
-        found = target(effort)
-        say(report.text_of_rows(found))
-        rows += found
-    curves = precision.curves(effort)
-    tables = [precision.table(curves)]
-    say(report.text_of_table(tables[0]))
-    for measure in TABLES:
-        tables.append(measure(effort))
-        say(report.text_of_table(tables[-1]))
-    if not effort.is_quick:
-        precision.draw(curves, report.PICTURE)
-        report.REPORT.write_text(report.document(rows, tables, known), encoding="utf-8")
-    missed = sum(not row.is_reached for row in rows)
-    say(f"{time.perf_counter() - began:.0f} s; {missed} of {len(rows)} rows miss what was asked")
+    if arguments.against:
+        say(text_of_table(against(arguments.against, effort)))
+    else:
+        for name in arguments.parts or PARTS:
+            start = time.perf_counter()
+            PARTS[name](effort, known)
+            say(f"{name}: {time.perf_counter() - start:.0f} s")
+    say(f"{time.perf_counter() - began:.0f} s")
     return 0
 
 

@@ -4,7 +4,9 @@ Random problems are solved in every tier, as the service does. Smooth ones are
 compared with the certified motion in balls, hostile ones with what is true of them by
 their making. A claim is exceeded if the whole ball is further away than it. With
 ``--record FILE`` and ``--hostile-record FILE`` a run goes on where the last one with
-those files stopped; what is asked no more of is written as it was counted.
+those files stopped; what is asked no more of is written as it was counted. ``--only smooth`` or
+``--only hostile`` runs and writes one section; the other one stays as it is on the page. To run in the
+background in bounded time, and to go on later: ``--only smooth --seconds 3000 --record build/honesty.json``.
 """
 
 import argparse
@@ -13,6 +15,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from math import inf
 from pathlib import Path
+from typing import Literal
 
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
@@ -26,23 +29,33 @@ from tests.support.hostile_ways import ROUNDS
 from tests.support.random_documents import FAMILIES, SMALLEST_GAP
 
 REPORT = Path(__file__).parents[2] / "docs" / "honesty.md"
+Kind = Literal["smooth", "hostile"]
+HEADS: Mapping[Kind, str] = {"smooth": "## Smooth potentials\n", "hostile": "## Hostile potentials\n"}
+"""Of the sections."""
 
 
-def report(record: Record, hostile: HostileRecord) -> str:
-    """Return the page."""
+def report(smooth: str, hostile: str) -> str:
+    """Return the page with both of its sections."""
     return "\n".join(
         [
             TITLE.format(version=version_of("polhode"), numerics=NUMERICS),
             PROVED,
             MEASURED,
             NOT_COVERED.format(latest=10**LATEST, rounds=max(ROUNDS)),
-            *_smooth_section(record),
-            *hostile_section(hostile),
+            smooth,
+            hostile,
         ]
     )
 
 
-def _smooth_section(record: Record) -> list[str]:
+def sections(page: str) -> dict[Kind, str]:
+    """Return the sections of a page as they were written."""
+    _, smooth, rest = page.partition(HEADS["smooth"])
+    smooth_text, hostile, hostile_text = rest.partition(HEADS["hostile"])
+    return {"smooth": (smooth + smooth_text).removesuffix("\n"), "hostile": hostile + hostile_text}
+
+
+def smooth_section(record: Record) -> list[str]:
     tiers = {tier: [record.tallies[f"{tier} {family}"] for family in FAMILIES] for tier in TIERS}
     return [
         SMOOTH.format(
@@ -52,6 +65,7 @@ def _smooth_section(record: Record) -> list[str]:
             bits=BITS,
             latest=10**LATEST,
             smallest=SMALLEST_GAP,
+            numerics=NUMERICS,
         ),
         *_table(tiers),
         "",
@@ -78,9 +92,15 @@ def _table(tiers: Mapping[Tier, Sequence[Tally]]) -> list[str]:
             )
             lines.append(
                 f"| {tier} | {family} | {asked} | {tally.solved} | {_listed(tally.refused)} | {exceeded} "
-                f"| {tally.smallest.get('samples', inf):.2g} |"
+                f"| {tally.smallest.get('samples', inf):.2g} | {_median(tally)} |"
             )
     return lines
+
+
+def _median(tally: Tally) -> str:
+    """Return the power of ten in which the median of claimed/actual of the samples lies."""
+    powers = sorted(int(power) for power in tally.ratios["samples"].elements())
+    return _range(powers[(len(powers) - 1) // 2]) if powers else "none"
 
 
 def _total(tallies: Sequence[Tally]) -> Tally:
@@ -121,7 +141,10 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=inf, help="stop after them, of each kind")
     parser.add_argument("--record", type=Path, help="file of what has been counted, to go on from")
     parser.add_argument("--hostile-record", type=Path, help="the same of hostile problems")
+    parser.add_argument("--only", choices=HEADS, help="run this kind; the section of the other one is kept")
+    parser.add_argument("--page", type=Path, default=REPORT, help="written there; the default is in docs")
     arguments = parser.parse_args()
+    asked: set[Kind] = {arguments.only} if arguments.only else set(HEADS)
     record = load(arguments.record, arguments.seed) if arguments.record else Record(arguments.seed)
     hostile = HostileRecord(arguments.seed)
     if arguments.hostile_record:
@@ -135,16 +158,21 @@ def main() -> int:
         if arguments.hostile_record:
             arguments.hostile_record.write_text(json.dumps(vars(hostile)))
 
-    measure(record, arguments.count, arguments.seconds, keep)
-    measure_hostile(hostile, arguments.hostile, arguments.seconds, keep_hostile)
-    REPORT.write_text(report(record, hostile))
+    found = sections(REPORT.read_text(encoding="utf-8"))
+    if "smooth" in asked:
+        measure(record, arguments.count, arguments.seconds, keep)
+        found["smooth"] = "\n".join(smooth_section(record))
+    if "hostile" in asked:
+        measure_hostile(hostile, arguments.hostile, arguments.seconds, keep_hostile)
+        found["hostile"] = "\n".join(hostile_section(hostile))
+    arguments.page.write_text(report(found["smooth"], found["hostile"]), encoding="utf-8")
     for text in record.documents:
         say(text)
     wrong = [row for row in hostile.rows if faults_of(row)]
     for row in wrong:
         say(f"{row['kind']}: {faults_of(row)}")
     say(f"{record.done} smooth problems in {record.seconds:.0f} s")
-    say(f"{len(hostile.rows)} hostile problems in {hostile.seconds:.0f} s: {REPORT}")
+    say(f"{len(hostile.rows)} hostile problems in {hostile.seconds:.0f} s: {arguments.page}")
     return 1 if record.documents or wrong else 0
 
 

@@ -18,7 +18,7 @@ from tests.support.claims import CLAIMS, Case, claims_of, make_case
 from tests.support.random_documents import FAMILIES, Family
 
 TIERS: tuple[Tier, ...] = ("draft", "standard", "high")
-TOGETHER = 80
+TOGETHER = 20
 """Problems that one process takes at a time."""
 MOST = 12
 """Powers of ten from which on ratios are counted together."""

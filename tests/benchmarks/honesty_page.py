@@ -38,8 +38,8 @@ MEASURED = """## What is measured
   on whole pieces (`defect` in the evidence; `defect_covers` is the share of the time for which that bound
   is a theorem). A claim that these contradict is raised. That is no proof: a defect does not tell how
   far errors grow.
-* **Roundings in the compiled solvers** (`draft`, `high`) are bounded operation by operation; that none was
-  forgotten is not proved.
+* **Roundings in the compiled solvers** (`draft`, `standard`, `high`) are bounded operation by operation; that
+  none was forgotten is not proved.
 * **What series leave out in the compiled solvers where V is a sum of powers up to degree 12** (in `draft`,
   `standard` and sweeps): it is taken from their last coefficients. No feature of such a V is narrower than
   the sphere over its degree. The bounds that prove it would cost several times the solver.
@@ -67,13 +67,14 @@ NOT_COVERED = """## What is not covered
 
 SMOOTH = """## Smooth potentials
 
-The first {done} problems of the seed {seed}, in {minutes:.0f} minutes. Every problem is solved in each
-tier the way the service does it, and compared with the certified motion in balls of {bits} bits. Bodies,
-coefficients, curves, windows, starts and signs are random; gaps to separatrices, to the equator and to
-the pole go down to 1e{smallest:.0f}; the times are 0, some within one period and some up to {latest:.0f}
-periods, one in five times backwards. Smallest is the least claimed/actual of the samples. Samples that
-are rounded enclosures claim what they miss, a ratio of 1; they are of 64 bits, and the reference is made
-anew in 128. The verdict is not asked: all potentials are admissible by their making.
+The first {done} problems of the seed {seed}, in {minutes:.0f} minutes, numerics {numerics}. Every problem is
+solved in each tier the way the service does it, and compared with the certified motion in balls of
+{bits} bits. Bodies, coefficients, curves, windows, starts and signs are random; gaps to separatrices, to
+the equator and to the pole go down to 1e{smallest:.0f}; the times are 0, some within one period and some up
+to {latest:.0f} periods, one in five times backwards. Smallest is the least claimed/actual of the samples,
+median the power of ten in which its median lies. Samples that are rounded enclosures claim what they miss, a
+ratio of 1; they are of 64 bits, and the reference is made anew in 128. The verdict is not asked: all
+potentials are admissible by their making.
 
-| tier | family | asked | solved | refused | exceeded | smallest |
-| --- | --- | --- | --- | --- | --- | --- |"""
+| tier | family | asked | solved | refused | exceeded | smallest | median |
+| --- | --- | --- | --- | --- | --- | --- | --- |"""

@@ -3,7 +3,6 @@
 ``python -m tests.benchmarks.precision`` draws the picture again from the table in docs/performance.md.
 """
 
-import json
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -12,15 +11,18 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 
+from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import TimePeriods
 from service.dynamics.sampling import exact_instants
+from service.dynamics.solution.ball_columns import RADIUS
+from service.jobs.outcome import Solved
 from service.storage.codecs.arrays import decode_arrays
 from tests.benchmarks.costs import PROBLEMS
 from tests.benchmarks.measuring import Effort, Result, Table, clock, in_words, median
 from tests.benchmarks.motions import SAMPLES, FloatArray, Measured, elliptic, taylor_of_elliptic
 from tests.benchmarks.report import PICTURE, REPORT
+from tests.benchmarks.whole.jobs import job_of
 from workers.calibration.reference import samples_of
-from workers.computation.compute import solve_document
 from workers.solvers.compiled.batch import TOLERANCES
 
 RTOLS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
@@ -63,7 +65,8 @@ def table(found: Curves) -> Table:
     )
     remark = (
         "A = 2C, 1000 samples over 10 periods. Integrators pay for every period and lose digits with time; "
-        "the tiers do neither (targets 2 and 3). A whole job computes the stored series as well; "
+        "the tiers do neither (targets 2 and 3). A whole job has its windows from the store, as a worker "
+        "gets them, and computes the stored series as well; "
         f"for {LEAST} its samples are rounded from enclosures."
     )
     return Table(TITLE, remark, ("way", "tier or tolerance", "time", "error"), rows)
@@ -113,13 +116,24 @@ def _point(
     return Result(name, median(action, repeats), motion.error(grid, action()))
 
 
-def _by_job(motion: Measured, name: str, accuracy: dict[str, str], repeats: int) -> Result:
+def certified_job(effort: Effort) -> Result:
+    """Return what a whole job takes at the tier certified, and its largest proven radius."""
+    solve = _job({"tier": "certified"})
+    columns = decode_arrays(solve().samples)
+    radius = max(float(columns[f"{name}.{RADIUS}"].max()) for name in COLUMNS)
+    return Result("certified", median(solve, effort.repeats(5)), radius)
+
+
+def _job(accuracy: dict[str, str]) -> Callable[[], Solved]:
     time_ = {"periods": PERIODS, "samples": SAMPLES}
-    document = json.dumps({**PROBLEMS["A = 2C"], "time": time_, "accuracy": accuracy})
-    seconds = median(lambda: solve_document(document), repeats)
-    columns = decode_arrays(solve_document(document).samples)
+    return job_of({**PROBLEMS["A = 2C"], "time": time_, "accuracy": accuracy})
+
+
+def _by_job(motion: Measured, name: str, accuracy: dict[str, str], repeats: int) -> Result:
+    solve = _job(accuracy)
+    columns = decode_arrays(solve().samples)
     turns = exact_instants(TimePeriods(Fraction(PERIODS), SAMPLES))
-    return Result(name, seconds, motion.error_after(turns, samples_of(columns)[0]))
+    return Result(name, median(solve, repeats), motion.error_after(turns, samples_of(columns)[0]))
 
 
 def _by_heyoka(motion: Measured, state: FloatArray, grid: FloatArray, tol: float, repeats: int) -> Result:

@@ -1,4 +1,4 @@
-"""The tables as text for a terminal and for docs/performance.md."""
+"""The tables as text for a terminal and for pages."""
 
 import unicodedata
 from collections.abc import Sequence
@@ -6,34 +6,28 @@ from pathlib import Path
 
 from tests.benchmarks.measuring import Row, Table
 
-REPORT = Path(__file__).parents[2] / "docs" / "performance.md"
+ROOT = Path(__file__).parents[2]
+REPORT, README = ROOT / "docs" / "performance.md", ROOT / "README.md"
 PICTURE = REPORT.with_suffix(".svg")
 HEADS = ("target", "measured", "asked", "reached", "ours: time, error", "rival: time, error")
-HEAD = """\
-# Speed against accuracy
-
-Written by `make bench`: {circumstances}.
-
-Everything was measured in one run on one machine: ratios count, not seconds. An error is the largest
-absolute distance of any of the six variables (p, q, r, γ₁, γ₂, γ₃) from its certified enclosure at the very
-same times, unless something else is said. Times are medians of warm calls that begin with the potential and
-end with the samples, the structure of the problem being known; target 5 begins with the solution. They are
-processor time, but by the clock where other processes or threads take part (targets 7, 8 and 10, the service,
-whole requests, the tables of tiers). Integrators start from the exact state rounded to doubles. DOP853 is
-`scipy.integrate.solve_ivp` with the equations in plain Python floats, for targets 1 and 9 at the loosest rtol
-that reaches 1e-10, else at the one that comes closest; the compilation of heyoka is not counted.
-"""
 
 
-def document(rows: Sequence[Row], tables: Sequence[Table], circumstances: Sequence[str]) -> str:
-    """Return the whole report in Markdown."""
-    parts = [
-        HEAD.format(circumstances="; ".join(circumstances)),
-        "## Targets\n\n" + _markdown(HEADS, [row.cells() for row in rows]),
-        f"![Error against time: kernels and whole jobs at each tier, DOP853, heyoka]({PICTURE.name})\n",
-        *(f"## {table.title}\n\n{table.remark}\n\n{_markdown(table.heads, table.rows)}" for table in tables),
-    ]
-    return "\n".join(parts)
+def section_of_rows(rows: Sequence[Row], circumstances: Sequence[str]) -> str:
+    """Return the section of the targets in Markdown."""
+    return _section("Targets", "", markdown(HEADS, [row.cells() for row in rows]), circumstances)
+
+
+def section_of_tables(tables: Sequence[Table], circumstances: Sequence[str], picture: str = "") -> str:
+    """Return the sections of one part in Markdown."""
+    return "\n".join(
+        _section(each.title, each.remark, markdown(each.heads, each.rows) + picture, circumstances)
+        for each in tables
+    )
+
+
+def _section(title: str, remark: str, body: str, circumstances: Sequence[str]) -> str:
+    told = f"{remark}\n\n" if remark else ""
+    return f"## {title}\n\n{told}{body}\nMeasured: {'; '.join(circumstances)}.\n"
 
 
 def text_of_rows(rows: Sequence[Row]) -> str:
@@ -59,7 +53,7 @@ def text_of_table(table: Table) -> str:
     return "\n".join([f"{table.title}. {table.remark}", *(f"  {line}" for line in text)])
 
 
-def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [heads, ["---"] * len(heads), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 

@@ -16,8 +16,8 @@ NU_1 = {"type": "planar", "nu": 1}
 QUADRATURE = {"method": "quadrature"}
 
 DOCUMENTS: dict[str, dict[str, object]] = {
-    "closed form, rotation": problem(DOUBLE, {"type": "gravity", "a": -1}, motion=NU_1),
-    "closed form, libration": problem(DOUBLE, expression("-g1 + 1/20/g3^2"), motion=NU_1),
+    "doubles, rotation": problem(DOUBLE, {"type": "gravity", "a": -1}, motion=NU_1),
+    "doubles, libration": problem(DOUBLE, expression("-g1 + 1/20/g3^2"), motion=NU_1),
     "quadrature, rotation": problem(DOUBLE, {"type": "gravity", "a": -1}, motion=NU_1, **QUADRATURE),
     "quadrature, libration": problem(
         {"A": 3, "B": "5/2", "C": 1},

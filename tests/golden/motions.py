@@ -83,9 +83,9 @@ TAYLOR: dict[str, Planar | AnyState] = {
 }
 
 SAME = {
-    "closed form, rotation": "G1",
+    "doubles, rotation": "G1",
     "quadrature, rotation": "G1",
-    "closed form, libration": "G4",
+    "doubles, libration": "G4",
     "certified": "G6",
 }
 """Documents of one motion: they differ in the way of solving."""

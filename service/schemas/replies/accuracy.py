@@ -1,7 +1,7 @@
 """The table of accuracy and speed: its stored form and the API's answer."""
 
 from dataclasses import asdict
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field
 
@@ -18,6 +18,9 @@ from service.dynamics.accuracy import (
 )
 from service.dynamics.problem import Tier
 from service.schemas.replies.response_model import ResponseModel
+
+Use = Literal["job", "request", "problem of a list", "point of a sweep"]
+"""In what a tier is used."""
 
 
 class MachineOut(ResponseModel):
@@ -86,6 +89,29 @@ class AccuracyTableModel(ResponseModel):
         )
 
 
+class TierCostOut(ResponseModel):
+    """What one use of the service costs at each tier."""
+
+    what: Use = Field(
+        description="`job`: from its document to its solution, in a process; `request`: a `POST /v1/jobs`"
+        " that waits for the solution; `problem of a list`, `point of a sweep`: from the `POST` to the last"
+        " result, divided by their number."
+    )
+    seconds: dict[Tier, float] = Field(description="Seconds of one at each tier.")
+
+
+class TierCostsOut(ResponseModel):
+    """What a tier costs a user, measured when this version was made."""
+
+    date: str = Field(description="When it was measured, UTC.", json_schema_extra={"format": "date-time"})
+    version: str = Field(description="Version of polhode that was measured.")
+    numerics: int = Field(description="Raised whenever a computed digit changes.")
+    machine: MachineOut = Field(description="Where it was measured: not here, unless that is this machine.")
+    load: float = Field(description="Load average of that machine at the start; quiet is below 1.5.")
+    problem: str = Field(description="What was computed, and how it was asked.")
+    rows: list[TierCostOut] = Field(description="The measurements.")
+
+
 class AccuracyOut(AccuracyTableModel):
     """The errors that the tiers promise, and their measured errors and times on this installation."""
 
@@ -94,7 +120,13 @@ class AccuracyOut(AccuracyTableModel):
         " of `certified` that of its smallest precision."
     )
 
+    costs: TierCostsOut = Field(
+        description="What a tier costs a user, of all tiers whatever the query asks: ratios count, since it"
+        " was measured on the machine that is told."
+    )
+
     @classmethod
-    def of(cls, table: AccuracyTable) -> Self:
-        """Return the model of a table."""
-        return cls.model_validate({**asdict(table), "tolerances": dict(TIER_TOLERANCES)})
+    def beside(cls, table: AccuracyTable, costs: TierCostsOut) -> Self:
+        """Return the answer: a table, and the costs that are shipped."""
+        promised = {"tolerances": dict(TIER_TOLERANCES), "costs": costs.model_dump()}
+        return cls.model_validate({**asdict(table), **promised})

@@ -1,10 +1,13 @@
 """GET /v1/accuracy: the shipped table first, then what was measured."""
 
+from typing import get_args
+
 import pytest
 
 from service.dynamics.accuracy import TIER_TOLERANCES
+from service.schemas.replies.accuracy import Use
 from service.storage.solutions.accuracy_store import AccuracyStore
-from service.storage.solutions.shipped_accuracy import shipped_table
+from service.storage.solutions.shipped_accuracy import shipped_costs, shipped_table
 from tests.support.accuracy import row, table
 
 pytestmark = pytest.mark.any_database
@@ -91,3 +94,12 @@ def test_other_queries_are_refused(client, query):
     response = client.get("/v1/accuracy", params=query)
     assert response.status_code == 422
     assert [error["pointer"] for error in response.json()["errors"]] == [f"?{next(iter(query))}"]
+
+
+def test_what_a_tier_costs_a_user_is_shown_with_where_and_when_it_was_measured(client, measured):
+    costs = get(client)["costs"]
+    assert costs == shipped_costs().model_dump()
+    assert [row["what"] for row in costs["rows"]] == list(get_args(Use))
+    assert costs["machine"]["cpus"] >= 1
+    # Whatever is asked of the other table.
+    assert get(client, tier="high")["costs"] == costs

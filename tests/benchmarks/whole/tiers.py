@@ -1,27 +1,55 @@
 """What a tier costs a user: a job, a request that waits for it, a problem of a list, a point of a sweep."""
 
 import json
+import os
 import statistics
 import tempfile
 import time
+from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 
 from service.dynamics.accuracy import TIERS
+from service.dynamics.numerics import NUMERICS
+from service.schemas.replies.accuracy import MachineOut, TierCostOut, TierCostsOut, Use
+from service.storage.solutions.shipped_accuracy import SHIPPED_COSTS
+from service.versions import version_of
 from tests.benchmarks.measuring import Effort, Table, in_words, median
 from tests.benchmarks.whole.client import Line
 from tests.benchmarks.whole.jobs import job_of
 from tests.benchmarks.whole.requests import PROBLEM, wait_until_warm, waiting_job
 from tests.support.serving import Service, serving
+from workers.calibration.measurement import this_machine
 
 WORKERS = 2
 FEWER = 10
 """Of what is measured many at a time, the tier certified does so many times fewer."""
 _PAUSE = 0.01
-WHAT = ("a job alone", "a request that waits", "a problem of a list", "a point of a sweep")
+WHAT: tuple[Use, ...] = ("job", "request", "problem of a list", "point of a sweep")
+PROBLEM_TOLD = (
+    "Gravity, A = 2C, 101 samples over a period, each motion with its own λ, by the clock; a job alone is "
+    f"processor time in one process. The service has {WORKERS} workers on SQLite; a list and a sweep are "
+    "timed from the POST to the last result, and divided by their number."
+)
 
 
 def tiers(effort: Effort) -> Table:
-    """Return the seconds of each at every tier, through a service, but for the job alone."""
+    """Return the seconds of each at every tier; but for a quick run, they are what is shipped from now on."""
+    costs = measured(effort)
+    if not effort.is_quick:
+        SHIPPED_COSTS.write_text(json.dumps(costs.model_dump(), indent=1) + "\n", encoding="utf-8")
+    return table(costs)
+
+
+def table(costs: TierCostsOut) -> Table:
+    """Return the costs as a table."""
+    rows = [(row.what, *(in_words(row.seconds[tier]) for tier in TIERS)) for row in costs.rows]
+    return Table("What a tier costs a user", costs.problem, ("what", *TIERS), tuple(rows))
+
+
+def measured(effort: Effort) -> TierCostsOut:
+    """Measure each at every tier, through a service, but for the job alone."""
+    load = os.getloadavg()[0]
     costs = {tier: [_job(tier, effort)] for tier in TIERS}
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -38,13 +66,19 @@ def tiers(effort: Effort) -> Table:
                 _list(service, tier, first + 1000, effort.repeats(500) // few),
                 _sweep(service, tier, effort.repeats(1000) // few),
             ]
-    rows = [(name, *(in_words(costs[tier][place]) for tier in TIERS)) for place, name in enumerate(WHAT)]
-    remark = (
-        "Gravity, A = 2C, 101 samples over a period, each motion with its own λ, by the clock; a job alone "
-        f"is processor time in one process. The service has {WORKERS} workers on SQLite; a list and a sweep "
-        "are timed from the POST to the last result, and divided by their number."
+    rows = [
+        TierCostOut(what=what, seconds={tier: float(f"{costs[tier][place]:.3g}") for tier in TIERS})
+        for place, what in enumerate(WHAT)
+    ]
+    return TierCostsOut(
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        version=version_of("polhode"),
+        numerics=NUMERICS,
+        machine=MachineOut.model_validate(asdict(this_machine())),
+        load=round(load, 2),
+        problem=PROBLEM_TOLD,
+        rows=rows,
     )
-    return Table("What a tier costs a user", remark, ("what", *TIERS), tuple(rows))
 
 
 def _job(tier: str, effort: Effort) -> float:

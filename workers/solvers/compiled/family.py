@@ -4,8 +4,9 @@ The compiler is loaded, and the first time run, only by those who need it: modul
 by the functions that call them.
 """
 
+from dataclasses import dataclass
 from math import atan2
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from flint import arb
@@ -24,14 +25,19 @@ from workers.solvers.assembly.place import NOT_MINE, Declined, PeriodicPlace, Pl
 if TYPE_CHECKING:
     from workers.solvers.compiled.motion import SpectralMotion
 
+CompiledTier = Literal["draft", "standard", "high"]
+"""The tiers that have a kernel."""
 SAME = 1e-6
 """Departure of g1 at its ends within which two solvers speak of one window."""
 DOUBT = 2.0**-44
 """Of an end of the arc, in v."""
 
 
+@dataclass(frozen=True, slots=True)
 class CompiledFamily:
-    """See :class:`workers.solvers.planar.duties.Family`."""
+    """One kernel, for whoever its claim satisfies; see :class:`workers.solvers.planar.duties.Family`."""
+
+    kernel: CompiledTier
 
     def takes(self, problem: Problem, place: Place) -> bool:
         """Take periodic motions, save those that need to tell when a pole is passed by a convention.
@@ -49,14 +55,10 @@ class CompiledFamily:
         """Return the motion; declined if it is not the one in the window, or worse than the tolerance."""
         from workers.solvers.compiled.solve import solve_spectral  # noqa: PLC0415
 
-        motion, tier = problem.motion, problem.accuracy.tier
-        if (
-            not isinstance(place, PeriodicPlace)
-            or not isinstance(motion, PlanarMotion)
-            or tier == "certified"
-        ):
+        motion = problem.motion
+        if not isinstance(place, PeriodicPlace) or not isinstance(motion, PlanarMotion):
             return NOT_MINE
-        found = solve_spectral(problem.body, problem.potential, motion, tier=tier)
+        found = solve_spectral(problem.body, problem.potential, motion, tier=self.kernel)
         if found is None or not _is_in(place, found):
             return NOT_MINE
         period = found.period

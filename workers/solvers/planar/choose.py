@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Literal
 
 from service.dynamics.body import RigidBody
 from service.dynamics.motion import EnclosureMethod, Motion
@@ -12,11 +11,12 @@ from service.dynamics.sampling import sample_times
 from workers.solvers.assembly.place import Declined, Place, periodic_place
 from workers.solvers.certified.certify import Certified, certify
 from workers.solvers.classical.solve import solve_classical
-from workers.solvers.compiled.family import arc_in_doubles
+from workers.solvers.compiled.family import CompiledTier, arc_in_doubles
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.solve import integrate_state
 from workers.solvers.planar.start import planar_start, with_enough_bits
 from workers.solvers.planar.table import (
+    COMPILED,
     EnclosureRow,
     Kind,
     Row,
@@ -24,8 +24,6 @@ from workers.solvers.planar.table import (
     grade_of,
     row_for,
 )
-
-CompiledTier = Literal["draft", "standard", "high"]
 
 
 def choose(problem: Problem, kind: Kind) -> Row:
@@ -44,9 +42,7 @@ def compiled_tier(problem: Problem) -> CompiledTier | None:
     Those who compute many motions at once may then do so by compiled doubles alone, with the numbers of
     single ones, and leave to :func:`find_motion` what these decline.
     """
-    tier = problem.accuracy.tier
-    is_first = choose(problem, "periodic").asked[0] == "compiled"
-    return tier if is_first and tier != "certified" else None
+    return COMPILED.get(choose(problem, "periodic").asked[0])
 
 
 def find_motion(problem: Problem) -> Motion:

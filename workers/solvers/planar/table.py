@@ -3,8 +3,12 @@
 Both tables are read from the top; the first row that fits holds. A family that does not take the motion, or
 declines it, leaves it to the next one of its row.
 
-Doubles of compiled code are the cheapest, and as exact as their tier demands. Next come elliptic functions,
-where the potential has three terms, and last the quadrature in balls, which has every motion.
+Doubles of compiled code are the cheapest, and as exact as the tier of their kernel demands. Next come
+elliptic functions, where the potential has three terms, and last the quadrature in balls, which has every
+motion.
+
+No tier costs more than the next more accurate one: what its own kernel declines, it leaves to all that the
+next one asks, in the same order.
 """
 
 from collections.abc import Mapping
@@ -16,7 +20,7 @@ from service.dynamics.accuracy import TIER_TOLERANCES
 from service.dynamics.motion import EnclosureMethod
 from service.dynamics.problem import Accuracy, Method, Tier
 from workers.solvers.closed_form.family import ClosedFormFamily
-from workers.solvers.compiled.family import CompiledFamily
+from workers.solvers.compiled.family import CompiledFamily, CompiledTier
 from workers.solvers.planar.duties import Family
 from workers.solvers.quadrature.family import QuadratureFamily
 
@@ -24,13 +28,23 @@ Kind = Literal["any state", "periodic", "not periodic"]
 """Of a motion: integrated from any state; or planar, by the kind of its window."""
 Grade = Literal["draft", "loose", "standard", "high", "certified"]
 """The tiers; ``loose`` is a tolerance that is looser than the promise of ``standard``."""
-FamilyName = Literal["compiled", "closed form", "quadrature"]
+FamilyName = Literal["draft doubles", "standard doubles", "high doubles", "closed form", "quadrature"]
 Solver = FamilyName | Literal["integration"]
 Enclosing = Literal["always", "where needed", "never"]
 """Whether samples are enclosed: ``where needed`` is where doubles do not keep the tolerance."""
 
+COMPILED: Mapping[Solver, CompiledTier] = MappingProxyType(
+    {"draft doubles": "draft", "standard doubles": "standard", "high doubles": "high"}
+)
+"""The tier of each kernel."""
 FAMILIES: Mapping[FamilyName, Family] = MappingProxyType(
-    {"compiled": CompiledFamily(), "closed form": ClosedFormFamily(), "quadrature": QuadratureFamily()}
+    {
+        "draft doubles": CompiledFamily("draft"),
+        "standard doubles": CompiledFamily("standard"),
+        "high doubles": CompiledFamily("high"),
+        "closed form": ClosedFormFamily(),
+        "quadrature": QuadratureFamily(),
+    }
 )
 
 
@@ -65,7 +79,11 @@ _FREE: tuple[Method, ...] = ("auto", "both")
 """Methods that leave the choice to the table."""
 _ANY_GRADE: tuple[Grade, ...] = ("draft", "loose", "standard", "high", "certified")
 _NOT_BY_DOUBLES: tuple[Grade, ...] = ("certified",)
-_BY_DOUBLES: tuple[Grade, ...] = ("draft", "loose", "standard", "high")
+_STANDARD: tuple[Grade, ...] = ("loose", "standard")
+_DEARER: tuple[Solver, ...] = ("closed form", "quadrature")
+_BY_HIGH: tuple[Solver, ...] = ("high doubles", *_DEARER)
+_BY_STANDARD: tuple[Solver, ...] = ("standard doubles", *_BY_HIGH)
+_BY_DRAFT: tuple[Solver, ...] = ("draft doubles", *_BY_STANDARD)
 
 # fmt: off
 FUNCTIONS_OF_TIME: tuple[Row, ...] = (
@@ -74,8 +92,10 @@ FUNCTIONS_OF_TIME: tuple[Row, ...] = (
     Row(_PLANAR,            ("integration",),  _ANY_GRADE,       ("integration",)),
     Row(("not periodic",),  _ANY_METHOD,       _ANY_GRADE,       ("quadrature",)),
     Row(("periodic",),      ("quadrature",),   _ANY_GRADE,       ("quadrature",)),
-    Row(("periodic",),      _FREE,             _BY_DOUBLES,      ("compiled", "closed form", "quadrature")),
-    Row(("periodic",),      _FREE,             _NOT_BY_DOUBLES,  ("closed form", "quadrature")),
+    Row(("periodic",),      _FREE,             ("draft",),       _BY_DRAFT),
+    Row(("periodic",),      _FREE,             _STANDARD,        _BY_STANDARD),
+    Row(("periodic",),      _FREE,             ("high",),        _BY_HIGH),
+    Row(("periodic",),      _FREE,             _NOT_BY_DOUBLES,  _DEARER),
 )
 """Who computes the motion as a function of time."""
 

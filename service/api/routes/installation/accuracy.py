@@ -12,6 +12,7 @@ from service.dynamics.accuracy import MotionKind
 from service.dynamics.problem import Tier
 from service.schemas.replies.accuracy import AccuracyOut, AccuracyRowOut, UnavailableOut
 from service.storage.solutions.accuracy_store import AccuracyStore
+from service.storage.solutions.shipped_accuracy import shipped_costs
 
 router = APIRouter(prefix="/v1/accuracy", tags=["accuracy"])
 
@@ -35,8 +36,11 @@ class AccuracyQuery(QueryModel):
 def get_accuracy(
     query: Annotated[AccuracyQuery, Depends(query_of(AccuracyQuery))], inside: Inside
 ) -> Response:
-    """Show the table of the latest `polhode calibrate`, or the shipped one if it was never run."""
-    answer = AccuracyOut.of(AccuracyStore(inside.database).current())
+    """Show the table of the latest `polhode calibrate`, or the shipped one if it was never run.
+
+    `costs` is always shipped: what a job, a request, a list and a sweep cost at each tier.
+    """
+    answer = AccuracyOut.beside(AccuracyStore(inside.database).current(), shipped_costs())
     chosen = {
         "rows": [row for row in answer.rows if query.admits(row)],
         "unavailable": [row for row in answer.unavailable if query.admits(row)],
