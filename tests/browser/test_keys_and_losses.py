@@ -60,8 +60,16 @@ def test_without_a_key_the_page_says_what_is_missing(context, guarded):
     expect(page.locator("main")).to_contain_text("a key is needed")
 
 
-LOST = {"net::ERR_CONNECTION_REFUSED", "net::ERR_CONNECTION_RESET", "net::ERR_INCOMPLETE_CHUNKED_ENCODING"}
-"""What a browser tells of a service that is gone."""
+LOST = {
+    "503",  # what a service answers that is about to end
+    "net::ERR_CONNECTION_CLOSED",
+    "net::ERR_CONNECTION_REFUSED",
+    "net::ERR_CONNECTION_RESET",
+    "net::ERR_EMPTY_RESPONSE",
+    "net::ERR_INCOMPLETE_CHUNKED_ENCODING",
+    "net::ERR_SOCKET_NOT_CONNECTED",
+}
+"""What a browser tells of a service that is gone or going."""
 
 
 def test_a_service_that_is_started_again_is_found_again(context, chromium_path, tmp_path):

@@ -6,7 +6,7 @@ const END = 0x06054b50;
 const NUMBERS = { "<f8": Float64Array, "<f4": Float32Array, "<i8": BigInt64Array, "<i4": Int32Array, "<i2": Int16Array };
 
 /** Return the arrays of an archive by their names: typed arrays, rows one after the other, and texts as {words, codes}. */
-function arraysOf(buffer) {
+export function arraysOf(buffer) {
   const view = new DataView(buffer);
   const text = (from, length) => new TextDecoder().decode(new Uint8Array(buffer, from, length));
   let end = buffer.byteLength - 22;

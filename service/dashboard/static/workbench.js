@@ -18,6 +18,7 @@ let asking = new AbortController();
 function changed() {
   asking.abort();
   $("verdict").setAttribute("aria-busy", "true");
+  if (!$("submit").disabled) fill($("job")); // what became of the last job is not said of this problem
   clearTimeout(timer);
   timer = setTimeout(look, QUIET);
 }
@@ -54,15 +55,14 @@ async function look() {
     $("formulas").setAttribute("aria-busy", "false");
     const faults = planned.faults.length ? planned.faults : judged.faults;
     showFaults(judged.found?.verdict === "inadmissible" ? faults.filter((fault) => fault.code !== "inadmissible_potential") : faults);
-    if (planned.error && !faults.length) fill($("job"), troubleOf(planned.error));
-    else fill($("job"));
-    showPlan(planned.found?.plan);
+    if (planned.error && !faults.length) fill($("plan"), troubleOf(planned.error));
+    else showPlan(planned.found?.plan);
     showSphere(judged.found, problem, planned.found?.plan?.window);
     await atlas(problem, judged.found, signal);
   } catch (error) {
     if (signal.aborted) return;
     for (const place of ["verdict", "formulas"]) $(place).setAttribute("aria-busy", "false");
-    fill($("job"), troubleOf(error));
+    fill($("plan"), troubleOf(error));
   }
 }
 

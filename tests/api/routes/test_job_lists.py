@@ -156,5 +156,6 @@ def test_equal_potentials_are_judged_once(monkeypatch):
     assert len(reply["found"]) == 5
     judged.clear()
     again = json.loads(examination.examine_problems(json.dumps({**asked, "kept": reply["found"]})))
-    assert again == {"answers": alone, "found": {}}
+    assert (again["answers"], again["found"]) == (alone, {})
+    assert len(again["seconds"]) == len(problems)
     assert judged == []
