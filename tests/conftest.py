@@ -54,7 +54,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers() -> int | None:
-    """Return twice as many as there are processors: tests wait half their time, for processes or for time to pass."""
+    """Return twice as many as there are processors: tests also wait, for processes or for time to pass."""
     return 2 * len(os.sched_getaffinity(0)) if sys.platform == "linux" else None
 
 
