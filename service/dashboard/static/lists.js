@@ -85,13 +85,42 @@ const query = () => {
   return sent;
 };
 
-async function show() {
+let turn = 0; // of the last question; the answer to an older one would show what is no longer asked
+let underWay = 0;
+let hasChanged = false; // while a question was under way
+
+/** Somebody is at a row, or reads what it unfolds: it must not be replaced. */
+const isBusy = () => $("table").contains(document.activeElement) || $("table").querySelector("details[open]") !== null;
+
+/** Show what there is now, unless somebody is at a row. */
+function refresh() {
+  if (underWay) hasChanged = true;
+  else if (!isBusy()) show(isBusy).catch(() => {});
+}
+
+async function show(isUnwanted = () => false) {
+  const mine = ++turn;
+  underWay++;
+  try {
+    return await showAnswer(() => mine !== turn || isUnwanted());
+  } finally {
+    underWay--;
+    if (!underWay && hasChanged) {
+      hasChanged = false;
+      refresh();
+    }
+  }
+}
+
+async function showAnswer(isUnwanted) {
   const sent = query();
   const where = sent.get("where") ?? "";
   let page;
   try {
     page = await get(`v1/${name}?${sent}`);
+    if (isUnwanted()) return null;
   } catch (error) {
+    if (isUnwanted()) return null;
     if (!(error instanceof Refusal) || error.status >= 500) throw error;
     const of = (field) => error.faults.filter(({ pointer }) => pointer === `?${field}`).map(({ message }) => message).join("; ");
     const isOrder = of("order") !== "";
@@ -175,5 +204,5 @@ $("more").addEventListener("click", () => go(asked().get("where") ?? "", asked()
 addEventListener("popstate", renew);
 await run(renew);
 if (name !== "solutions") {
-  follow({ events: "v1/events", path: "v1/status", name: "status", every: 3000, seen: () => { if (!$("table").contains(document.activeElement)) show().catch(() => {}); } });
+  follow({ events: "v1/events", path: "v1/status", name: "status", every: 3000, seen: refresh });
 }
