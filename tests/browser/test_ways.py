@@ -95,6 +95,22 @@ def test_solutions_are_compared_with_the_errors_that_both_claim(tab):
     assert "with=" not in page.url
 
 
+def test_who_is_faster_than_what_compares_is_heard(tab):
+    """The module that compares comes once somebody looks there: a click before it has come is not lost."""
+    first, other = (tab.site.solutions[name] for name in ("first", "bobylev-steklov"))
+    held = []
+    tab.page.route("**/compare.js", lambda route: held.append(route))
+    page = tab.open(f"solution?id={first}")
+    settle(page)
+    page.get_by_label("or the one with the id").fill(other)
+    page.get_by_role("button", name="Compare", exact=True).click()
+    assert wait_until(lambda: page.title() and held)
+    expect(page.locator("#compare-note")).to_be_empty()
+    held[0].continue_()
+    expect(page.locator("#compare-note")).to_contain_text("they are different motions")
+    assert page.url.endswith(f"with={other}")
+
+
 def test_an_id_that_is_no_solution_is_refused_beside_the_others(tab):
     page = tab.open(f"solution?id={tab.site.solutions['first']}&with=nothing")
     expect(page.locator("#compare-note .bad")).to_contain_text("no solution")

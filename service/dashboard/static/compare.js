@@ -32,6 +32,7 @@ export async function comparison(solution) {
     asking = new AbortController();
     const { signal } = asking;
     const ids = chosen();
+    remember({ with: ids });
     $("compare-charts").hidden = !ids.length;
     const { t } = stretch.columns;
     const names = namesOf(solution);
@@ -68,12 +69,6 @@ export async function comparison(solution) {
     say($("compare-note").textContent);
   }
 
-  form.addEventListener("submit", (event) => {
-    event.preventDefault();
-    const id = form.other.value.trim() || form.known.value;
-    form.other.value = "";
-    if (id) choose([...chosen(), id]);
-  });
   const { items } = await get(`v1/solutions?limit=${RECENT}`);
   const others = items.filter(({ id }) => id !== solution.id);
   const option = (one) => h("option", { value: one.id }, `${potentialText(one.problem.potential)} · ${motionText(one.problem.motion)} · ${short(one)}`);

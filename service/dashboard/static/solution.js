@@ -1,5 +1,5 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ago, asked, bodyText, copier, fill, get, h, measured, motionText, number, pause, potentialText, request, run, troubleOf } from "./core.js";
+import { $, ago, asked, bodyText, copier, fill, get, h, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
 import { multipliers, turningBody } from "./body.js";
 import { between, drifts, overTime, phasePlane, samplesOf } from "./series.js";
 import { pointsOf, turnable } from "./sphere.js";
@@ -130,9 +130,22 @@ function comparing(solution) {
   let shown = null;
   const open = () => {
     shown ??= import("./compare.js").then(({ comparison }) => comparison(solution));
-    shown.then((renew) => renew(stretch)).catch((error) => fill($("compare-note"), troubleOf(error)));
+    shown.then((renew) => renew(stretch)).catch((error) => {
+      shown = null; // the next one who asks may have more luck
+      fill($("compare-note"), troubleOf(error));
+    });
   };
   const seen = new IntersectionObserver(([{ isIntersecting }]) => { if (isIntersecting && stretch && !shown) open(); });
+  // Whoever is faster than that module is heard, too: what is chosen stands in the address, where it looks.
+  $("compare").addEventListener("submit", (event) => {
+    event.preventDefault();
+    const { other, known } = event.currentTarget.elements;
+    const id = other.value.trim() || known.value;
+    other.value = "";
+    if (!id) return;
+    remember({ with: [...asked().getAll("with"), id] });
+    if (stretch) open();
+  });
   return (found) => {
     stretch = found;
     if (shown || asked().has("with")) open();
