@@ -110,7 +110,6 @@ class Settings(BaseSettings):
 
 
 @cache
-@cache
 def origins_in(text: str) -> frozenset[str]:
     """Return the origins of a list separated by commas."""
     return frozenset(each.strip() for each in text.split(",")) - {""}

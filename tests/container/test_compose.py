@@ -105,6 +105,22 @@ def test_the_operations_page_names_every_setting_and_no_other():
     assert variables((TOP / "docs" / "operations.md").read_text(encoding="utf-8")) == known
 
 
+def test_the_operations_page_tells_the_true_defaults():
+    """Where a default is no number or text the row says in words what it means; these have no default at all."""
+    page = (TOP / "docs" / "operations.md").read_text(encoding="utf-8")
+    told = {}
+    for line in page.splitlines():
+        if line.startswith("| `POLHODE_"):
+            names, defaults = line.split("|")[1:3]
+            told |= dict(
+                zip(re.findall(r"POLHODE_(\w+)", names), re.findall(r"`([^`]+)`", defaults), strict=False)
+            )
+    known = {name.upper(): field.default for name, field in Settings.model_fields.items()}
+    in_words = {name for name, default in known.items() if default in (None, "")}
+    assert set(told) == set(known) - in_words
+    assert all(str(known[name]).removesuffix(".0") == value for name, value in told.items())
+
+
 @pytest.mark.parametrize("page", ["docs/command-line.md", "docs/operations.md", "docs/keys.md"])
 def test_commands_in_the_documentation_are_accepted(page, tmp_path):
     text = (TOP / page).read_text(encoding="utf-8")
