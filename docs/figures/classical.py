@@ -1,10 +1,9 @@
-"""Draws a picture of each classical case: the path of the vertical on the sphere, and of omega in the body.
+"""Draws a picture of each classical case: the paths of the vertical and of omega, and all six over time.
 
 Run it from the top folder of the repository: ``.venv/bin/python docs/figures/classical.py``.
 """
 
-import matplotlib.pyplot as plt
-from motions import path_in_body, path_on_sphere, save, use_files
+from motions import draw_motion, use_files
 
 from service.catalogue.classical import classical
 from service.schemas.problem.problem import read_problem
@@ -26,17 +25,8 @@ def main() -> None:
 def _draw(case: str, title: str, example: dict[str, object]) -> None:
     time = {"stop": APERIODIC[case]} if case in APERIODIC else {"periods": 1}
     problem = read_problem({**example, "time": {**time, "samples": SAMPLES}, "outputs": ["gamma", "omega"]})
-    samples = solve(problem).samples
-    figure = plt.figure(figsize=(8, 4))
-    sphere = figure.add_subplot(1, 2, 1, projection="3d")
-    path_on_sphere(sphere, samples[:, 3:])
-    sphere.set_title("γ on the sphere", fontsize=10)
-    body = figure.add_subplot(1, 2, 2, projection="3d")
-    path_in_body(body, samples[:, :3])
-    body.set_title("ω in the body", fontsize=10)
-    figure.suptitle(title)
-    figure.tight_layout()
-    save(figure, f"classical-{case}")
+    solved = solve(problem)
+    draw_motion(f"classical-{case}", solved.times, solved.samples, title)
 
 
 if __name__ == "__main__":

@@ -7,11 +7,11 @@ import json
 from decimal import ROUND_CEILING, Context
 from pathlib import Path
 
-import matplotlib.pyplot as plt
-from motions import path_in_body, path_on_sphere, save, use_files
+from motions import draw_motion, use_files
 
 from service.schemas.problem.problem import read_problem
 from workers.computation.compute import solve
+from workers.computation.outputs import find_out
 
 TOP = Path(__file__).parents[2]
 PAGE = TOP / "docs" / "gallery.md"
@@ -46,7 +46,9 @@ INTRODUCTION = """# A gallery of motions
 
 Each of these problems is a file in [examples/](../examples/); `polhode solve examples/NAME.json` runs it.
 Left: the path of the vertical γ on the unit sphere, as the body sees it. Middle: the path of the angular
-velocity ω in the body; the grey point is ω = 0. A red point is the start. Page and pictures are made by
+velocity ω in the body; the grey point is ω = 0. A red point is the start. Where the body has a moment B and
+the motion a period, it is told whether the motion stays in its plane: it does, as far as linear equations
+tell, where its multipliers have a sum between -2 and 2. Page and pictures are made by
 `docs/figures/gallery.py`. The motions of the heavy body that are known by names are in [the classical
 cases](classical.md).
 """
@@ -68,30 +70,20 @@ def _draw(name: str) -> str:
     """Write the picture, and return the facts as a sentence."""
     document = json.loads((TOP / "examples" / f"{name}.json").read_text())
     document["time"]["samples"] = SAMPLES
-    document |= {"outputs": ["gamma", "omega"], "method": "auto"}
-    solved = solve(read_problem(document))
-    times, samples = solved.times, solved.samples
-    figure = plt.figure(figsize=(11, 3.6), layout="constrained")
-    grid = figure.add_gridspec(2, 3)
-    sphere = figure.add_subplot(grid[:, 0], projection="3d")
-    path_on_sphere(sphere, samples[:, 3:])
-    sphere.set_title("γ on the sphere", fontsize=10)
-    body = figure.add_subplot(grid[:, 1], projection="3d")
-    path_in_body(body, samples[:, :3])
-    body.set_title("ω in the body", fontsize=10)
-    for row, (names, first) in enumerate((("γ₁ γ₂ γ₃", 3), ("p q r", 0))):
-        axes = figure.add_subplot(grid[row, 2])
-        for place, label in enumerate(names.split()):
-            axes.plot(times, samples[:, first + place], label=label, linewidth=1)
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
-        axes.tick_params(labelsize=7)
-        axes.grid(visible=True, alpha=0.3)
-    axes.set_xlabel("t", fontsize=8)
-    save(figure, f"gallery-{name}")
+    has_stability = document["motion"]["type"] == "planar" and "B" in document["body"]
+    outputs = ["gamma", "omega", *(["stability"] if has_stability else [])]
+    problem = read_problem({**document, "outputs": outputs, "method": "auto"})
+    solved = solve(problem)
+    draw_motion(f"gallery-{name}", solved.times, solved.samples)
     said = f"Error of the six variables: at most {_upwards(solved.error)}."
     if (period := solved.dense.period) is None:
         return said
-    return f"Period {period.hi} ± {_upwards(abs(period.lo) + period.error)}. {said}"
+    facts = f"Period {period.hi} ± {_upwards(abs(period.lo) + period.error)}. {said}"
+    if (stability := find_out(problem, solved).stability) is None:
+        return facts
+    stands = "marginal" if stability.verdict == "marginal" else f"linearly {stability.verdict}"
+    trace = f"{stability.trace:.6f} ± {_upwards(stability.error + 5e-7)}"
+    return f"{facts} It is {stands} against what leaves the plane: the multipliers have the sum {trace}."
 
 
 def _upwards(bound: float) -> str:
