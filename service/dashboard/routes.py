@@ -9,19 +9,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 
 from service.dashboard.files import digest, static_files
+from service.dashboard.headers import HEADERS
 
 router = APIRouter(include_in_schema=False)
 
-# Nothing from other hosts, no inline scripts or styles, no framing.
-POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
-_HEADERS = {
-    "Content-Security-Policy": POLICY,
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-}
 _KEEP = "public, max-age=31536000, immutable"
 
 
@@ -61,7 +52,7 @@ PAGES = {
 async def show_shell(request: Request) -> Response:
     """Return a page without data: its module asks the API for them."""
     page = _shell(request.scope["route"].path)
-    return Response(page, media_type="text/html", headers=_HEADERS)
+    return Response(page, media_type="text/html", headers=HEADERS)
 
 
 @router.get("/static/page/{version}/{name}")
@@ -70,7 +61,7 @@ async def show_file(version: str, name: str) -> Response:
     file = static_files().get(name)
     if file is None:
         raise HTTPException(HTTPStatus.NOT_FOUND)
-    headers = {**_HEADERS, "ETag": file.tag}
+    headers = {**HEADERS, "ETag": file.tag}
     if version == digest():
         headers["Cache-Control"] = _KEEP
     return Response(file.content, media_type=file.media_type, headers=headers)

@@ -7,6 +7,7 @@ from pathlib import Path
 from fastapi import APIRouter, Response
 
 from service.api.queries.queries import without_query
+from service.dashboard.headers import HEADERS
 
 router = APIRouter(prefix="/docs", include_in_schema=False)
 
@@ -14,17 +15,7 @@ OURS = Path(__file__).with_name("page")
 SWAGGER_UI = "fastapi_swagger.resources"
 """The package that ships the files of Swagger UI."""
 
-# Nothing from other hosts, no inline scripts or styles, and no framing. Swagger UI's arrows are data: URLs.
-POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
-_HEADERS = {
-    "Content-Security-Policy": POLICY,
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cache-Control": "public, max-age=3600",
-}
+_HEADERS = {**HEADERS, "Cache-Control": "public, max-age=3600"}
 
 
 @router.api_route("", methods=["GET", "HEAD"], dependencies=[without_query])
