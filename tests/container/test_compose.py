@@ -106,7 +106,7 @@ def test_the_operations_page_names_every_setting_and_no_other():
 
 
 def test_the_operations_page_tells_the_true_defaults():
-    """Where a default is no number or text the row says in words what it means; these have no default at all."""
+    """Where a default is no number or text the row says in words what it means."""
     page = (TOP / "docs" / "operations.md").read_text(encoding="utf-8")
     told = {}
     for line in page.splitlines():
