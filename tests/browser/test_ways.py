@@ -104,7 +104,7 @@ def test_who_is_faster_than_what_compares_is_heard(tab):
     settle(page)
     page.get_by_label("or the one with the id").fill(other)
     page.get_by_role("button", name="Compare", exact=True).click()
-    assert wait_until(lambda: page.title() and held)
+    assert wait_until(lambda: page.title() and held)  # asking the page lets the request be seen
     expect(page.locator("#compare-note")).to_be_empty()
     held[0].continue_()
     expect(page.locator("#compare-note")).to_contain_text("they are different motions")

@@ -32,7 +32,6 @@ export async function comparison(solution) {
     asking = new AbortController();
     const { signal } = asking;
     const ids = chosen();
-    remember({ with: ids });
     $("compare-charts").hidden = !ids.length;
     const { t } = stretch.columns;
     const names = namesOf(solution);

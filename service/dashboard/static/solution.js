@@ -129,11 +129,11 @@ function comparing(solution) {
   let stretch = null;
   let shown = null;
   const open = () => {
-    shown ??= import("./compare.js").then(({ comparison }) => comparison(solution));
-    shown.then((renew) => renew(stretch)).catch((error) => {
+    shown ??= import("./compare.js").then(({ comparison }) => comparison(solution)).catch((error) => {
       shown = null; // the next one who asks may have more luck
-      fill($("compare-note"), troubleOf(error));
+      throw error;
     });
+    shown.then((renew) => renew(stretch)).catch((error) => fill($("compare-note"), troubleOf(error)));
   };
   const seen = new IntersectionObserver(([{ isIntersecting }]) => { if (isIntersecting && stretch && !shown) open(); });
   // Whoever is faster than that module is heard, too: what is chosen stands in the address, where it looks.
@@ -143,7 +143,7 @@ function comparing(solution) {
     const id = other.value.trim() || known.value;
     other.value = "";
     if (!id) return;
-    remember({ with: [...asked().getAll("with"), id] });
+    remember({ with: [...new Set([...asked().getAll("with"), id])] });
     if (stretch) open();
   });
   return (found) => {
