@@ -120,10 +120,16 @@ def _with_deliveries(*, of_lane: bool) -> Select[*tuple[Any, ...]]:
     """Return the statement that locks jobs and finishes their deliveries, by Procrastinate's own function."""
     columns = _JOBS.c.attempt, _JOBS.c.priority, _JOBS.c.lane, _JOBS.c.turn, _JOBS.c.key_id
     chosen = first_jobs(*columns, of_lane=of_lane).cte("chosen")
-    finish = func.procrastinate_finish_job_v1(_DELIVERIES.c.id, text("'succeeded'"), text("true"))
-    finished = select(sql_cast(finish, String)).where(
-        _DELIVERIES.c.queueing_lock == _lock_of(chosen.c), _WAITS
+    # Locked first: of a delivery that somebody else removes meanwhile the function would make an error.
+    there = (
+        select(_DELIVERIES.c.id)
+        .where(_DELIVERIES.c.queueing_lock == _lock_of(chosen.c), _WAITS)
+        .with_for_update()
+        .correlate(chosen)
+        .lateral("there")
     )
+    finish = func.procrastinate_finish_job_v1(there.c.id, text("'succeeded'"), text("true"))
+    finished = select(sql_cast(finish, String)).select_from(there).correlate(chosen)
     return select(chosen.c.id, finished.scalar_subquery()).order_by(*in_order(chosen.c))
 
 

@@ -8,6 +8,7 @@ from sqlalchemy import inspect, text
 
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.finishing import finish_success
+from tests.support.waiting import wait_until
 
 TABLES = ("jobs", "attempts", "solutions", "dense_outputs", "samples", "procrastinate_jobs")
 
@@ -82,6 +83,27 @@ def test_only_what_is_due_and_not_delivered_is_repaired(installation, jobs):
     assert jobs.repair() == 0
     for job_id in submitted:
         jobs.cancel(job_id)
+
+
+@pytest.mark.parametrize("installation", ["procrastinate on postgres"], indirect=True)
+def test_a_delivery_that_is_removed_meanwhile_keeps_nobody_from_the_job(installation, jobs):
+    """Somebody removes it and has not committed yet: who takes the job waits for that, and has it."""
+    job = jobs.submit({}, "removed meanwhile")
+    with ThreadPoolExecutor(1) as other:
+        with installation.database.write() as session:
+            session.execute(text("DELETE FROM procrastinate_jobs"))
+            taken = other.submit(jobs.take, "taker", 1, lease_seconds=60)
+            assert wait_until(lambda: waiting_for_locks(installation) == 1)
+        (claim,) = taken.result(timeout=60).claims
+    assert claim.job_id == job.id
+    jobs.cancel(job.id)
+
+
+def waiting_for_locks(installation):
+    statement = "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database()"
+    statement += " AND wait_event_type = 'Lock'"
+    with installation.database.read() as session:
+        return session.scalars(text(statement)).one()
 
 
 def test_two_that_repair_at_once_deliver_once(installation, jobs):
