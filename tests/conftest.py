@@ -4,6 +4,7 @@ import sys
 import pytest
 from hypothesis import is_hypothesis_test, settings
 
+from service.collector import collect_seldom
 from tests.support.api import app, client, stored, verdicts
 from tests.support.databases import (
     database,
@@ -47,6 +48,7 @@ __all__ = [
 
 def pytest_configure(config: pytest.Config) -> None:
     keep_compiled_code()
+    collect_seldom()
     if IS_POSSIBLE and config.getoption("tx", None):
         config.pluginmanager.register(ForkedWorkers())
     if (listed := config.option.durations) is not None:
