@@ -20,6 +20,7 @@ from tests.support.databases import (
 from tests.support.effort import EFFORT, examples
 from tests.support.forked_workers import IS_POSSIBLE, ForkedWorkers
 from tests.support.processor_time import ProcessorTime
+from tests.support.serving import running_service
 from workers.computation.compiled_code import keep_compiled_code
 
 # How long an example takes says something about the machine, and nothing about a law: no deadline.
@@ -37,6 +38,7 @@ __all__ = [
     "postgres",
     "postgres_template",
     "postgres_url",
+    "running_service",
     "solutions",
     "sqlite_template",
     "sqlite_url",
