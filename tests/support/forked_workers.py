@@ -114,8 +114,13 @@ class _Server:
         pid = os.fork()
         if pid == 0:
             for key in list(self._selector.get_map().values()):
-                if key.fd != 0:
+                # A socket itself, not its number: the object would later close what has the number then.
+                if isinstance(key.fileobj, socket.socket):
+                    key.fileobj.close()
+                elif key.fd != 0:
                     os.close(key.fd)
+            self._selector.close()
+            asking.close()
             return pipes
         for pipe in pipes:
             os.close(pipe)
