@@ -18,6 +18,7 @@ import threading
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+from service.collector import keep_what_is_loaded
 from service.logs import Logging, start_logging
 
 _MIB = 1024 * 1024
@@ -26,6 +27,7 @@ _PR_SET_PDEATHSIG = 1
 
 def confine_child(memory_mb: int | None, logging: Logging | None) -> None:
     """Prepare a new child."""
+    keep_what_is_loaded()
     if logging is not None:
         start_logging(logging.format, logging.level)
     # Die at once on SIGTERM: a Python handler would wait for compiled code to return.

@@ -4,6 +4,7 @@ import sys
 import pytest
 from hypothesis import is_hypothesis_test, settings
 
+from service.collector import collect_seldom
 from tests.support.api import app, client, stored, verdicts
 from tests.support.databases import (
     database,
@@ -19,6 +20,7 @@ from tests.support.databases import (
 from tests.support.effort import EFFORT, examples
 from tests.support.forked_workers import IS_POSSIBLE, ForkedWorkers
 from tests.support.processor_time import ProcessorTime
+from tests.support.serving import running_service
 from workers.computation.compiled_code import keep_compiled_code
 
 # How long an example takes says something about the machine, and nothing about a law: no deadline.
@@ -36,6 +38,7 @@ __all__ = [
     "postgres",
     "postgres_template",
     "postgres_url",
+    "running_service",
     "solutions",
     "sqlite_template",
     "sqlite_url",
@@ -47,6 +50,7 @@ __all__ = [
 
 def pytest_configure(config: pytest.Config) -> None:
     keep_compiled_code()
+    collect_seldom()
     if IS_POSSIBLE and config.getoption("tx", None):
         config.pluginmanager.register(ForkedWorkers())
     if (listed := config.option.durations) is not None:

@@ -4,6 +4,8 @@ import ast
 from collections import defaultdict
 from pathlib import Path
 
+import pytest
+
 from tests.support.reach import modules_below, unreached
 
 ROOT = Path(__file__).parents[1]
@@ -28,8 +30,13 @@ RECORDS = ("workers.solvers.compiled.records", "workers.solvers.compiled.desk")
 """What compiled code takes instead of our objects has the names of what it is a record of."""
 
 
-def test_what_only_tests_refer_to_is_with_the_tests():
-    found = unreached(modules_below(ROOT, ["service", "workers"]), ENTRIES)
+@pytest.fixture(scope="module")
+def modules():
+    return modules_below(ROOT, ["service", "workers"])
+
+
+def test_what_only_tests_refer_to_is_with_the_tests(modules):
+    found = unreached(modules, ENTRIES)
     assert [name for name in found if not name.startswith(tuple(CALLED_FROM_OUTSIDE))] == []
 
 
@@ -44,9 +51,9 @@ def test_a_function_that_nobody_calls_is_found():
     assert unreached(modules, []) == ["one.C.g", "two.idle", "two.lost"]
 
 
-def test_no_two_classes_have_one_name():
+def test_no_two_classes_have_one_name(modules):
     places = defaultdict(list)
-    for module, tree in modules_below(ROOT, ["service", "workers"]).items():
+    for module, tree in modules.items():
         # The client is a distribution of its own: its names are what people know of our things.
         of = "client: " if module.startswith("service.client.") else ""
         for node in tree.body:

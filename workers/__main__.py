@@ -2,6 +2,7 @@
 
 import sys
 
+from service.collector import collect_seldom
 from service.stopping import end_at_once
 from workers.computation.threads import use_one_thread
 
@@ -10,6 +11,7 @@ def main() -> int:
     """Run the command line."""
     end_at_once(is_service=sys.argv[1:2] == ["run"])
     use_one_thread()
+    collect_seldom()
     # Not at the top: the fork server of the children imports this module too, and needs no commands.
     from workers.cli.main import main as run  # noqa: PLC0415
 

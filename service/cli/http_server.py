@@ -7,6 +7,7 @@ import uvicorn
 
 from service.app import create_app
 from service.cli.common import REFUSED
+from service.collector import keep_what_is_loaded
 from service.connections.server import guarded
 from service.local.wakeup import Doorbell
 from service.local.workers import LocalWorkers
@@ -50,6 +51,7 @@ def serve_http(
             announce(
                 f"serving http://{f'[{host}]' if ':' in host else host}:{port}, {settings.workers} workers"
             )
+            keep_what_is_loaded()
             # Not earlier: what workers say comes after that line.
             doorbell.tell_database_is_ready()
             # Uvicorn raises the signals it received again at its end: they have been handled already.

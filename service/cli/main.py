@@ -2,6 +2,7 @@
 
 import sys
 
+from service.collector import collect_seldom
 from service.stopping import end_at_once
 
 _SERVICES = (["serve"], ["worker"])
@@ -10,6 +11,7 @@ _SERVICES = (["serve"], ["worker"])
 def main() -> None:
     """Run the command line."""
     end_at_once(is_service=sys.argv[1:2] in _SERVICES)
+    collect_seldom()
     from service.cli.commands import run  # noqa: PLC0415
 
     run()

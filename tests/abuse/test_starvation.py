@@ -40,6 +40,7 @@ SENT = {
 }
 
 
+@pytest.mark.any_database
 @pytest.mark.parametrize("place", SENT)
 def test_only_operators_step_before_all_others(client, database, jobs, place):
     send, (key, submitter) = SENT[place], make(database, Role.SUBMIT)
@@ -63,6 +64,7 @@ def test_without_keys_whoever_is_on_this_machine_chooses(client):
     assert all(send(client, 100, {}).status_code == 202 for send in SENT.values())
 
 
+@pytest.mark.any_database
 @pytest.mark.parametrize("priority", ["100", 1.5, True, None, 101])
 def test_a_priority_of_a_sweep_is_an_integer(client, database, priority):
     sent = make(database, Role.SUBMIT)[1]

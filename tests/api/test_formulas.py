@@ -12,6 +12,8 @@ from service.verdicts.formulas import examine_question_with_formulas, simplify_f
 from tests.support.mathml import checked
 from tests.support.verdicts import die, never_answer
 
+pytestmark = pytest.mark.any_database
+
 PLANAR = {"type": "planar", "nu": 1}
 
 

@@ -141,14 +141,14 @@ def test_labels_are_changed_and_listed(here, base):
     # A job and its solution have labels of their own.
     solution = json.loads(here("show", thing, "--json").stdout)["solution"]
     for each, of in ((thing, "jobs"), (solution, "solutions")):
-        changed = here("tag", each, "project=thesis", "run=", "figure=3", "--note", "checked", "--json")
+        changed = here("tag", each, "project=remote", "run=", "figure=3", "--note", "checked", "--json")
         document = json.loads(changed.stdout)
-        assert document["labels"] == {"project": "thesis", "figure": "3"}
+        assert document["labels"] == {"project": "remote", "figure": "3"}
         assert document["note"] == "checked"
-        listed = here("list", "label.project=thesis", "--of", of)
+        listed = here("list", "label.project=remote", "--of", of)
         head, line = listed.stdout.splitlines()
         assert head.split()[-1] == "labels"
-        assert "figure=3, project=thesis" in line
+        assert "figure=3, project=remote" in line
         rows = json.loads(here("list", f"id={each}", "--of", of, "--columns", "labels", "--json").stdout)
         assert rows == [{"labels": document["labels"]}]
     refused = here("tag", thing, "=thesis")

@@ -12,12 +12,12 @@ matplotlib.use("Agg")  # pictures without a screen
 @pytest.fixture(scope="session", params=["sqlite", pytest.param("postgres", marks=pytest.mark.long)])
 def service(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """A running service; whatever is asked of it is asked on Postgres too, in the long tests."""
-    environment = {}
-    if request.param == "postgres":
-        server = request.getfixturevalue("postgres")
-        template = request.getfixturevalue("postgres_template")
-        environment["POLHODE_DATABASE_URL"] = server.url(server.create_database(template))
-    with serving(tmp_path_factory.mktemp("service"), **environment) as running:
+    if request.param == "sqlite":
+        yield request.getfixturevalue("running_service")
+        return
+    server = request.getfixturevalue("postgres")
+    url = server.url(server.create_database(request.getfixturevalue("postgres_template")))
+    with serving(tmp_path_factory.mktemp("service"), POLHODE_DATABASE_URL=url) as running:
         yield running
 
 

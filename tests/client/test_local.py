@@ -54,5 +54,5 @@ def test_it_keeps_a_database_of_ones_own_and_deletes_a_temporary_one(tmp_path, b
 def test_what_the_service_says_is_told_if_it_does_not_start(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with pytest.raises(ph.PolhodeError, match="did not start"):
-        ph.local(tmp_path / "no such folder" / "mine.db")
+        ph.local(tmp_path / "no such folder" / "mine.db", workers=0)
     assert list(tmp_path.iterdir()) == []

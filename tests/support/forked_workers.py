@@ -26,6 +26,8 @@ from pathlib import Path
 
 import pytest
 
+from service.collector import collect_seldom
+
 IS_POSSIBLE = sys.platform == "linux"
 _PIPES = Path(__file__).with_name("pipes_of_worker.py")
 _SERVER = "import sys; from tests.support import forked_workers; forked_workers.serve(sys.argv[1:])"
@@ -73,6 +75,7 @@ def serve(arguments: list[str]) -> None:
     listener, places = socket.socket(fileno=int(arguments[0])), arguments[1:]
     # Ctrl-C reaches the whole group of processes: workers stop by it, then we by our pipe.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    collect_seldom()
     # What cannot be collected is told by the workers, who try again.
     pytest.main(["--collect-only", "-qq", "-p", "no:cacheprovider", "-n0", *places])
     # What is loaded stays: nobody looks for garbage in it, and forks share its memory.
@@ -111,8 +114,13 @@ class _Server:
         pid = os.fork()
         if pid == 0:
             for key in list(self._selector.get_map().values()):
-                if key.fd != 0:
+                # A socket itself, not its number: the object would later close what has the number then.
+                if isinstance(key.fileobj, socket.socket):
+                    key.fileobj.close()
+                elif key.fd != 0:
                     os.close(key.fd)
+            self._selector.close()
+            asking.close()
             return pipes
         for pipe in pipes:
             os.close(pipe)

@@ -8,6 +8,7 @@ from pathlib import Path
 def loaded() -> int:
     from numba.core.dispatcher import Dispatcher  # noqa: PLC0415
 
+    gc.unfreeze()  # else what was there before the fork is not among all objects
     kernels = [each for each in gc.get_objects() if isinstance(each, Dispatcher)]
     return sum(
         sum(each.stats.cache_hits.values()) + sum(each.stats.cache_misses.values()) for each in kernels

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+import pytest
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -87,6 +89,16 @@ def serving(
             # Whatever a failed test left behind in the session goes with it.
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
+
+
+@pytest.fixture(scope="session")
+def running_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    """One service with a worker, for the tests of all folders that only ask it: a start takes six seconds.
+
+    It lives in tests/conftest.py: in the ``conftest.py`` of a folder each folder had another one.
+    """
+    with serving(tmp_path_factory.mktemp("service")) as running:
+        yield running
 
 
 def _wait_until_ready(address: str, process: "subprocess.Popen[bytes]") -> None:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from service.collector import keep_what_is_loaded
 from service.local.wakeup import WorkerLine
 from service.sandbox import Sandbox
 from service.settings import Settings
@@ -55,6 +56,7 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
             # Not at the top: the children start while this process loads what the database needs.
             from workers.process.database_work import Equipment, use_database  # noqa: PLC0415
 
+            keep_what_is_loaded()
             if line is None or _is_database_ready(line, waker, stop):
                 warming.go_on()
                 equipment = Equipment(sandbox, warming, waker, line, stop)

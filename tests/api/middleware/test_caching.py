@@ -23,6 +23,8 @@ from service.storage.upkeep.retention import prune_samples
 from tests.support.api import NEEDED_QUERY, PLANAR, STATE, finish, solve_job
 from tests.support.sweeps import SWEEP, finish_sweep
 
+pytestmark = pytest.mark.any_database
+
 STRONG = re.compile(r'"[0-9a-f]{32}(-gzip|-zstd)?"')
 CERTIFIED = {
     **PLANAR,

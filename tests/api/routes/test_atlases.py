@@ -7,6 +7,8 @@ import xml.etree.ElementTree as ET
 import pyarrow as pa
 import pytest
 
+pytestmark = pytest.mark.any_database
+
 ARROW = "application/vnd.apache.arrow.stream"
 ATLAS = {
     "body": {"A": 2, "C": 1},

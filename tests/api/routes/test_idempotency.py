@@ -64,6 +64,7 @@ def test_another_request_with_the_same_key_is_refused(client, database):
     assert count(database) == made
 
 
+@pytest.mark.any_database
 def test_a_refused_request_leaves_its_key_free(client):
     assert send(client, document={}).status_code == 422
     mended = send(client)
@@ -153,6 +154,7 @@ def test_old_answers_are_deleted_and_others_kept(client, database):
     assert REPLAYED not in send(client, key="a").headers
 
 
+@pytest.mark.any_database
 @pytest.mark.parametrize("key", ["", " ", "a b", "ä".encode("latin-1"), "x" * 256, "a\tb"])
 def test_a_key_is_up_to_255_visible_characters(client, database, key):
     response = send(client, key=key)

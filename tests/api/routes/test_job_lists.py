@@ -44,6 +44,7 @@ def test_each_problem_has_its_answer_in_order(client):
             assert client.get(f"/v1/jobs/{item['job']['id']}").json() == item["job"]
 
 
+@pytest.mark.any_database
 def test_a_refusal_is_the_one_the_problem_would_meet_alone(client):
     response = post(client, [STATE, BROKEN, INADMISSIBLE])
     for item, problem in zip(response.json()["items"][1:], (BROKEN, INADMISSIBLE), strict=True):
@@ -52,6 +53,7 @@ def test_a_refusal_is_the_one_the_problem_would_meet_alone(client):
         assert item["problem"] == alone
 
 
+@pytest.mark.any_database
 def test_nothing_accepted_is_a_refusal_that_names_every_place(client, jobs):
     response = post(client, [BROKEN, INADMISSIBLE])
     assert (response.status_code, response.headers["content-type"]) == (422, "application/problem+json")
@@ -62,6 +64,7 @@ def test_nothing_accepted_is_a_refusal_that_names_every_place(client, jobs):
     assert list_jobs(jobs).total == 0
 
 
+@pytest.mark.any_database
 @pytest.mark.parametrize("count", [0, MOST_PROBLEMS + 1])
 def test_the_length_of_a_list_is_limited(client, count):
     response = post(client, [{}] * count)
@@ -88,6 +91,7 @@ def test_either_all_accepted_problems_are_stored_or_none(client, jobs, monkeypat
     assert list_jobs(jobs).total == 0
 
 
+@pytest.mark.any_database
 def test_priority_is_taken_kept_and_limited(client, jobs):
     low = client.post("/v1/jobs", json=STATE, params={"priority": -100}).json()
     high = post(client, [PLANAR, with_lambda(2)], priority=100).json()["items"]
@@ -100,6 +104,7 @@ def test_priority_is_taken_kept_and_limited(client, jobs):
         assert (refused.status_code, refused.json()["errors"][0]["pointer"]) == (422, "?priority")
 
 
+@pytest.mark.any_database
 def test_a_problem_that_kills_its_examination_takes_no_other_with_it(client, monkeypatch):
     """The batch dies with it, then each is examined alone, the one to blame twice."""
     calls = []
@@ -117,6 +122,7 @@ def test_a_problem_that_kills_its_examination_takes_no_other_with_it(client, mon
     assert calls == [3, 1, 1, 1, 1]
 
 
+@pytest.mark.any_database
 def test_a_problem_whose_child_is_killed_by_somebody_else_is_examined_once_more(client, monkeypatch):
     functions = deque([die, die])
     submit = Sandbox.submit
@@ -143,6 +149,7 @@ def examine_or_die(text):
     return examination.examine_problems(text)
 
 
+@pytest.mark.any_database
 def test_equal_potentials_are_judged_once(monkeypatch):
     judged = []
     monkeypatch.setattr(kept, "decide", lambda *given: judged.append(given) or decide(*given))

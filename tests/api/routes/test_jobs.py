@@ -9,6 +9,8 @@ from tests.support.accuracy import row, table
 from tests.support.api import PLANAR, STATE, finish
 from tests.support.lists import list_jobs
 
+pytestmark = pytest.mark.any_database
+
 
 def submit(client, problem=STATE, **headers):
     return client.post("/v1/jobs", json=problem, headers=headers)

@@ -169,6 +169,7 @@ def test_points_of_sweeps_are_counted_as_they_are_done(database, scrape):
         assert told("polhode_sweeps", state="queued") == 1
 
 
+@pytest.mark.any_database
 def test_requests_are_counted_by_the_template_of_their_route(client, stored, scrape):
     client.get(f"/v1/solutions/{stored.solution_id}")
     client.get("/v1/solutions/nonsense")
@@ -183,6 +184,7 @@ def test_requests_are_counted_by_the_template_of_their_route(client, stored, scr
     assert told(count, method="POST", route="/v1/jobs", status="202") == 1
 
 
+@pytest.mark.any_database
 def test_a_fault_of_ours_is_counted_as_one(client, monkeypatch, scrape):
     monkeypatch.setattr("service.api.routes.installation.health.json_response", lambda _: 1 / 0)
     assert client.get("/livez").status_code == 500
@@ -198,6 +200,7 @@ def test_without_the_database_the_process_still_tells_of_itself(client, app, mon
     assert scrape()("polhode_http_request_seconds_count", route="/metrics") == 1
 
 
+@pytest.mark.any_database
 def test_what_was_measured_a_moment_ago_is_not_measured_again(jobs, database):
     statistics = Statistics(database, seen_seconds=30.0)
     before = statistics.current()
@@ -206,6 +209,7 @@ def test_what_was_measured_a_moment_ago_is_not_measured_again(jobs, database):
     assert not before.live
 
 
+@pytest.mark.any_database
 def test_costly_measurements_are_rare(database, monkeypatch):
     statistics = Statistics(database, seen_seconds=30.0)
 
@@ -222,6 +226,7 @@ def test_costly_measurements_are_rare(database, monkeypatch):
     assert statistics.current() is not first
 
 
+@pytest.mark.any_database
 def test_two_applications_have_metrics_of_their_own(app, client):
     with TestClient(create_app(Settings(database_url=app.state.resources.settings.database_url))) as other:
         client.get("/livez")
@@ -229,6 +234,7 @@ def test_two_applications_have_metrics_of_their_own(app, client):
         assert "/livez" not in other.get("/metrics").text
 
 
+@pytest.mark.any_database
 def test_the_documentation_names_every_metric_and_no_other(client, stored, scrape):
     client.get("/livez")
     page = (TOP / "docs" / "operations.md").read_text(encoding="utf-8")

@@ -14,6 +14,8 @@ from service.schemas.sweep.reading import read_sweep
 from service.storage.sweeps.point_reader import PointReader
 from tests.support.sweeps import POINTS, SWEEP, energy_of, finish_sweep, is_refused, period_of
 
+pytestmark = pytest.mark.any_database
+
 A, LAMBDA = "/potential/parameters/a", "/motion/lambda"
 COLUMNS = ["index", A, LAMBDA, "period", "energy", "outcome"]
 ARROW, NDJSON, CSV = "application/vnd.apache.arrow.stream", "application/x-ndjson", "text/csv"

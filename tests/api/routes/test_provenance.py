@@ -10,6 +10,8 @@ from tests.support.api import PLANAR, solve_job
 from tests.support.finishing import finish_success
 from workers.computation.compute import solve_document
 
+pytestmark = pytest.mark.any_database
+
 RELATIONS = {
     "used": ("activity", "entity"),
     "wasGeneratedBy": ("entity", "activity"),

@@ -6,6 +6,8 @@ import pytest
 from service.storage.upkeep.retention import prune_samples
 from tests.support.api import PLANAR, STATE, solve_job
 
+pytestmark = pytest.mark.any_database
+
 
 def prune(database):
     """Delete all samples that may be deleted, the youngest too."""

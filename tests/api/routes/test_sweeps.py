@@ -10,6 +10,8 @@ from service.settings import Settings
 from tests.support.api import TestClient
 from tests.support.sweeps import BASE, POINTS, SWEEP, finish_chunk, finish_sweep, is_refused
 
+pytestmark = pytest.mark.any_database
+
 
 @pytest.fixture
 def sweep(client):

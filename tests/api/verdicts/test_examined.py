@@ -14,6 +14,8 @@ from service.verdicts.entries import keys_of
 from service.verdicts.memory import KeptExaminations
 from tests.support.api import PLANAR
 
+pytestmark = pytest.mark.any_database
+
 CLAIMANT = Claimant(None)
 INADMISSIBLE = {**PLANAR, "potential": {"type": "expression", "expression": "g1*g2"}}
 
