@@ -40,7 +40,7 @@ def tag_of_thing(request: Request, media_type: str, *identity: object) -> str:
         What the stored thing is, and the version of everything in it that can change.
     """
     query = sorted(request.query_params.multi_items(), key=lambda pair: pair[0])
-    return _tag(repr((_ours(), request.url.path, query, media_type, identity)).encode())
+    return _tag(repr((_ours(), request.scope["path"], query, media_type, identity)).encode())
 
 
 def tag_of_content(content: bytes) -> str:
