@@ -26,6 +26,7 @@ from service.local.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
+from service.storage.database.remembered import Remembered
 from service.storage.examinations.examination_store import ExaminationStore
 from service.storage.jobs.changes import ChangeReader
 from service.storage.jobs.dispatching import dispatcher_of
@@ -74,7 +75,7 @@ def create_app(
         keys = KeyStore(database)
         days = settings.samples_days
         retention = Retention(database, older_than_seconds=None if days is None else days * DAY_SECONDS)
-        ring = KeyRing(keys)
+        ring, remembered = KeyRing(keys), Remembered(database)
         answers = IdempotencyStore(database)
         forgetting = Forgetting(answers)
         presence = ServicePresence(database, host=settings.host_name)
@@ -103,6 +104,7 @@ def create_app(
             limits=LimitGuard(settings, keys),
             idempotency=IdempotencyDesk(answers),
             answers=KeptAnswers(),
+            remembered=remembered,
             presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),
             local_worker=local_worker,
@@ -123,6 +125,7 @@ def create_app(
             if sandbox is None:
                 children.close()
             ring.close()
+            remembered.close()
             database.close()
             if doorbell is None:
                 bell.close()

@@ -1,7 +1,7 @@
 """The settings of a process, read from environment variables POLHODE_…."""
 
 import re
-from functools import cache
+from functools import cache, lru_cache
 from ipaddress import ip_address
 from typing import Literal
 
@@ -137,6 +137,7 @@ def read_settings(**given: object) -> Settings:
         raise SettingsError("; ".join(reasons)) from fault
 
 
+@lru_cache(maxsize=64)  # asked at each request
 def is_this_machine(host: str) -> bool:
     """Tell whether a name or address is a loopback one, which other machines cannot reach."""
     if host == "localhost":

@@ -23,6 +23,7 @@ from service.local.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
+from service.storage.database.remembered import Remembered
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
@@ -50,6 +51,7 @@ class Resources:
     limits: LimitGuard
     idempotency: IdempotencyDesk
     answers: KeptAnswers
+    remembered: Remembered
     presence: ServicePresence
     """Keeps the presence row of this service, and knows whether the database can be written to."""
     waiting: threading.BoundedSemaphore

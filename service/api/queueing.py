@@ -44,30 +44,30 @@ async def queue(inside: Resources, terms: SubmissionTerms, store: Store, show: S
         model, place = show(job)
         return json_response(model, status=HTTPStatus.ACCEPTED, headers={"Location": place})
 
-    def put() -> Job:
+    def put() -> tuple[Job, Response]:
         job = store(receipt_of(terms.given, lambda jobs: submitted(*jobs)))
         if not job.is_finished:
             inside.doorbell.ring()
-        return job
+        return job, submitted(job)
 
     def waited() -> Response:
         ended = inside.jobs.get(job.id)
         model, place = show(ended)
         headers = {"Location": place, "Preference-Applied": f"wait={terms.seconds}"}
         status = HTTPStatus.OK if ended.is_finished else HTTPStatus.ACCEPTED
-        return json_response(model, status=status, headers=headers)
+        answer = json_response(model, status=status, headers=headers)
+        inside.idempotency.keep(terms.given, answer)
+        return answer
 
-    job = await run_in_threadpool(put)
+    job, answer = await run_in_threadpool(put)
     # No waiting if the limit of waiting clients is reached.
     if terms.seconds is None or not inside.waiting.acquire(blocking=False):
-        return await run_in_threadpool(submitted, job)
+        return answer
     try:
         await _finish(job, inside, terms.seconds)
     finally:
         inside.waiting.release()
-    answer = await run_in_threadpool(waited)
-    await run_in_threadpool(inside.idempotency.keep, terms.given, answer)
-    return answer
+    return await run_in_threadpool(waited)
 
 
 async def _finish(job: Job, inside: Resources, seconds: int) -> None:

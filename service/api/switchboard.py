@@ -1,10 +1,12 @@
-"""Hands a request to its endpoint without a comparison with all others."""
+"""Hands a request to its endpoint without a comparison with all others, or answers 304 in its place."""
 
 from fastapi.routing import APIRoute, APIRouter
+from starlette.requests import Request
 from starlette.routing import Match
 from starlette.types import Receive, Scope, Send
 
 from service.api.keys.shapes import ByShape
+from service.api.tagged import TAGGED, unchanged
 
 
 class Switchboard:
@@ -25,6 +27,9 @@ class Switchboard:
                 if match is Match.FULL:
                     scope.setdefault("router", self._router)
                     scope.update(found)
-                    await route.handle(scope, receive, send)
+                    known = None
+                    if scope["method"] == "GET" and (tagged := TAGGED.get(route.path)) is not None:
+                        known = await unchanged(Request(scope), tagged)
+                    await (known or route.handle)(scope, receive, send)
                     return
         await self._router.app(scope, receive, send)

@@ -8,6 +8,8 @@ from datetime import date
 PAPER = "New solvable problems in the dynamics of a rigid body about a fixed point in a potential field"
 """By H. M. Yehia: where the method is from."""
 PROGRAM = "The polhode authors"
+CITATIONS: Mapping[str, str] = {"bibtex": "application/x-bibtex", "cff": "application/yaml"}
+"""Media types by the names of the formats."""
 
 _SPECIAL = {character: f"\\{character}" for character in "&%$#_{}"} | {
     "\\": "\\textbackslash{}",

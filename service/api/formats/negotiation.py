@@ -1,6 +1,7 @@
 """Chooses the answer's format by the parameter ``format`` or the Accept header (RFC 9110, 12.5.1)."""
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from http import HTTPStatus
 from typing import Annotated
 
@@ -20,6 +21,8 @@ MEDIA_TYPES: Mapping[FormatName, str] = {
     "arrow": ARROW,
     "parquet": PARQUET,
 }
+_LONGEST_KEPT = 256
+"""Longer Accept headers are read each time, so that no client fills the memory."""
 _ENDINGS = {name: name for name in MEDIA_TYPES} | {"arrow": "arrows"}
 
 # Not in the schema: OpenAPI ignores a parameter named Accept, since each answer lists its media types.
@@ -47,14 +50,22 @@ def preferred(offered: Sequence[str], accept: str | None) -> str:
     ApiError
         406 if it accepts none of them.
     """
-    best, best_quality = None, 0.0
-    for media_type in offered:
-        quality = _quality(media_type, accept or "*/*")
-        if quality > best_quality:
-            best, best_quality = media_type, quality
+    header = accept or "*/*"
+    find = _best if len(header) <= _LONGEST_KEPT else _best.__wrapped__
+    best = find(tuple(offered), header)
     if best is None:
         detail = f"accepted formats are {', '.join(offered)}"
         raise ApiError(HTTPStatus.NOT_ACCEPTABLE, "not_acceptable", detail)
+    return best
+
+
+@lru_cache(maxsize=256)  # clients send the same few again and again
+def _best(offered: tuple[str, ...], accept: str) -> str | None:
+    best, best_quality = None, 0.0
+    for media_type in offered:
+        quality = _quality(media_type, accept)
+        if quality > best_quality:
+            best, best_quality = media_type, quality
     return best
 
 

@@ -17,6 +17,7 @@ from service.api.formats.metadata import units_of
 
 POINTS, DOCUMENT, DESCRIPTOR = "points.parquet", "sweep.json", "datapackage.json"
 PROFILE = "https://datapackage.org/profiles/2.0/datapackage.json"
+ZIP = "application/zip"
 _TYPES: Mapping[ColumnKind, str] = {
     "integer": "integer",
     "number": "number",

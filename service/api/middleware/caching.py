@@ -20,8 +20,8 @@ _OF_CONTENT = ("content-length", "content-type", "content-encoding", "content-di
 class Caching:
     """Adds ETag and Cache-Control where an endpoint has not set them.
 
-    Endpoints that would read arrays set their own tag and answer 304 by themselves. The answers of all
-    others are small: their tag is that of their bytes.
+    The tags of answers for which arrays are read are set before (:mod:`service.api.tagged`), and most 304
+    are answered there. All others are small: their tag is that of their bytes.
     """
 
     def __init__(self, app: ASGIApp) -> None:

@@ -62,23 +62,21 @@ class Guard:
         await self._app(scope, receive, send)
 
     async def _admit(self, scope: Scope) -> ApiKey | None:
-        place = scope["method"], scope["path"]
-        if self._is_open(*place):
-            return None
+        try:
+            needed, refusal = self._access.needed(scope["method"], scope["path"]), None
+            if needed is OPEN:
+                return None
+        except HTTPException as unknown:
+            # Only clients with a key learn whether the path exists.
+            needed, refusal = OPEN, unknown
         resources: Resources = scope["app"].state.resources
         key = await _identify(Headers(scope=scope), resources)
         scope.setdefault("state", {})[RATE] = resources.limits.admit(key)
-        needed = self._access.needed(*place)
+        if refusal is not None:
+            raise refusal
         if key is not None and needed is not OPEN and not key.role.may(needed):
             raise _role_insufficient(key, needed)
         return key
-
-    def _is_open(self, method: str, path: str) -> bool:
-        try:
-            return self._access.needed(method, path) is OPEN
-        except HTTPException:
-            # Only clients with a key learn whether the path exists.
-            return False
 
 
 def _trusted(settings: Settings) -> frozenset[str]:

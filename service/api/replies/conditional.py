@@ -4,9 +4,8 @@ import hashlib
 import re
 from collections.abc import Iterator, Mapping
 from functools import cache
-from http import HTTPStatus
 
-from fastapi import Request, Response
+from fastapi import Request
 
 from service.dynamics.numerics import NUMERICS
 from service.versions import version_of
@@ -41,7 +40,7 @@ def tag_of_thing(request: Request, media_type: str, *identity: object) -> str:
         What the stored thing is, and the version of everything in it that can change.
     """
     query = sorted(request.query_params.multi_items(), key=lambda pair: pair[0])
-    return _tag(repr((_ours(), request.url.path, query, media_type, identity)).encode())
+    return _tag(repr((_ours(), request.scope["path"], query, media_type, identity)).encode())
 
 
 def tag_of_content(content: bytes) -> str:
@@ -71,16 +70,6 @@ def is_current(header: str | None, tag: str) -> bool:
         return True
     strong = (each[1] for each in _TAGS.finditer(header) if not each[0].lstrip().startswith("W/"))
     return any(_CODED.sub('"', each) == tag for each in strong)
-
-
-def unchanged(request: Request, tag: str, cache_control: str, **headers: str) -> Response | None:
-    """Return 304 if the client has the current answer already, before anything is read for it."""
-    known = matching_tag(request.headers.get("if-none-match"), tag)
-    if known is None:
-        return None
-    return Response(
-        status_code=HTTPStatus.NOT_MODIFIED, headers={**validators(known, cache_control), **headers}
-    )
 
 
 def validators(tag: str, cache_control: str) -> Mapping[str, str]:

@@ -48,8 +48,8 @@ class IdempotencyStore:
 
     def find(self, given: GivenKey) -> tuple[str, GivenAnswer] | None:
         """Return the answer to the first request with a key, and that request's fingerprint."""
-        with self._database.read() as session:
-            row = session.execute(_FIND, _place(given)).one_or_none()
+        with self._database.read_rows() as connection:
+            row = connection.execute(_FIND, _place(given)).one_or_none()
         if row is None:
             return None
         return row.fingerprint, GivenAnswer(row.status, row.headers, bytes(row.body))

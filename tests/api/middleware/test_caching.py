@@ -17,10 +17,17 @@ from service.api.replies.conditional import (
     tag_of_content,
 )
 from service.api.replies.kept_answers import KeptAnswers
+from service.api.tagged import TAGGED
+from service.jobs.keys import Role
+from service.schemas.reading.marks import Marks
+from service.storage.database.database import Database
+from service.storage.keys.key_store import KeyStore
 from service.storage.solutions.solution_store import SolutionStore
+from service.storage.sweeps.deleting import delete_solution
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.retention import prune_samples
 from tests.support.api import NEEDED_QUERY, PLANAR, STATE, finish, solve_job
+from tests.support.keys import make
 from tests.support.sweeps import SWEEP, finish_sweep
 
 pytestmark = pytest.mark.any_database
@@ -31,6 +38,7 @@ CERTIFIED = {
     "time": {"stop": 1, "samples": 3},
     "accuracy": {"tier": "certified"},
 }
+UNKNOWN = "01a1fcba-3232-7921-abd1-05ca72abad77"
 ARRAYS = ("dense", "samples", "samples_if_kept")
 
 
@@ -117,17 +125,102 @@ def test_what_never_changes_is_kept_and_what_may_change_is_asked_for(client, pla
     assert "etag" not in missing.headers
 
 
-def test_304_reads_no_arrays(client, places, monkeypatch):
-    paths = [places[f"/v1/solutions/{{solution_id}}{part}"] for part in ("/trajectory", "/enclosures", "")]
-    paths += [f"{paths[0]}?stop=1&samples=5&columns=t,g1", places["/v1/sweeps/{sweep_id}/points"]]
-    answers = {path: client.get(path) for path in paths}
+def shut(monkeypatch):
+    """Let whoever reads documents or arrays fail."""
     monkeypatch.setattr(KeptAnswers, "get", lambda self, tag, write: write())  # as in a service just started
-    for store, names in ((SolutionStore, (*ARRAYS, "get")), (SweepStore, ("chunks", "data"))):
+    for store, names in ((SolutionStore, (*ARRAYS, "get")), (SweepStore, ("get", "chunks", "data"))):
         for name in names:
-            monkeypatch.setattr(store, name, None)  # whoever calls it, fails
+            monkeypatch.setattr(store, name, None)
+    monkeypatch.setattr("service.api.routes.solutions.provenance.origin_of", None)
+
+
+def test_304_reads_no_arrays(client, places, monkeypatch):
+    paths = {places[template] for template in TAGGED}
+    for template, tagged in TAGGED.items():
+        if len(tagged.formats) > 1:
+            sign = "&" if "?" in places[template] else "?"
+            paths |= {f"{places[template]}{sign}format={name}" for name in tagged.formats}
+    paths |= {f"{places['/v1/solutions/{solution_id}/trajectory']}?stop=1&samples=5&columns=t,g1"}
+    answers = {path: client.get(path) for path in paths}
+    shut(monkeypatch)
     for path, answer in answers.items():
-        assert ask_again(client, path, answer).status_code == 304, path
+        assert answer.status_code == 200, path
+        again = ask_again(client, path, answer)
+        assert (again.status_code, again.content) == (304, b""), path
         assert client.get(path).status_code == 500, path
+
+
+def test_what_would_be_refused_is_refused_although_a_tag_is_sent(client, places):
+    for template, tagged in TAGGED.items():
+        path = places[template]
+        answer = client.get(path)
+        missing = template.replace("{solution_id}", UNKNOWN).replace("{sweep_id}", UNKNOWN)
+        wrong = f"{path}{'&' if '?' in path else '?'}"
+        cases = [
+            (missing + NEEDED_QUERY.get(template, ""), {}, 404),
+            (missing.replace(UNKNOWN, "x") + NEEDED_QUERY.get(template, ""), {}, 404),
+            (f"{wrong}nonsense=1", {}, 422),
+            (
+                f"{missing}?nonsense=1",
+                {},
+                422 if "sweep" not in template or template.endswith("age") else 404,
+            ),
+        ]
+        if len(tagged.formats) > 1:
+            cases += [
+                (path, {"Accept": "image/png"}, 406),
+                (f"{wrong}format=png", {}, 422),
+                (f"{wrong}format=json&format=json", {}, 422),
+            ]
+        for asked, headers, status in cases:
+            first = client.get(asked, headers=headers)
+            again = ask_again(client, asked, answer, **headers)
+            assert (first.status_code, again.status_code) == (status, status), asked
+            assert first.json() | {"request_id": None} == again.json() | {"request_id": None}, asked
+
+
+def test_without_a_key_nobody_is_told_that_nothing_has_changed(client, places, database, app):
+    path = places["/v1/solutions/{solution_id}/trajectory"]
+    answer = client.get(path)
+    key, own = make(database, Role.READ)
+    app.state.resources.keys._known = None  # as two seconds later
+    assert ask_again(client, path, answer).status_code == 401
+    assert ask_again(client, path, answer, **own).status_code == 304
+    KeyStore(database).revoke(key.prefix)
+    app.state.resources.keys._known = None
+    assert ask_again(client, path, answer, **own).status_code == 401
+
+
+def test_304_sees_what_another_process_has_changed(client, stored, database, solutions):
+    summary = f"/v1/solutions/{stored.solution_id}"
+    paths = [summary, f"{summary}/trajectory", f"{summary}/function"]
+
+    def ask():
+        return {path: client.get(path) for path in paths}
+
+    def again(answers):
+        return [ask_again(client, path, answer).status_code for path, answer in answers.items()]
+
+    answers = ask()
+    assert again(answers) == again(answers) == [304, 304, 304]
+    solutions.mark(stored.solution_id, lambda solution: Marks({"project": "thesis"}))
+    assert again(answers) == [200, 304, 304]
+    answers = ask()
+    assert again(answers) == [304, 304, 304]
+    assert prune_samples(database, older_than_seconds=-60.0).solutions == 1
+    assert again(answers) == [304, 200, 200]
+    answers = ask()
+    assert again(answers) == [304, 304, 304]
+    delete_solution(database, stored.solution_id)
+    assert again(answers) == [404, 404, 404]
+
+
+def test_while_nobody_commits_304_reads_no_row(client, stored, monkeypatch, url):
+    path = f"/v1/solutions/{stored.solution_id}/trajectory"
+    answer = client.get(path)
+    assert ask_again(client, path, answer).status_code == 304
+    monkeypatch.setattr(Database, "read_rows", None)  # whoever opens a transaction, fails
+    assert ask_again(client, path, answer).status_code == (304 if "sqlite" in url else 500)
 
 
 def test_another_format_query_or_solution_has_another_tag(client, stored, jobs):

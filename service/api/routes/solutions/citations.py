@@ -7,19 +7,18 @@ from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 
 from service.api.dependencies import Inside
-from service.api.formats.citation import Cited, bibtex, cff, title_of
+from service.api.formats.citation import CITATIONS, Cited, bibtex, cff, title_of
 from service.api.formats.negotiation import Accept, preferred
 from service.api.queries.format_names import FORMAT_HELP
 from service.api.queries.queries import QueryModel, query_of, query_parameters
-from service.api.replies.conditional import IMMUTABLE, tag_of_thing, unchanged, validators
 from service.api.replies.places import SolutionId
 from service.api.replies.responses import refusals
+from service.api.tagged import told_of
 from service.storage.solutions.standing import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
-FORMATS: Mapping[str, str] = {"bibtex": "application/x-bibtex", "cff": "application/yaml"}
-WRITERS: Mapping[str, Callable[[Cited], str]] = {FORMATS["bibtex"]: bibtex, FORMATS["cff"]: cff}
+WRITERS: Mapping[str, Callable[[Cited], str]] = {CITATIONS["bibtex"]: bibtex, CITATIONS["cff"]: cff}
 
 
 class CitationQuery(QueryModel):
@@ -48,11 +47,9 @@ def get_citation(
     accept: Accept = None,
 ) -> Response:
     """Return how to cite a solution in a paper: what it is, what computed it, whose method it is."""
-    media_type = preferred(list(WRITERS), accept) if query.format is None else FORMATS[query.format]
-    standing = standing_of(inside.database, solution_id)
-    tag = tag_of_thing(request, media_type, standing.id, standing.digest)
-    if known := unchanged(request, tag, IMMUTABLE, Vary="Accept"):
-        return known
+    media_type = preferred(list(WRITERS), accept) if query.format is None else CITATIONS[query.format]
+    told = told_of(request, inside)
+    standing = inside.remembered.get(standing_of, solution_id)
     solution = inside.solutions.get(solution_id)
     provenance = solution.summary["provenance"]
     assert isinstance(provenance, Mapping)
@@ -64,5 +61,4 @@ def get_citation(
         provenance["version"],
         provenance["numerics"],
     )
-    headers = {**validators(tag, IMMUTABLE), "Vary": "Accept"}
-    return Response(WRITERS[media_type](cited), media_type=media_type, headers=headers)
+    return Response(WRITERS[media_type](cited), media_type=media_type, headers=told)

@@ -9,16 +9,15 @@ from numpy.typing import NDArray
 
 from service.api.dependencies import Inside
 from service.api.queries.queries import without_query
-from service.api.replies.conditional import IMMUTABLE, tag_of_thing, unchanged, validators
 from service.api.replies.errors import ApiError
 from service.api.replies.places import SolutionId
-from service.api.replies.responses import JSON, json_response, refusals
+from service.api.replies.responses import json_response, refusals
+from service.api.tagged import told_of
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, as_decimals, join
 from service.schemas.reading.balls import ONE_AT_A_TIME
 from service.schemas.replies.solution import EnclosureOut, EnclosuresOut
 from service.storage.codecs.arrays import decode_arrays
-from service.storage.solutions.standing import standing_of
 
 FloatArray = NDArray[np.float64]
 
@@ -33,9 +32,7 @@ router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 )
 def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Return the six variables at the exact times that were asked, as decimals with proven radii."""
-    tag = tag_of_thing(request, JSON, standing_of(inside.database, solution_id))
-    if known := unchanged(request, tag, IMMUTABLE):
-        return known
+    told = told_of(request, inside)
     stored = decode_arrays(inside.solutions.samples(solution_id))
     names = [name for name in COLUMNS if f"{name}.{RADIUS}" in stored]
     if not names:
@@ -46,7 +43,7 @@ def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) ->
         columns = {name: _enclosures(stored, name) for name in names}
         times = _enclosures(stored, "t")
     document = EnclosuresOut(t=stored["t"].tolist(), times=times, columns=columns)
-    return json_response(document, headers=validators(tag, IMMUTABLE))
+    return json_response(document, headers=told)
 
 
 def _enclosures(stored: Mapping[str, FloatArray], name: str) -> list[EnclosureOut]:

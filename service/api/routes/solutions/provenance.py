@@ -5,12 +5,11 @@ from fastapi import APIRouter, Request, Response
 from service.api.dependencies import Inside
 from service.api.formats.prov_json import provenance_graph
 from service.api.queries.queries import without_query
-from service.api.replies.conditional import REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.places import SolutionId
-from service.api.replies.responses import JSON, json_response, refusals
+from service.api.replies.responses import json_response, refusals
+from service.api.tagged import told_of
 from service.schemas.replies.provenance import ProvenanceGraphOut
 from service.storage.solutions.origin import origin_of
-from service.storage.solutions.standing import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
@@ -28,9 +27,6 @@ def get_provenance(request: Request, solution_id: SolutionId, inside: Inside) ->
     the solution; activities are the examination and each attempt; agents are the
     workers, polhode and the libraries with their versions.
     """
-    standing = standing_of(inside.database, solution_id)
-    tag = tag_of_thing(request, JSON, standing.id, standing.digest)
-    if known := unchanged(request, tag, REVALIDATE):
-        return known
+    told = told_of(request, inside)
     document = provenance_graph(origin_of(inside.database, solution_id))
-    return json_response(document, headers=validators(tag, REVALIDATE))
+    return json_response(document, headers=told)

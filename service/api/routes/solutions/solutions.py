@@ -12,10 +12,11 @@ from starlette.concurrency import run_in_threadpool
 from service.api.dependencies import Inside, Resources
 from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
-from service.api.replies.conditional import REVALIDATE, tag_of_thing, unchanged, validators
+from service.api.replies.conditional import tag_of_thing
 from service.api.replies.places import SolutionId
 from service.api.replies.records import solution_out
 from service.api.replies.responses import JSON, json_content, refusals
+from service.api.tagged import told_of
 from service.dynamics.motion import SolvedBy
 from service.dynamics.problem import Tier
 from service.schemas.problem.potentials import FamilyName
@@ -112,17 +113,15 @@ def _page(request: Request, listing: Listing, inside: Resources) -> Response:
 )
 def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Show a solution without its arrays."""
-    standing, marks = standing_and_marks(inside.database, solution_id)
-    tag = solution_tag(request, standing, marks)
-    if known := unchanged(request, tag, REVALIDATE):
-        return known
+    standing, marks = inside.remembered.get(standing_and_marks, solution_id)
+    told = told_of(request, inside, (standing, marks))
 
     def content() -> bytes:
         # With the marks that are in the tag: they may have changed since.
         solution = replace(inside.solutions.get(solution_id), marks=marks)
         return json_content(solution_out(solution))
 
-    return Response(inside.answers.get(tag, content), media_type=JSON, headers=validators(tag, REVALIDATE))
+    return Response(inside.answers.get(told["ETag"], content), media_type=JSON, headers=told)
 
 
 def solution_tag(request: Request, standing: SolutionStanding, marks: Marks) -> str:

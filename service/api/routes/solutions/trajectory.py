@@ -13,7 +13,7 @@ from pydantic import Field, PlainValidator, WithJsonSchema
 
 from service.api.dependencies import Inside, Resources
 from service.api.formats.functions import write_function
-from service.api.formats.negotiation import JSON, PARQUET, Accept, chosen, named_file
+from service.api.formats.negotiation import PARQUET, Accept, chosen, named_file
 from service.api.formats.trajectories import Trajectory, media_types, write
 from service.api.keys.limits import query_samples_faults
 from service.api.queries.format_names import FORMAT_HELP, FormatName
@@ -25,10 +25,10 @@ from service.api.queries.queries import (
     refuse_if_any,
     without_query,
 )
-from service.api.replies.conditional import IMMUTABLE, tag_of_thing, unchanged, validators
 from service.api.replies.errors import ApiError
 from service.api.replies.places import SolutionId
 from service.api.replies.responses import refusals
+from service.api.tagged import told_of
 from service.dynamics.equations.orientation import (
     QUATERNION,
     column_names,
@@ -53,7 +53,6 @@ from service.schemas.replies.solution import TrajectoryOut
 from service.settings import Settings
 from service.storage.codecs.arrays import decode_arrays, decode_dense
 from service.storage.solutions.solution_store import Solution
-from service.storage.solutions.standing import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
@@ -123,10 +122,7 @@ def get_trajectory(
     faults = [*asked.faults, *([] if is_stored else _faults_of_times(asked, inside.settings))]
     if faults:
         refuse_if_any([*faults, *_faults_of_columns(inside, solution_id, query.columns)])
-    tag = tag_of_thing(request, media_type, standing_of(inside.database, solution_id))
-    if known := unchanged(request, tag, IMMUTABLE, Vary="Accept"):
-        return known
-    told: dict[str, str] = {}
+    told = told_of(request, inside)
     if is_stored:
         packet = inside.solutions.samples_if_kept(solution_id)
         samples = _remade(inside, solution_id) if packet is None else _stored(inside, solution_id, packet)
@@ -137,9 +133,10 @@ def get_trajectory(
         if query.preview is None:
             samples = _evaluated(alone, _times(query))
         else:
-            samples, told = _previewed(inside, solution_id, alone, query)
+            samples, off = _previewed(inside, solution_id, alone, query)
+            told |= off
     file = named_file(f"trajectory-{solution_id}", media_type)
-    headers = {**validators(tag, IMMUTABLE), **file, SOURCE_HEADER: samples.source, **told}
+    headers = {**told, **file, SOURCE_HEADER: samples.source}
     about = _about(inside.solutions.get(solution_id)) if media_type == PARQUET else {}
     return write(_selected(samples, query.columns), media_type, headers, about)
 
@@ -152,12 +149,10 @@ def get_trajectory(
 )
 def get_function(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Return the motion as a function of time, which clients evaluate at any times themselves."""
-    tag = tag_of_thing(request, JSON, standing_of(inside.database, solution_id))
-    if known := unchanged(request, tag, IMMUTABLE):
-        return known
+    told = told_of(request, inside)
     dense = decode_dense(inside.solutions.dense(solution_id))
     _require_series(dense.columns)
-    return write_function(dense, validators(tag, IMMUTABLE))
+    return write_function(dense, told)
 
 
 def _about(solution: Solution) -> dict[str, object]:

@@ -13,14 +13,15 @@ from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, NPZ, Accep
 from service.api.formats.npz import coded, npz_file
 from service.api.queries.grid import GridQuery, GridWish, read_grid_wish
 from service.api.queries.queries import Asked, asked_of, query_parameters
-from service.api.replies.conditional import IMMUTABLE, REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
+from service.api.tagged import told_of
 from service.schemas.replies.sweep import GridOut
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from service.storage.sweeps.point_grid import PointGrid, cell_indices, read_grid
 from service.storage.sweeps.point_reader import PointReader
+from service.storage.sweeps.standing import standing_in
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
@@ -58,18 +59,9 @@ def get_grid(
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     wish = read_grid_wish(asked, sweep)
-    # As for the points: chunks are only ever added.
-    tag = tag_of_thing(request, media_type, record.id, record.done, record.refused)
-    keeping = REVALIDATE if record.finished_at is None else IMMUTABLE
-    if known := unchanged(request, tag, keeping, Vary="Accept"):
-        return known
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=False)
     grid = read_grid(reader, cell_indices(sweep, wish.at), wish.of)
-    headers = {
-        **validators(tag, keeping),
-        "Vary": "Accept",
-        **named_file(f"grid-{record.id}", media_type),
-    }
+    headers = told_of(request, inside, standing_in(record)) | named_file(f"grid-{record.id}", media_type)
     return Response(_WRITERS[media_type](sweep, wish, grid), media_type=media_type, headers=headers)
 
 

@@ -7,21 +7,20 @@ from fastapi.responses import StreamingResponse
 
 from service.api.dependencies import Inside
 from service.api.formats.metadata import about_points, errors_of_points, provenance_of_points
-from service.api.formats.packages import Package, package
+from service.api.formats.packages import ZIP, Package, package
 from service.api.formats.points import kinds_of, parquet
 from service.api.middleware.methods import is_head
 from service.api.queries.points import PointsQuery, read_wish
 from service.api.queries.queries import Asked, without_query
-from service.api.replies.conditional import IMMUTABLE, tag_of_thing, unchanged, validators
 from service.api.replies.errors import ApiError
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
+from service.api.tagged import told_of
 from service.schemas.sweep.reading import read_sweep
 from service.storage.sweeps.point_reader import PointReader
+from service.storage.sweeps.standing import standing_in
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
-
-ZIP = "application/zip"
 
 
 @router.get(
@@ -42,13 +41,8 @@ def get_package(request: Request, sweep_id: SweepId, inside: Inside) -> Response
     if record.finished_at is None:
         detail = f"sweep {record.id} is {record.state}: only what has finished is a package; wait for its end"
         raise ApiError(HTTPStatus.CONFLICT, "not_finished", detail)
-    tag = tag_of_thing(request, ZIP, record.id, record.done, record.refused)
-    if known := unchanged(request, tag, IMMUTABLE):
-        return known
-    told = {
-        **validators(tag, IMMUTABLE),
-        "Content-Disposition": f'attachment; filename="sweep-{record.id}.zip"',
-    }
+    told = told_of(request, inside, standing_in(record))
+    told["Content-Disposition"] = f'attachment; filename="sweep-{record.id}.zip"'
     if is_head(request):
         return Response(media_type=ZIP, headers=told)
     sweep = read_sweep(record.document)

@@ -28,16 +28,17 @@ from service.api.queries.points import (
     read_wish,
 )
 from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any
-from service.api.replies.conditional import IMMUTABLE, REVALIDATE, tag_of_thing, unchanged, validators
 from service.api.replies.errors import invalid_request
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
+from service.api.tagged import told_of
 from service.jobs.sweeps import SweepRecord
 from service.schemas.reading.faults import Fault
 from service.schemas.replies.sweep import PointPageOut
 from service.schemas.sweep.reading import read_sweep
 from service.storage.sweeps.point_query import PointQuery
 from service.storage.sweeps.point_reader import PointBlock, PointReader
+from service.storage.sweeps.standing import standing_in
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
@@ -76,12 +77,7 @@ def get_points(
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     is_page = media_type == JSON
     refuse_if_any([*wish.faults, *(_faults_of_page(wish.query.limit, reader) if is_page else ())])
-    # Chunks are only ever added, so the number of points that are done says which there are.
-    tag = tag_of_thing(request, media_type, record.id, record.done, record.refused)
-    keeping = REVALIDATE if record.finished_at is None else IMMUTABLE
-    if known := unchanged(request, tag, keeping, Vary="Accept"):
-        return known
-    told = {**validators(tag, keeping), "Vary": "Accept", **named_file(f"points-{record.id}", media_type)}
+    told = told_of(request, inside, standing_in(record)) | named_file(f"points-{record.id}", media_type)
     if is_page:
         return _page(request, asked.parameters, record, wish, reader, told)
     _check_size_of_sort(wish, reader)
