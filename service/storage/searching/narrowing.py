@@ -60,7 +60,7 @@ def in_order_of_labels(source: Source, query: ListQuery) -> tuple[Source, tuple[
         "created_at": labels.created_at.expression,
     }
     others = tuple(each for each in query.conditions if each != wanted)
-    return replace(source, facts={**source.facts, **columns}, always=always), others
+    return replace(source, facts={**source.facts, **columns}, always=always, walked=frozenset()), others
 
 
 def _by_subject(source: Source, conditions: Sequence[Condition]) -> dict[Subject, list[Condition]]:

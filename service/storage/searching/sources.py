@@ -46,6 +46,8 @@ class Source:
     """Facts and pointers that have an index of their own, and may be met by few rows."""
     always: tuple[ColumnElement[bool], ...] = ()
     """What every listed row meets."""
+    walked: frozenset[str] = frozenset()
+    """Facts and pointers whose index has the id as its second column, or the id itself."""
 
     def expression(self, subject: Subject) -> Expression:
         """Return the SQL of a subject."""
@@ -90,6 +92,12 @@ _RESULTS: Mapping[str, InstrumentedAttribute[Any]] = {
 }
 assert set(_RESULTS) == set(OF_RESULTS)
 
+_IN_ORDER = frozenset(
+    {"id", "created_at", "A", "B", "C", "period", "energy", "error", "drift", "trace", "seconds"}
+    | {"/body/A", "/body/B", "/body/C", "/motion/lambda"}
+)
+"""Of solutions, what has an index that begins with it and goes on with the id."""
+
 OF_SOLUTION_ROWS = Source(
     "solutions",
     SolutionRow,
@@ -114,10 +122,8 @@ OF_SOLUTION_ROWS = Source(
         "/motion/lambda": SolutionRow.lambda_.expression,
     },
     frozenset({"id", "job", "digest", "created_at"}),
-    frozenset(
-        {"id", "job", "digest", "created_at", "A", "B", "C", "period", "energy", "error", "drift", "trace"}
-        | {"seconds", "/body/A", "/body/B", "/body/C", "/motion/lambda"}
-    ),
+    _IN_ORDER | {"job", "digest"},
+    walked=_IN_ORDER,
 )
 OF_JOB_ROWS = Source(
     "jobs",
