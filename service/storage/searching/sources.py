@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any  # SQL expressions of some type
 
-from sqlalchemy import ColumnElement, select
+from sqlalchemy import ColumnElement, Integer, literal_column, select
 from sqlalchemy.orm import InstrumentedAttribute
 
 from service.jobs.states import JobKind
@@ -67,6 +67,11 @@ class Source:
         labels = self.labels
         owned = labels.owner_id == self.row.id, labels.key == key
         return select(labels.value).where(*owned).scalar_subquery()
+
+    @property
+    def rowid(self) -> ColumnElement[int]:
+        """The number under which SQLite keeps a row, and finds it without an index."""
+        return literal_column(f"{self.row.__tablename__}.rowid", Integer())
 
     @property
     def labels(self) -> type[AnyLabelRow]:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any  # conditions and rows of some type
 
-from sqlalchemy import ColumnElement, Row, Select, func, literal_column, select
+from sqlalchemy import ColumnElement, Row, Select, func, select
 from sqlalchemy.orm import Session
 
 from service.schemas.query.conditions import Value
@@ -20,7 +20,6 @@ from service.schemas.query.list_query import ID
 from service.storage.database.database import is_postgres
 from service.storage.searching.ordering import SortedColumn, beyond, sorting_of
 from service.storage.searching.sources import Source
-from service.storage.tables.base import Base
 
 WINDOW = 200
 """Rows of the first window."""
@@ -34,7 +33,7 @@ MOST = 20_000
 class Walk:
     """How a part of a list can be walked in an index."""
 
-    row: type[Base]
+    source: Source
     order: Sequence[SortedColumn]
     """Its first column has a value in every row of the part."""
     along: Sequence[SortedColumn]
@@ -44,7 +43,7 @@ class Walk:
 
     def window(self, bounds: Sequence[ColumnElement[Any]], *columns: ColumnElement[Any]) -> Select[Any]:
         """Return the statement that reads columns of the index from some bounds on."""
-        statement = select(*columns).select_from(self.row).where(*self.inside, *bounds)
+        statement = select(*columns).select_from(self.source.row).where(*self.inside, *bounds)
         return statement.order_by(*sorting_of(self.along)).correlate(None)
 
     @property
@@ -61,7 +60,7 @@ def walk_of(
     if is_postgres(session.connection()) or first.may_be_null or first.subject.name not in source.walked:
         return None
     is_like_index = not others or (others[0].subject == ID and others[0].descending == first.descending)
-    return Walk(source.row, order, order if is_like_index else order[:1], inside)
+    return Walk(source, order, order if is_like_index else order[:1], inside)
 
 
 def walked(
@@ -75,7 +74,7 @@ def walked(
 
     ``statement`` has all conditions, also that for what comes after the place ``after``.
     """
-    rowid: ColumnElement[int] = literal_column(f"{walk.row.__tablename__}.rowid")
+    rowid = walk.source.rowid
     statement = statement.order_by(*sorting_of(walk.order))
     rows: list[Row[Any]] = []
     bounds, seen, size = _from(walk, after), 0, WINDOW
