@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session, aliased
 
 from service.schemas.query.conditions import Condition, Subject
 from service.schemas.query.list_query import ListQuery
+from service.storage.database.database import is_postgres
 from service.storage.searching.conditions import conditions_of, labelled
 from service.storage.searching.sources import Expression, Source
 
@@ -27,7 +28,7 @@ _IN_LABELS = ("id", "created_at")
 
 
 def narrowed(session: Session, source: Source, query: ListQuery) -> list[ColumnElement[Any]]:
-    """Return a condition on ids that the conditions of the query imply, if few rows meet one of them."""
+    """Return a condition on rows that the conditions of the query imply, if few rows meet one of them."""
     first = query.keys[0].subject
     for subject, conditions in _by_subject(source, query.conditions).items():
         if subject.place == "label":
@@ -38,7 +39,11 @@ def narrowed(session: Session, source: Source, query: ListQuery) -> list[ColumnE
             ids = select(source.row.id).where(*conditions_of(source, conditions))
         # Counted in the index first: to read the ids takes ten times as long.
         if (session.scalar(select(func.count()).select_from(ids.limit(FEW + 1).subquery())) or 0) <= FEW:
-            return [source.row.id.in_(session.scalars(ids.limit(FEW + 1)).all())]
+            if subject.place == "label" or is_postgres(session.connection()):
+                return [source.row.id.in_(session.scalars(ids.limit(FEW + 1)).all())]
+            # The index has the place of each row: none is looked up by its id.
+            rowids = ids.with_only_columns(source.rowid).select_from(source.row)
+            return [source.rowid.in_(rowids.limit(FEW + 1).correlate(None))]
     return []
 
 
@@ -60,7 +65,7 @@ def in_order_of_labels(source: Source, query: ListQuery) -> tuple[Source, tuple[
         "created_at": labels.created_at.expression,
     }
     others = tuple(each for each in query.conditions if each != wanted)
-    return replace(source, facts={**source.facts, **columns}, always=always), others
+    return replace(source, facts={**source.facts, **columns}, always=always, walked=frozenset()), others
 
 
 def _by_subject(source: Source, conditions: Sequence[Condition]) -> dict[Subject, list[Condition]]:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any  # SQL expressions of some type
 
-from sqlalchemy import ColumnElement, select
+from sqlalchemy import ColumnElement, Integer, literal_column, select
 from sqlalchemy.orm import InstrumentedAttribute
 
 from service.jobs.states import JobKind
@@ -46,6 +46,8 @@ class Source:
     """Facts and pointers that have an index of their own, and may be met by few rows."""
     always: tuple[ColumnElement[bool], ...] = ()
     """What every listed row meets."""
+    walked: frozenset[str] = frozenset()
+    """Facts and pointers whose index has the id as its second column, or the id itself."""
 
     def expression(self, subject: Subject) -> Expression:
         """Return the SQL of a subject."""
@@ -65,6 +67,11 @@ class Source:
         labels = self.labels
         owned = labels.owner_id == self.row.id, labels.key == key
         return select(labels.value).where(*owned).scalar_subquery()
+
+    @property
+    def rowid(self) -> ColumnElement[int]:
+        """The number under which SQLite keeps a row, and finds it without an index."""
+        return literal_column(f"{self.row.__tablename__}.rowid", Integer())
 
     @property
     def labels(self) -> type[AnyLabelRow]:
@@ -90,6 +97,12 @@ _RESULTS: Mapping[str, InstrumentedAttribute[Any]] = {
 }
 assert set(_RESULTS) == set(OF_RESULTS)
 
+_IN_ORDER = frozenset(
+    {"id", "created_at", "A", "B", "C", "period", "energy", "error", "drift", "trace", "seconds"}
+    | {"/body/A", "/body/B", "/body/C", "/motion/lambda"}
+)
+"""Of solutions, what has an index that begins with it and goes on with the id."""
+
 OF_SOLUTION_ROWS = Source(
     "solutions",
     SolutionRow,
@@ -114,10 +127,8 @@ OF_SOLUTION_ROWS = Source(
         "/motion/lambda": SolutionRow.lambda_.expression,
     },
     frozenset({"id", "job", "digest", "created_at"}),
-    frozenset(
-        {"id", "job", "digest", "created_at", "A", "B", "C", "period", "energy", "error", "drift", "trace"}
-        | {"seconds", "/body/A", "/body/B", "/body/C", "/motion/lambda"}
-    ),
+    _IN_ORDER | {"job", "digest"},
+    walked=_IN_ORDER,
 )
 OF_JOB_ROWS = Source(
     "jobs",
