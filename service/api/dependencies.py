@@ -23,6 +23,7 @@ from service.local.wakeup import Doorbell
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
+from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
@@ -38,6 +39,7 @@ class Resources:
     jobs: JobStore
     solutions: SolutionStore
     audits: AuditStore
+    atlases: AtlasStore
     sweeps: SweepStore
     sandbox: Sandbox
     verdicts: VerdictQueue

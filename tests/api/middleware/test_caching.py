@@ -1,5 +1,6 @@
 """Asking again is free: each GET has a strong tag, and 304 exactly when nothing has changed."""
 
+import json
 import re
 
 import pytest
@@ -22,12 +23,19 @@ from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.retention import prune_samples
 from tests.support.api import NEEDED_QUERY, PLANAR, STATE, finish, solve_job
 from tests.support.sweeps import SWEEP, finish_sweep
+from workers.process.tasks import draw_atlas
 
 STRONG = re.compile(r'"[0-9a-f]{32}(-gzip|-zstd)?"')
 CERTIFIED = {
     **PLANAR,
     "time": {"stop": 1, "samples": 3},
     "accuracy": {"tier": "certified"},
+}
+ATLAS = {
+    "body": {"A": 2, "C": 1},
+    "potential": {"type": "expression", "expression": "-g1"},
+    "lambda": [1, 2],
+    "samples": 9,
 }
 ARRAYS = ("dense", "samples", "samples_if_kept")
 
@@ -40,8 +48,11 @@ def places(client, jobs):
     finish_sweep(jobs)
     audit = client.post(f"/v1/solutions/{certified['id']}/audits").json()
     jobs.cancel(audit["id"])
+    atlas = client.post("/v1/atlases", json=ATLAS, headers={"Prefer": "respond-async"}).json()
+    assert jobs.finish(jobs.claim("test", lease_seconds=60.0), draw_atlas(json.dumps(ATLAS)))[0]
     ids = {
         "audit_id": audit["id"],
+        "atlas_id": atlas["id"],
         "job_id": certified["job"],
         "solution_id": certified["id"],
         "sweep_id": sweep["id"],
@@ -104,8 +115,9 @@ def test_every_path_says_its_methods(client, places):
 
 def test_what_never_changes_is_kept_and_what_may_change_is_asked_for(client, places, jobs):
     endings = ("/trajectory", "/function", "/enclosures", "/points", "/grid", "/citation", "/package")
+    endings += ("/v1/atlases/{atlas_id}",)
     immutable = {path for path in places if path.endswith(endings)}
-    assert len(immutable) == 7
+    assert len(immutable) == 8
     for template, path in places.items():
         if template not in VOLATILE and not template.startswith("/docs"):
             expected = IMMUTABLE if template in immutable else REVALIDATE
