@@ -56,7 +56,7 @@ EXAMPLES: dict[str, object] = {
     "of a formula in g2": {
         "value": {
             "body": {"A": 3, "C": 2},
-            "potential": {"type": "general", "F": "w", "G": "g2^2"},
+            "potential": {"type": "expression", "expression": "(3*g1^2 + 2*g3^2)*cos(5*g2)"},
             "lambda": ["1/2", 2],
             "samples": 41,
         }

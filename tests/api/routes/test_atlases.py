@@ -7,6 +7,8 @@ import xml.etree.ElementTree as ET
 import pyarrow as pa
 import pytest
 
+from service.api.routes.atlases import EXAMPLES
+
 ARROW = "application/vnd.apache.arrow.stream"
 ATLAS = {
     "body": {"A": 2, "C": 1},
@@ -79,6 +81,14 @@ def test_a_picture_is_an_svg_document_with_a_band_for_every_window(client):
 def test_periods_are_left_out_where_they_are_not_asked(client):
     atlas = drawn(client, {**ATLAS, "outputs": []}).json()
     assert all(w["period"] is None for part in atlas["parts"] for w in part["samples"]["windows"])
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_examples_of_bodies_have_atlases(client, name):
+    """Reading alone does not tell: what is read may be refused."""
+    example = EXAMPLES[name]["value"]
+    status = 202 if "stability" in example.get("outputs", ()) else 200
+    assert drawn(client, example).status_code == status
 
 
 @pytest.mark.parametrize(
