@@ -24,6 +24,7 @@ from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.database.remembered import Remembered
+from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
@@ -39,6 +40,7 @@ class Resources:
     jobs: JobStore
     solutions: SolutionStore
     audits: AuditStore
+    atlases: AtlasStore
     sweeps: SweepStore
     sandbox: Sandbox
     verdicts: VerdictQueue

@@ -37,8 +37,15 @@ class SubmissionTerms:
         return None if self.holder is None else self.holder.id
 
 
-async def queue(inside: Resources, terms: SubmissionTerms, store: Store, show: Show) -> Response:
-    """Store a job, and answer with what ``show`` tells of it: 202, or 200 if it has ended in time."""
+async def queue(
+    inside: Resources,
+    terms: SubmissionTerms,
+    store: Store,
+    show: Show,
+    *,
+    in_time: HTTPStatus = HTTPStatus.OK,
+) -> Response:
+    """Store a job, and answer with what ``show`` tells of it: 202, or ``in_time`` if it has ended in time."""
 
     def submitted(job: Job) -> Response:
         model, place = show(job)
@@ -54,7 +61,7 @@ async def queue(inside: Resources, terms: SubmissionTerms, store: Store, show: S
         ended = inside.jobs.get(job.id)
         model, place = show(ended)
         headers = {"Location": place, "Preference-Applied": f"wait={terms.seconds}"}
-        status = HTTPStatus.OK if ended.is_finished else HTTPStatus.ACCEPTED
+        status = in_time if ended.is_finished else HTTPStatus.ACCEPTED
         answer = json_response(model, status=status, headers=headers)
         inside.idempotency.keep(terms.given, answer)
         return answer

@@ -19,15 +19,17 @@ from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import Resources
+from service.api.formats.atlases import FORMATS
 from service.api.formats.citation import CITATIONS
 from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, NPZ, preferred
 from service.api.formats.packages import ZIP
 from service.api.replies.conditional import IMMUTABLE, REVALIDATE, matching_tag, tag_of_thing, validators
 from service.api.replies.errors import ApiError
-from service.jobs.errors import SolutionNotFoundError
+from service.jobs.errors import AtlasNotFoundError, SolutionNotFoundError
 from service.jobs.sweeps import SweepNotFoundError
 from service.schemas.reading.marks import Marks
 from service.storage.database.remembered import Read
+from service.storage.solutions.atlas_store import known_atlas
 from service.storage.solutions.standing import SolutionStanding, standing_and_marks, standing_of
 from service.storage.sweeps.standing import SweepStanding, sweep_standing_of
 
@@ -45,7 +47,7 @@ class Tagged(Generic[Standing]):
     keeping: Callable[[Standing], str]
     """Its Cache-Control."""
     formats: Mapping[Any, str]
-    """Media types by the parameter ``format``; a single one is not negotiated."""
+    """Media types by the parameter ``format``, where there is that; a single one is not negotiated."""
 
     @property
     def varies(self) -> Mapping[str, str]:
@@ -65,7 +67,7 @@ class Tagged(Generic[Standing]):
             return None
 
 
-def _as_it_is(standing: SolutionStanding) -> tuple[object, ...]:
+def _as_it_is(standing: object) -> tuple[object, ...]:
     return (standing,)
 
 
@@ -101,6 +103,7 @@ TAGGED: Mapping[str, Tagged[Any]] = {
     "/v1/solutions/{solution_id}/enclosures": Tagged(standing_of, _as_it_is, _for_ever, _JSON),
     "/v1/solutions/{solution_id}/citation": Tagged(standing_of, _solved, _for_ever, CITATIONS),
     "/v1/solutions/{solution_id}/provenance": Tagged(standing_of, _solved, _for_now, _JSON),
+    "/v1/atlases/{atlas_id}": Tagged(known_atlas, _as_it_is, _for_ever, {name: name for name in FORMATS}),
     "/v1/sweeps/{sweep_id}/points": Tagged(sweep_standing_of, _computed, _till_the_end, MEDIA_TYPES),
     "/v1/sweeps/{sweep_id}/grid": Tagged(
         sweep_standing_of, _computed, _till_the_end, {"json": JSON, "arrow": ARROW, "npz": NPZ}
@@ -123,7 +126,7 @@ async def unchanged(request: Request, tagged: Tagged[Any]) -> Response | None:
     if standing is None:
         try:
             standing = await run_in_threadpool(resources.remembered.get, tagged.read, thing_id)
-        except (SolutionNotFoundError, SweepNotFoundError):
+        except (AtlasNotFoundError, SolutionNotFoundError, SweepNotFoundError):
             return None  # the endpoint says so, after all that is wrong with the query
     known = matching_tag(header, tag_of_thing(request, media_type, *tagged.identity(standing)))
     if known is None:
@@ -142,7 +145,7 @@ def told_of(request: Request, inside: Resources, standing: object = None) -> dic
 
     Raises
     ------
-    SolutionNotFoundError, SweepNotFoundError
+    AtlasNotFoundError, SolutionNotFoundError, SweepNotFoundError
         There is nothing of that id.
     """
     tagged = TAGGED[request.scope["route"].path]

@@ -36,6 +36,13 @@ class AuditNotFoundError(LookupError):
         super().__init__(f"there is no audit {audit_id} of a solution {solution_id}")
 
 
+class AtlasNotFoundError(LookupError):
+    """There is no atlas of that id."""
+
+    def __init__(self, atlas_id: str) -> None:
+        super().__init__(f"there is no atlas {atlas_id}; a job has one when it has succeeded in drawing it")
+
+
 class StillAtWorkError(Exception):
     """What has not finished cannot be deleted."""
 

@@ -28,6 +28,7 @@ class Job:
     """Its solution was computed for an earlier job."""
     solution_id: str | None
     problem: Mapping[str, object]
+    """Of an atlas: what was asked."""
     digest: str
     """Equal for equal problems under equal numerics."""
     created_at: datetime
@@ -37,6 +38,7 @@ class Job:
     key_id: str | None
     """Of the key that submitted it; None if there were no keys."""
     marks: Marks = UNMARKED
+    kind: JobKind = JobKind.SOLVE
 
     @property
     def is_finished(self) -> bool:

@@ -58,4 +58,12 @@ class ChunkOutcome:
     """Seconds that computing them took."""
 
 
-Outcome = SolveOutcome | ChunkOutcome
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """The atlas that a document asked for."""
+
+    data: bytes
+    """Encoded by :mod:`service.storage.codecs.documents`."""
+
+
+Outcome = SolveOutcome | ChunkOutcome | Drawn

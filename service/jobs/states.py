@@ -10,6 +10,12 @@ class JobKind(StrEnum):
     """The solution of one problem."""
     CHUNK = "chunk"
     """Some neighbouring points of a sweep."""
+    ATLAS = "atlas"
+    """All planar motions over a range of λ."""
+
+
+SUBMITTED = frozenset({JobKind.SOLVE, JobKind.ATLAS})
+"""What clients submit, show, cancel and delete as a job; a chunk is a part of its sweep."""
 
 
 class JobState(StrEnum):

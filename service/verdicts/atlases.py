@@ -1,16 +1,18 @@
 """Draws the atlas of a potential as a document. Runs in a child that can be killed."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from math import isfinite
 
 from flint import arb
 
-from service.dynamics.atlas.atlas import Atlas, AtlasPart, make_atlas
+from service.dynamics.atlas.atlas import Atlas, AtlasPart, make_atlas, require_formula
 from service.dynamics.atlas.bands import Band, Measured, WindowSeries
 from service.dynamics.atlas.changes import Change
-from service.dynamics.verdict.verdict import decide
-from service.schemas.atlas.reading import AtlasQuestion, read_any_atlas
+from service.dynamics.verdict.verdict import Verdict, decide
+from service.schemas.atlas.reading import AtlasQuestion, read_atlas
 from service.verdicts.documents import Document, verdict_document
 from service.verdicts.kept import verdict_deadline
 from service.verdicts.refusals import answer_or_refusal, refusal_of_verdict
@@ -18,23 +20,62 @@ from service.verdicts.searches import deadline
 
 PROCESSOR_SECONDS, SECONDS = 4.0, 6.0
 """After either limit what is not proved is told as undecided; following the windows takes time too."""
+JOB_PROCESSOR_SECONDS, JOB_SECONDS = 60.0, 120.0
+"""The same limits of a job, for which nobody waits."""
+
+
+@dataclass(slots=True)
+class _Bell:
+    """Tells whether the time is over, and remembers that it has told so."""
+
+    is_over: Callable[[], bool]
+    has_rung: bool = False
+
+    def __call__(self) -> bool:
+        self.has_rung = self.has_rung or self.is_over()
+        return self.has_rung
 
 
 def examine_atlas(document_json: str) -> str:
-    """Answer what a document asks of an atlas: ``{"verdict": atlas}`` or ``{"error": …}``, as JSON."""
-    return json.dumps(answer_or_refusal(json.loads(document_json), _judge), allow_nan=False)
+    """Answer what a document asks of an atlas, for a client that waits, as JSON.
+
+    ``{"verdict": atlas, "is_late": …}``, where ``is_late`` tells that something is undecided since the time
+    was over, or ``{"error": …}``.
+    """
+    return _answer(document_json, partial(_draw, processor=PROCESSOR_SECONDS, clock=SECONDS))
 
 
-def _judge(document: object) -> Document:
-    asked = read_any_atlas(document)
+def examine_atlas_of_job(document_json: str) -> str:
+    """Answer the same with the time of a job."""
+    return _answer(document_json, partial(_draw, processor=JOB_PROCESSOR_SECONDS, clock=JOB_SECONDS))
+
+
+def examine_setting(document_json: str) -> str:
+    """Answer whether an atlas can be drawn: ``{"verdict": null}`` or ``{"error": …}``, as JSON."""
+    return _answer(document_json, lambda document: {"verdict": None, **_judge(read_atlas(document))[1]})
+
+
+def _answer(document_json: str, judge: Callable[[object], Document]) -> str:
+    return json.dumps(answer_or_refusal(json.loads(document_json), judge), allow_nan=False)
+
+
+def _draw(document: object, *, processor: float, clock: float) -> Document:
+    asked = read_atlas(document)
+    verdict, refused = _judge(asked)
+    if refused:
+        return refused
+    is_late = _Bell(deadline(processor, clock))
+    atlas = make_atlas(asked.body, asked.potential, asked.range, asked.samples, is_late)
+    found = {"verdict": verdict.verdict, **atlas_document(atlas, asked)}
+    return {"verdict": found, "is_late": bool(atlas.undecided) and is_late.has_rung}
+
+
+def _judge(asked: AtlasQuestion) -> tuple[Verdict, Document]:
+    """Return the verdict on the potential, and the refusal if it has no atlas, else an empty document."""
+    require_formula(asked.potential)
     verdict = decide(asked.body, asked.potential, verdict_deadline())
     answer = verdict_document(asked.body, verdict, asked.potential)
-    refused = refusal_of_verdict(verdict, answer, asked.accepts_undecided)
-    if refused is not None:
-        return refused
-    is_late = deadline(PROCESSOR_SECONDS, SECONDS)
-    atlas = make_atlas(asked.body, asked.potential, asked.range, asked.samples, is_late)
-    return {"verdict": {"verdict": verdict.verdict, **atlas_document(atlas, asked)}}
+    return verdict, refusal_of_verdict(verdict, answer, asked.accepts_undecided) or {}
 
 
 def atlas_document(atlas: Atlas, asked: AtlasQuestion) -> Document:

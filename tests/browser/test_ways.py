@@ -206,6 +206,22 @@ def test_a_fault_stands_at_its_field(tab):
     tab.faults[:] = [fault for fault in tab.faults if not fault.startswith("422 ")]
 
 
+def test_an_atlas_that_takes_long_is_drawn_by_a_job(tab):
+    """As if it took long: the service is asked for a job, which a worker does."""
+    drawn = re.compile(r"/v1/atlases$")
+
+    def by_job(route):
+        headers = {**route.request.headers, "prefer": "respond-async"}
+        route.continue_(headers=headers)
+
+    tab.page.route(drawn, by_job)
+    with tab.page.expect_response(drawn) as asked, tab.page.expect_response(re.compile(r"/v1/atlases/\S+")):
+        tab.open(state_in(problem("first")))
+    assert asked.value.status == 202
+    expect(tab.page.locator("#atlas .scatterlayer path").first).to_be_attached()
+    expect(tab.page.locator("#fault-atlas")).to_be_empty()
+
+
 def test_a_click_on_the_atlas_picks_a_motion(tab):
     page = tab.open(state_in(problem("first")))
     plot = page.locator("#atlas .nsewdrag").first

@@ -8,6 +8,7 @@ from sqlalchemy import func, select
 
 from service.jobs.states import JobKind
 from service.storage.inspection.inspect import inspect
+from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
@@ -55,6 +56,8 @@ def work_off(stores: Stores) -> None:
             return
         if claim.kind is JobKind.CHUNK:
             stores.finish_chunk(claim)
+        elif claim.kind is JobKind.ATLAS:
+            stores.finish_atlas(claim)
         else:
             stores.finish(claim)
 
@@ -71,7 +74,7 @@ def census(stores: Stores) -> Counter[object]:
             table = columns[0].class_.__tablename__
             rows = session.execute(select(func.count(), *columns).group_by(*columns))
             counted.update({(table, *kind): count for count, *kind in rows})
-        for table in (SolutionRow, DenseOutputRow, SamplesRow, SweepChunkRow, IdempotencyKeyRow):
+        for table in (SolutionRow, DenseOutputRow, SamplesRow, SweepChunkRow, AtlasRow, IdempotencyKeyRow):
             counted[table.__tablename__] = session.scalar(select(func.count()).select_from(table))
         compared = AuditRow.comparison.is_not(None)
         audits = session.execute(select(func.count(), compared).group_by(compared))

@@ -18,13 +18,15 @@ from sqlalchemy.orm import configure_mappers
 
 from service.jobs.idempotency import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.jobs.job import Claim
-from service.jobs.outcome import Solved
+from service.jobs.outcome import Drawn, Solved
 from service.schemas.reading.marks import Marks
+from service.storage.codecs.documents import encode_document
 from service.storage.database.database import Database
 from service.storage.database.faults import VARIABLE
 from service.storage.database.ids import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.table_dispatcher import TableDispatcher
+from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.sweeps import deleting
 from service.storage.sweeps.sweep_store import SweepStore
@@ -37,6 +39,7 @@ GIVING_UP = {"max_attempts": 1, "retry_seconds": 0.0}
 MARKS = Marks({"project": "thesis", "run": "7"}, "first try")
 SOLVED = Solved(SUMMARY, b"dense", b"samples")
 COMPARISON = {"verdict": "agrees", "stored": dict(SUMMARY)}
+ATLAS = {"lambda": [1, 2]}
 ERROR = {"code": "no_motion", "detail": "there is none"}
 OVER = 0.0
 """A lease that has ended when it is granted, so that nobody need wait for its end."""
@@ -48,6 +51,7 @@ class Stores:
     jobs: SqlJobStore
     sweeps: SweepStore
     audits: AuditStore
+    atlases: AtlasStore
 
     def claim(self) -> Claim:
         claim = self.jobs.claim("victim", lease_seconds=OVER)
@@ -63,6 +67,9 @@ class Stores:
     def finish(self, claim: Claim) -> None:
         comparison = None if claim.audited is None else COMPARISON
         assert self.jobs.finish(claim, replace(SOLVED, comparison=comparison))[0]
+
+    def finish_atlas(self, claim: Claim) -> None:
+        assert self.jobs.finish(claim, Drawn(encode_document(ATLAS)))[0]
 
     def finish_chunk(self, claim: Claim, points: int | None = None) -> None:
         payload = dict(claim.payload)
@@ -273,6 +280,21 @@ def lose_audit(stores: Stores) -> None:
     assert stores.jobs.reconcile(**RETRIES)
 
 
+def submit_atlas(stores: Stores) -> None:
+    stores.atlases.submit(ATLAS, new_id(), receipt=receipt())
+
+
+def succeed_atlas(stores: Stores) -> None:
+    stores.atlases.submit(ATLAS, new_id())
+    stores.finish_atlas(stores.claim())
+
+
+def delete_drawn(stores: Stores) -> None:
+    job_id = stores.atlases.submit(ATLAS, new_id()).id
+    stores.finish_atlas(stores.claim())
+    deleting.delete_job(stores.database, job_id)
+
+
 def delete_audited(stores: Stores) -> None:
     solution_id = solved_id(stores)
     stores.jobs.cancel(stores.audits.submit(solution_id, PROBLEM, new_id()).id)
@@ -303,6 +325,7 @@ DEEDS: tuple[Callable[[Stores], None], ...] = (
     succeed_and_take, succeed_and_reuse, fail, lose, lose_for_good, give_back, reconcile, reconcile_for_good,
     submit_sweep, cancel_sweep, finish_pilot, finish_part, finish_sweep, split_chunk, refuse_point,
     lose_chunk_for_good, submit_audit, succeed_audit, fail_audit, lose_audit, delete_audited,
+    submit_atlas, succeed_atlas, delete_drawn,
     delete_job, delete_solution, delete_sweep,
 )  # fmt: skip
 """Everything that the API and the workers do to jobs and sweeps; each ends with the commit of its name."""
@@ -311,8 +334,8 @@ DEEDS: tuple[Callable[[Stores], None], ...] = (
 @contextmanager
 def stores_of(url: str) -> Iterator[Stores]:
     database = Database(url)
-    audits = AuditStore(database, TableDispatcher())
-    yield Stores(database, SqlJobStore(database), SweepStore(database), audits)
+    audits, atlases = AuditStore(database, TableDispatcher()), AtlasStore(database, TableDispatcher())
+    yield Stores(database, SqlJobStore(database), SweepStore(database), audits, atlases)
     database.close()
 
 

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.atlas.picture import picture_of
-from service.schemas.atlas.reading import read_any_atlas
+from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.atlas.text import describe_atlas
 from service.schemas.replies.verdict_text import Refusal
@@ -29,7 +29,7 @@ def draw_file(file: Path, *, as_json: bool, picture: Path | None) -> int:
         check_writable(picture)
     settings = read_settings()
     document = read_document(file)
-    error = refusal_of_reading(document, read_any_atlas)
+    error = refusal_of_reading(document, read_atlas)
     found = {"error": error} if error is not None else _drawn(document, settings)
     if isinstance(found, str):
         say(found)
@@ -56,7 +56,7 @@ def _drawn(document: object, settings: Settings) -> dict[str, object] | str:
     try:
         with Console(stderr=True).status("drawing …"):  # shows nothing where stderr is not a terminal
             found = sandbox.run(examine_atlas, asked, seconds=settings.verdict_seconds)
-            if read_any_atlas(document).wants_stability:
+            if read_atlas(document).wants_stability:
                 limit = f"POLHODE_JOB_SECONDS = {settings.job_seconds:g}"
                 found = sandbox.run(with_stability, asked, found, seconds=settings.job_seconds)
     except SandboxTimeoutError:

@@ -1,8 +1,11 @@
-"""Computes the stability of the motions of an atlas: at each λ it is that of the job of this motion."""
+"""Draws the atlas of a job; the stability at each λ is that which a job of this motion tells."""
 
 import json
 
-from service.jobs.outcome import Refused
+from service.jobs.outcome import Drawn, Refused
+from service.schemas.atlas.reading import read_atlas
+from service.storage.codecs.documents import encode_document
+from service.verdicts.atlases import examine_atlas_of_job
 from workers.computation.compute import solve_document
 from workers.computation.summary import Document
 
@@ -11,6 +14,15 @@ TOLD |= {"multipliers_error": "multipliers_error", "verdict": "verdict"}
 """Names of columns, and of what a solution tells."""
 SAME = ("body", "potential", "accept")
 """Members that a problem has in common with the document of an atlas."""
+
+
+def draw_document(document_json: str) -> Drawn | Refused:
+    """Draw what a document of :func:`~service.schemas.atlas.reading.read_atlas` asks for."""
+    answer = examine_atlas_of_job(document_json)
+    if read_atlas(json.loads(document_json)).wants_stability:
+        answer = with_stability(document_json, answer)
+    found = json.loads(answer)
+    return Refused(found["error"]) if "error" in found else Drawn(encode_document(found["verdict"]))
 
 
 def with_stability(document_json: str, atlas_json: str) -> str:

@@ -7,7 +7,7 @@ and restarts quickly after it was killed.
 
 from typing import TYPE_CHECKING
 
-from service.jobs.outcome import ChunkOutcome, SolveOutcome, StoredSolution
+from service.jobs.outcome import ChunkOutcome, Drawn, Refused, SolveOutcome, StoredSolution
 from service.jobs.states import JobKind
 from workers.process.warming import WarmUp
 
@@ -45,6 +45,13 @@ def solve_chunk(document_json: str) -> ChunkOutcome:
     return compute_chunk(document_json)
 
 
+def draw_atlas(document_json: str) -> Drawn | Refused:
+    """Call :func:`workers.computation.atlases.draw_document`."""
+    from workers.computation.atlases import draw_document  # noqa: PLC0415
+
+    return draw_document(document_json)
+
+
 def _warm_up_for_planar_motions() -> None:
     from workers.sweeping.warming import warm_up_before_forks  # noqa: PLC0415
 
@@ -65,4 +72,8 @@ def _warm_up_for_all() -> None:
 
 WARM_UP = WarmUp(_warm_up_for_planar_motions, _ask_for_the_rest, _warm_up_for_all)
 """First what the fork server has loaded by then; then all, after it has loaded the integrators too."""
-COMPUTATIONS: "Computations" = {JobKind.SOLVE: solve_problem, JobKind.CHUNK: solve_chunk}
+COMPUTATIONS: "Computations" = {
+    JobKind.SOLVE: solve_problem,
+    JobKind.CHUNK: solve_chunk,
+    JobKind.ATLAS: draw_atlas,
+}

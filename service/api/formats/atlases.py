@@ -1,6 +1,8 @@
 """Writes atlases as JSON, CSV, Arrow or a picture (SVG), chosen by the Accept header."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
 
 from fastapi import Response
 
@@ -12,32 +14,37 @@ from service.schemas.atlas.columns import INTEGERS, NUMBERS, atlas_columns
 from service.schemas.atlas.picture import picture_of
 from service.schemas.atlas.replies import AtlasOut
 
-Writer = Callable[[AtlasOut], Response]
+
+@dataclass(frozen=True, slots=True)
+class AtlasFormat:
+    """A format of atlases."""
+
+    media_type: str
+    write: Callable[[AtlasOut], Response]
+
+    def respond(self, atlas: AtlasOut, headers: Mapping[str, str] = MappingProxyType({})) -> Response:
+        """Return the answer with an atlas."""
+        response = self.write(atlas)
+        response.headers.update({**headers, "Vary": "Accept"})
+        return response
 
 
-def choose_format(accept: str | None) -> Writer:
-    """Return the writer of the format that the client prefers; JSON without a header.
+def choose_format(accept: str | None) -> AtlasFormat:
+    """Return the format that the client prefers; JSON without a header.
 
     Raises
     ------
     ApiError
         406 if it accepts none of ours.
     """
-    best = preferred(list(_FORMATS), accept)
-    write = _FORMATS[best]
-
-    def respond(atlas: AtlasOut) -> Response:
-        response = write(atlas)
-        response.headers["Vary"] = "Accept"
-        return response
-
-    return respond
+    best = preferred(list(FORMATS), accept)
+    return AtlasFormat(best, FORMATS[best])
 
 
 def media_types() -> dict[str, object]:
     """Return the formats other than JSON, for the OpenAPI document."""
     binary = {"schema": {"type": "string", "format": "binary"}}
-    return {name: binary for name in _FORMATS if name != "application/json"}
+    return {name: binary for name in FORMATS if name != "application/json"}
 
 
 def _csv(atlas: AtlasOut) -> Response:
@@ -61,9 +68,10 @@ def _svg(atlas: AtlasOut) -> Response:
     return Response(picture_of(atlas), media_type="image/svg+xml")
 
 
-_FORMATS: Mapping[str, Writer] = {
+FORMATS: Mapping[str, Callable[[AtlasOut], Response]] = {
     "application/json": json_response,
     "text/csv": _csv,
     "application/vnd.apache.arrow.stream": _arrow,
     "image/svg+xml": _svg,
 }
+"""What writes each media type."""

@@ -43,7 +43,8 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/v1/families": {"GET": Role.READ},
     # Stores nothing, but a verdict may occupy a child process for seconds, which Role.READ does not cover.
     "/v1/validations": {"POST": Role.SUBMIT},
-    "/v1/atlases": {"POST": Role.SUBMIT},
+    "/v1/atlases": {"GET": Role.READ, "POST": Role.SUBMIT},
+    "/v1/atlases/{atlas_id}": {"GET": Role.READ},
     "/v1/jobs": {"GET": Role.READ, "POST": Role.SUBMIT},
     "/v1/jobs/facets": {"GET": Role.READ},
     "/v1/jobs/statistics": {"GET": Role.READ},

@@ -13,6 +13,7 @@ from service.api.middleware.observing import id_of, standing_headers
 from service.api.replies.errors import ApiError, invalid_request
 from service.dynamics.errors import DynamicsError
 from service.jobs.errors import (
+    AtlasNotFoundError,
     AuditNotFoundError,
     InUseError,
     JobFinishedError,
@@ -50,6 +51,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, respond)
     for cause in (
         JobNotFoundError,
+        AtlasNotFoundError,
         AuditNotFoundError,
         SolutionNotFoundError,
         SweepNotFoundError,
@@ -102,7 +104,13 @@ def refusal_of(error: Exception) -> ApiError:
             return _of_http(error)
         case ClientDisconnect():
             return ApiError(CLIENT_GONE, "client_gone", "the client disconnected; this answer is not read")
-        case JobNotFoundError() | SolutionNotFoundError() | SweepNotFoundError() | AuditNotFoundError():
+        case (
+            JobNotFoundError()
+            | SolutionNotFoundError()
+            | SweepNotFoundError()
+            | AuditNotFoundError()
+            | AtlasNotFoundError()
+        ):
             return ApiError(HTTPStatus.NOT_FOUND, "not_found", str(error))
         case JobFinishedError():
             return ApiError(HTTPStatus.CONFLICT, "job_finished", str(error))

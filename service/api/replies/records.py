@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from service.jobs.job import Job
-from service.jobs.states import JobState
+from service.jobs.states import JobKind, JobState
 from service.jobs.sweeps import SweepProgress, SweepRecord
 from service.schemas.reading.marks import Marks
 from service.schemas.replies.audit import AuditOut, ComparisonOut
@@ -28,6 +28,7 @@ def job_out(job: Job) -> JobOut:
         error=None if job.error is None else dict(job.error),
         reused=job.reused,
         solution=job.solution_id,
+        atlas=job.id if job.kind is JobKind.ATLAS and job.state is JobState.SUCCEEDED else None,
         problem=dict(job.problem),
         labels=dict(job.marks.labels),
         note=job.marks.note,

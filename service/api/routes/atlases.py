@@ -1,23 +1,43 @@
-"""POST /v1/atlases: all planar motions over a range of λ; stores nothing."""
+"""/v1/atlases: all planar motions over a range of λ, at once or by a job."""
 
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Annotated
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.api.bodies import Body, read_json
-from service.api.dependencies import Inside
+from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.formats.atlases import choose_format, media_types
 from service.api.formats.negotiation import Accept
+from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.disconnects import while_connected
-from service.api.middleware.security import Holder
+from service.api.middleware.security import Holder, check_priority
+from service.api.queries.lists import Listing, page_answer, read_listing
+from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
+from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
+from service.api.queueing import Made, SubmissionTerms, queue
+from service.api.replies.places import AtlasId
+from service.api.replies.records import job_out
 from service.api.replies.responses import refusals
-from service.api.verdicts.children import examine
+from service.api.routes.jobs import JobsQuery, SubmitQuery
+from service.api.tagged import told_of
+from service.api.verdicts.children import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
+from service.jobs.idempotency import Receipt
+from service.jobs.job import Job
+from service.sandbox import SandboxTimeoutError
 from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
-from service.verdicts.atlases import examine_atlas
+from service.schemas.problem.problem import problem_digest
+from service.schemas.query.list_query import in_state
+from service.schemas.replies.job import JobOut, JobPageOut
+from service.storage.searching.sources import OF_ATLAS_ROWS
+from service.verdicts.atlases import examine_atlas, examine_setting
 
 router = APIRouter(prefix="/v1/atlases", tags=["validations"])
 
@@ -36,11 +56,27 @@ EXAMPLES: dict[str, object] = {
     "of a formula in g2": {
         "value": {
             "body": {"A": 3, "C": 2},
-            "potential": {"type": "general", "F": "w", "G": "g2^2"},
+            "potential": {"type": "expression", "expression": "(3*g1^2 + 2*g3^2)*cos(5*g2)"},
             "lambda": ["1/2", 2],
             "samples": 41,
         }
     },
+    "with multipliers": {
+        "value": {
+            "body": {"A": 2, "B": "3/2", "C": 1},
+            "potential": {"type": "expression", "expression": "-g1"},
+            "lambda": ["1/2", 2],
+            "samples": 9,
+            "outputs": ["period", "stability"],
+        }
+    },
+}
+
+
+_ATLAS: dict[str, object] = {
+    "model": AtlasOut,
+    "description": "The atlas. Arrow and CSV have a row for each window and λ; SVG is a picture.",
+    "content": media_types(),
 }
 
 
@@ -48,32 +84,121 @@ EXAMPLES: dict[str, object] = {
     "",
     response_model=AtlasOut,
     responses={
-        200: {
-            "model": AtlasOut,
-            "description": "The atlas. Arrow and CSV have a row for each window and λ; SVG is a picture.",
-            "content": media_types(),
-        },
-        **refusals(400, 406, 408, 413, 415, 503),
+        200: _ATLAS,
+        202: {"model": JobOut, "description": "It takes long: the job that draws it, as JSON"},
+        **refusals(400, 406, 408, 409, 413, 415, 503),
     },
-    openapi_extra=request_body("AtlasIn", EXAMPLES),
+    openapi_extra={**request_body("AtlasIn", EXAMPLES), **query_parameters(SubmitQuery)},
 )
 async def draw_atlas(
-    content: Body, inside: Inside, holder: Holder, request: Request, accept: Accept = None
+    request: Request,
+    content: Body,
+    inside: Inside,
+    holder: Holder,
+    query: Annotated[SubmitQuery, Depends(query_of(SubmitQuery))],
+    accept: Accept = None,
+    prefer: PreferJob = None,
+    idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Tell for which λ of a range there are planar motions, and of which kind.
 
     Parts of the range are proved to keep the number, kinds and ends of their windows; each
     change between them is enclosed. On each part the windows are followed: their ends,
-    energies and periods, with errors. Nothing is stored.
+    energies and periods, with errors.
+
+    200 is the atlas, which is not stored. 202 is a job, whose `atlas` is there when it has
+    succeeded: for stability, with `Prefer: respond-async`, and where something is still undecided
+    after four seconds of processor time, of which a job has more.
     """
+    check_priority(holder, query.priority, "?priority")
     write = choose_format(accept)
-    text = await inside.reading.run(len(content), _checked, content)
-    claimant = Claimant(None if holder is None else holder.id)
-    atlas = await while_connected(request, examine(inside.verdicts, examine_atlas, text, claimant))
-    return await run_in_threadpool(write, AtlasOut.model_validate(atlas))
+    given = read_key(idempotency_key, request, content, holder)
+    terms = SubmissionTerms(holder, query.priority, given, wait_seconds(prefer))
+
+    async def work() -> Response:
+        asked = await inside.reading.run(len(content), _checked, content)
+        drawing = _drawn(asked, inside, terms, by_job=asked.wants_stability or wants_job(prefer))
+        found = await while_connected(request, drawing)
+        return found if isinstance(found, Response) else await run_in_threadpool(write.respond, found)
+
+    return await inside.idempotency.once(given, work)
 
 
-def _checked(content: bytes) -> str:
+@dataclass(frozen=True, slots=True)
+class _Checked:
+    """A valid document."""
+
+    document: Mapping[str, object]
+    text: str
+    wants_stability: bool
+
+
+def _checked(content: bytes) -> _Checked:
     document = read_json(content)
-    read_atlas(document)
-    return json.dumps(document)
+    asked = read_atlas(document)
+    assert isinstance(document, dict)
+    return _Checked(document, json.dumps(document), asked.wants_stability)
+
+
+async def _drawn(
+    asked: _Checked, inside: Resources, terms: SubmissionTerms, *, by_job: bool
+) -> AtlasOut | Response:
+    """Return the atlas, or the answer with the job that draws it."""
+    claimant = Claimant(terms.key_id)
+    if by_job:
+        # What has no atlas is refused now.
+        await examine(inside.verdicts, examine_setting, asked.text, claimant)
+        return await _queue(asked, inside, terms)
+    try:
+        answer = json.loads(await inside.verdicts.ask(examine_atlas, asked.text, claimant))
+    except SandboxTimeoutError:
+        return await _queue(asked, inside, terms)
+    atlas = verdict_in(answer)
+    if answer["is_late"]:
+        return await _queue(asked, inside, terms)
+    return AtlasOut.model_validate(atlas)
+
+
+async def _queue(asked: _Checked, inside: Resources, terms: SubmissionTerms) -> Response:
+    def store(receipt: Receipt[Made] | None) -> Job:
+        return inside.atlases.submit(
+            asked.document,
+            problem_digest({"atlas": asked.document}),
+            priority=terms.priority,
+            key_id=terms.key_id,
+            receipt=receipt,
+        )
+
+    def show(job: Job) -> tuple[JobOut, str]:
+        return job_out(job), f"/v1/jobs/{job.id}"
+
+    await run_in_threadpool(inside.limits.reserve_jobs, terms.holder)
+    # 202 also if it has ended in time: 200 is the atlas itself.
+    return await queue(inside, terms, store, show, in_time=HTTPStatus.ACCEPTED)
+
+
+@router.get("", response_model=JobPageOut, responses=refusals(), openapi_extra=query_parameters(JobsQuery))
+async def list_atlases(
+    request: Request, asked: Annotated[Asked[JobsQuery], Depends(asked_of(JobsQuery))], inside: Inside
+) -> Response:
+    """List the jobs that draw atlases, newest first or as asked; `GET /v1/jobs` lists the others."""
+    listing = read_listing(asked, OF_ATLAS_ROWS, conditions=in_state(asked.parameters.state))
+    return await run_in_threadpool(_page, request, listing, inside)
+
+
+def _page(request: Request, listing: Listing, inside: Resources) -> Response:
+    page = inside.atlases.find(listing.query)
+    return page_answer(request, listing, JobPageOut, page, list(map(job_out, page.jobs)))
+
+
+@router.get(
+    "/{atlas_id}",
+    response_model=AtlasOut,
+    responses={200: _ATLAS, **refusals(404, 406)},
+    dependencies=[without_query],
+)
+def get_atlas(request: Request, atlas_id: AtlasId, inside: Inside, accept: Accept = None) -> Response:
+    """Show an atlas that a job has drawn; `DELETE` of the job deletes it."""
+    write = choose_format(accept)
+    told = told_of(request, inside)
+    return write.respond(AtlasOut.model_validate(inside.atlases.get(atlas_id)), told)

@@ -32,7 +32,9 @@ _REFUSALS = refusals(404, 409)
     tags=["jobs"],
 )
 def delete_job(job_id: JobId, inside: Inside, holder: Holder) -> Response:
-    """Delete a finished job. One that a solution comes from is deleted with its solution only.
+    """Delete a finished job and the atlas that it has drawn, if any.
+
+    One that a solution comes from is deleted with its solution only.
 
     Deleting what was submitted with another key needs the role operate.
     """

@@ -80,13 +80,30 @@ async function atlas(problem, verdict, signal) {
   const { body, potential, motion } = problem;
   const signs = Object.fromEntries(["g1_sign", "g3_sign"].filter((name) => motion[name] !== undefined).map((name) => [name, motion[name]]));
   try {
-    const found = await post("v1/atlases", { body, potential, ...signs, lambda: [$("from").value.trim(), $("to").value.trim()], outputs: [] }, { signal });
+    let found = await post("v1/atlases", { body, potential, ...signs, lambda: [$("from").value.trim(), $("to").value.trim()], outputs: [] }, { signal });
+    if (found.state) found = await drawn(found, signal);
     $("fault-atlas").textContent = "";
     await showAtlas(found, exact(motion.lambda ?? "none"), pick);
   } catch (error) {
     if (signal.aborted) return;
     $("fault-atlas").textContent = error.message;
   }
+}
+
+/** Wait for the job that draws an atlas; it is cancelled when this one is not wanted any more. */
+async function drawn(job, signal) {
+  const path = `v1/jobs/${job.id}`;
+  const cancel = () => post(`${path}/cancel`).catch(() => {});
+  if (signal.aborted) cancel();
+  signal.addEventListener("abort", cancel, { once: true });
+  $("fault-atlas").textContent = "This atlas takes long; a job draws it…";
+  const { follow } = await import("./follow.js");
+  await follow({
+    events: `${path}/events`, path, name: "job", every: 400, signal, isOver: ({ state }) => OVER.includes(state),
+    seen: (name, found) => { if (name === "job") job = found; },
+  });
+  if (!job.atlas) throw new Error(`The job ${job.state}${job.error ? `: ${job.error.detail ?? job.error.code}` : "."}`);
+  return get(`v1/atlases/${job.atlas}`, { signal });
 }
 
 function pick(lambda, window) {

@@ -82,18 +82,23 @@ def make_atlas(
         The potential has no formula.
     """
     body.require_planar()
-    if not potential.has_formula:
-        raise AtlasNeedsFormulaError(
-            "the potential is given by integrals of F and G that have no formula, and an atlas is proved by "
-            "bounds of formulas; accepted are potentials with a formula of g1, g2 and g3",
-            pointer="/potential",
-        )
+    require_formula(potential)
     with ctx.workprec(BITS):
         halves = _halves(body, potential, over)
         parts = parts_of_range(halves, first_stretches(*_primed(halves[0], over)), is_late)
         if halves[0].shape.is_mirrored:
             parts = parts[::-1]
         return _assembled(halves, parts, over, samples)
+
+
+def require_formula(potential: Potential) -> None:
+    """Raise :class:`AtlasNeedsFormulaError` if the potential has none."""
+    if not potential.has_formula:
+        raise AtlasNeedsFormulaError(
+            "the potential is given by integrals of F and G that have no formula, and an atlas is proved by "
+            "bounds of formulas; accepted are potentials with a formula of g1, g2 and g3",
+            pointer="/potential",
+        )
 
 
 def _halves(body: RigidBody, potential: Potential, over: LambdaRange) -> list[HalfCurves]:

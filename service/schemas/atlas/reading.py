@@ -16,7 +16,7 @@ from service.schemas.problem.problem import each_once
 from service.schemas.problem.rules import read_setting
 from service.schemas.problem.sections import Accept, BodyIn
 from service.schemas.reading.choices import WireModel
-from service.schemas.reading.faults import Fault, InvalidProblemError, fault_of
+from service.schemas.reading.faults import InvalidProblemError, fault_of
 from service.schemas.reading.needs import given, one_of_each, within
 from service.schemas.reading.numbers import Positive, Sign, integer_schema, read_integer, refuse
 from service.schemas.reading.parts import read_parts
@@ -75,8 +75,8 @@ class AtlasIn(WireModel):
     )
     outputs: Annotated[list[AtlasOutput], Field(max_length=2)] = Field(
         default_factory=_all_outputs,
-        description="`period`, or nothing, which is faster. `stability` takes a job's time for"
-        " every λ, and is computed by `polhode atlas`; this service refuses it.",
+        description="`period`, or nothing, which is faster. `stability` takes a job's time for every λ: a job"
+        " always draws such an atlas.",
     )
     accept: Accept = Field(
         default="proved",
@@ -99,28 +99,7 @@ class AtlasQuestion:
 
 
 def read_atlas(document: object) -> AtlasQuestion:
-    """Return what the document asks of a service, which computes no stability.
-
-    Raises
-    ------
-    InvalidProblemError
-        Lists every fault.
-    """
-    asked = read_any_atlas(document)
-    if asked.wants_stability:
-        message = (
-            "stability takes a job's time for every λ, and this service draws atlases while the client waits;"
-            " accepted is period. `polhode atlas FILE` computes stability, and so does a sweep along"
-            " /motion/lambda that keeps stability.trace"
-        )
-        assert isinstance(document, dict)
-        place = document["outputs"].index("stability")
-        raise InvalidProblemError([Fault(f"/outputs/{place}", "invalid_value", message)])
-    return asked
-
-
-def read_any_atlas(document: object) -> AtlasQuestion:
-    """Return what the document asks, stability included.
+    """Return what the document asks.
 
     Raises
     ------

@@ -21,6 +21,9 @@ class JobOut(ResponseModel):
     error: dict[str, object] | None = Field(description="Why it failed: `code`, `detail` and more.")
     reused: bool = Field(description="Its solution was computed for an earlier job.")
     solution: str | None = Field(description="Id of the solution, when succeeded.")
+    atlas: str | None = Field(
+        description="Id of the atlas, when a job has succeeded in drawing one: see `/v1/atlases/{id}`."
+    )
     problem: dict[str, object] = Field(description="The document as it was sent.")
     labels: dict[str, str] = Field(description="Its labels: values by their keys.")
     note: str | None = Field(description="What somebody wrote on it.")

@@ -8,7 +8,8 @@ from pydantic import Field
 from service.schemas.replies.job import StateName
 from service.schemas.replies.response_model import ResponseModel
 
-KindName = Literal["solve", "chunk"]
+KindName = Literal["solve", "chunk", "atlas"]
+KIND = "`solve`: of one problem; `chunk`: of a sweep; `atlas`: draws an atlas."
 
 
 class AttemptOut(ResponseModel):
@@ -65,7 +66,7 @@ class QueuePartOut(ResponseModel):
     """Live jobs of one state and kind."""
 
     state: Literal["queued", "running"] = Field(description="Where they are in their lives.")
-    kind: KindName = Field(description="`solve`: of one problem; `chunk`: of a sweep.")
+    kind: KindName = Field(description=KIND)
     jobs: int = Field(description="How many.")
     oldest_seconds: float = Field(description="Seconds since the oldest one was submitted.")
 
@@ -74,7 +75,7 @@ class RunningJobOut(ResponseModel):
     """What a worker does."""
 
     id: str = Field(description="Of the job.")
-    kind: KindName = Field(description="`solve`: of one problem; `chunk`: of a sweep.")
+    kind: KindName = Field(description=KIND)
     sweep: str | None = Field(description="Of a chunk: its sweep.")
     attempt: int = Field(description="Number of times a worker has taken it.")
     seconds: float = Field(description="Since the attempt began.")

@@ -9,9 +9,11 @@ from sqlalchemy import ColumnElement, Select, and_, delete, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute
 
 from service.storage.codecs.arrays import CodecError, decode_arrays, decode_dense
+from service.storage.codecs.documents import decode_document
 from service.storage.codecs.points import SOLVED, bounds_of, decode_points
 from service.storage.database.database import Database
 from service.storage.inspection.inspect import EXAMPLES, Finding
+from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.base import Base
 from service.storage.tables.examinations import ExaminationRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow
@@ -105,6 +107,14 @@ def _kinds() -> Iterator[_Kind]:
         _read_kept,
         is_warning=True,
         remedy="damaged ones are deleted, and found again when they are needed",
+    )
+    yield _Kind(
+        "atlas_packets",
+        "atlases can be read",
+        AtlasRow,
+        (AtlasRow.job_id,),
+        (AtlasRow.job_id, AtlasRow.data),
+        lambda fields: decode_document(fields[-1]),
     )
     yield _Kind(
         "chunk_packets",

@@ -19,11 +19,14 @@ from service.storage.inspection.repairs import (
     compute_again,
     date_ends,
     delete_orphans,
+    draw_again,
     end_attempts,
+    forget_atlases,
     forget_comparisons,
     open_attempts,
     release_leases,
 )
+from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.schema import METADATA, TABLES
@@ -62,6 +65,7 @@ def invariants_of_jobs() -> Iterator[Invariant]:
     yield from _attempts()
     yield from _solutions()
     yield from _audits()
+    yield from _atlases()
 
 
 def differ(left: ColumnElement[bool], right: ColumnElement[bool]) -> ColumnElement[bool]:
@@ -215,4 +219,21 @@ def _audits() -> Iterator[Invariant]:
         "an audit whose job has not succeeded has no comparison",
         jobs.where(not_(has_succeeded), AuditRow.comparison.is_not(None)),
         Remedy("the comparison is removed: the job makes it anew", forget_comparisons),
+    )
+
+
+def _atlases() -> Iterator[Invariant]:
+    has_succeeded = and_(JobRow.state == JobState.SUCCEEDED.value, JobRow.kind == JobKind.ATLAS.value)
+    has_atlas = exists().where(AtlasRow.job_id == JobRow.id)
+    yield Invariant(
+        "missing_atlases",
+        "a job that has succeeded in drawing an atlas has it",
+        select(JobRow.id).where(has_succeeded, not_(has_atlas)),
+        Remedy("the job is queued again", draw_again),
+    )
+    yield Invariant(
+        "early_atlases",
+        "a job that has an atlas has succeeded in drawing it",
+        select(JobRow.id).where(not_(has_succeeded), has_atlas),
+        Remedy("the atlas is removed: the job draws it anew", forget_atlases),
     )

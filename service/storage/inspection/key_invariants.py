@@ -7,6 +7,7 @@ from sqlalchemy import ColumnElement, func, select, update
 from service.storage.database.database import Database
 from service.storage.inspection.invariants import Invariant, Remedy
 from service.storage.inspection.repairs import Broken
+from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.operations import ApiKeyRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
@@ -17,7 +18,7 @@ def invariants_of_keys() -> Iterator[Invariant]:
     """Yield the invariants of keys."""
     yield Invariant(
         "stored_bytes",
-        "a key is charged for the arrays of its results that are stored",
+        "a key is charged for the arrays of its results, and for its atlases, that are stored",
         select(ApiKeyRow.id).where(ApiKeyRow.stored_bytes != _stored()),
         Remedy("the bytes are counted again", _recharge),
     )
@@ -38,7 +39,7 @@ def _recharge(database: Database, broken: Broken) -> int:
 
 def _stored() -> ColumnElement[int]:
     """Return the number of bytes that are stored for a key."""
-    total: ColumnElement[int] = _of_chunks()
+    total: ColumnElement[int] = _of_chunks() + _of_atlases()
     for table in (DenseOutputRow, SamplesRow):
         total = total + _of_solutions(table)
     return total
@@ -49,6 +50,16 @@ def _of_solutions(table: type[DenseOutputRow] | type[SamplesRow]) -> ColumnEleme
         select(func.coalesce(func.sum(func.length(table.data)), 0))
         .join(SolutionRow, SolutionRow.id == table.solution_id)
         .join(JobRow, JobRow.id == SolutionRow.job_id)
+        .where(JobRow.key_id == ApiKeyRow.id)
+        .correlate(ApiKeyRow)
+        .scalar_subquery()
+    )
+
+
+def _of_atlases() -> ColumnElement[int]:
+    return (
+        select(func.coalesce(func.sum(func.length(AtlasRow.data)), 0))
+        .join(JobRow, JobRow.id == AtlasRow.job_id)
         .where(JobRow.key_id == ApiKeyRow.id)
         .correlate(ApiKeyRow)
         .scalar_subquery()

@@ -28,6 +28,7 @@ from service.jobs.states import AttemptOutcome, JobState
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database
 from service.storage.jobs.moves import end_attempt, move
+from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import AttemptRow, JobRow
 
@@ -56,10 +57,18 @@ def delete_orphans(table: Table, reference: ColumnElement[str]) -> Repair:
 
 def compute_again(database: Database, broken: Broken) -> int:
     """Requeue the jobs that have succeeded but whose solutions are missing."""
-    values = {"state": JobState.QUEUED.value, "solution_id": None, "reused": False, "progress": 0.0}
-    statement = update(JobRow).where(JobRow.solution_id.in_(broken)).values(**values, finished_at=None)
+    return _queue(database, JobRow.solution_id.in_(broken), solution_id=None, reused=False)
+
+
+def draw_again(database: Database, broken: Broken) -> int:
+    """Requeue the jobs that have succeeded but whose atlases are missing."""
+    return _queue(database, JobRow.id.in_(broken))
+
+
+def _queue(database: Database, condition: ColumnElement[bool], **values: object) -> int:
+    anew = {"state": JobState.QUEUED.value, "progress": 0.0, "finished_at": None}
     with database.write() as session:
-        return _changed(session, statement)
+        return _changed(session, update(JobRow).where(condition).values(**anew, **values))
 
 
 def date_ends(database: Database, broken: Broken) -> int:
@@ -99,6 +108,12 @@ def forget_comparisons(database: Database, broken: Broken) -> int:
     """Remove the comparisons of audits."""
     with database.write() as session:
         return _changed(session, update(AuditRow).where(AuditRow.job_id.in_(broken)).values(comparison=None))
+
+
+def forget_atlases(database: Database, broken: Broken) -> int:
+    """Remove atlases."""
+    with database.write() as session:
+        return _changed(session, delete(AtlasRow).where(AtlasRow.job_id.in_(broken)))
 
 
 def release_leases(database: Database, broken: Broken) -> int:

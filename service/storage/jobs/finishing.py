@@ -3,18 +3,20 @@
 from collections.abc import Mapping, Sequence
 
 from sqlalchemy import Connection, bindparam, insert, select, update
+from sqlalchemy.orm import Session
 
 from service.jobs.job import Claim
-from service.jobs.outcome import Solved
+from service.jobs.outcome import Drawn, Solved
 from service.jobs.states import AttemptOutcome, JobState
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import is_postgres
 from service.storage.database.ids import new_id
 from service.storage.jobs.joint_statements import NEW, insert_solution, store_and_succeed
-from service.storage.jobs.moves import may_become
+from service.storage.jobs.moves import end_attempt, fence, may_become, move
 from service.storage.keys.key_store import charge
 from service.storage.marks.mark_rows import copy_labels
+from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.audits import AuditRow
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
@@ -76,6 +78,16 @@ def store_and_charge(connection: Connection, claim: Claim, outcome: Solved) -> b
     if outcome.comparison is not None:
         connection.execute(_COMPARE, {"job": claim.job_id, "compared": outcome.comparison})
     charge(connection, claim.key_id, len(outcome.dense) + len(outcome.samples))
+    return True
+
+
+def store_atlas(session: Session, claim: Claim, outcome: Drawn) -> bool:
+    """Store the atlas of a claimed job on the account of its key, if the claim holds."""
+    if not move(session, JobState.SUCCEEDED, *fence(claim), progress=1.0):
+        return False
+    end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.SUCCEEDED)
+    session.execute(insert(AtlasRow).values(job_id=claim.job_id, data=outcome.data))
+    charge(session.connection(), claim.key_id, len(outcome.data))
     return True
 
 

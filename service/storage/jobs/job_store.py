@@ -11,8 +11,8 @@ from service.jobs.errors import JobFinishedError, JobNotFoundError
 from service.jobs.idempotency import Receipt
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
-from service.jobs.outcome import ChunkOutcome, Outcome, Refused
-from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.jobs.outcome import ChunkOutcome, Drawn, Outcome, Refused
+from service.jobs.states import SUBMITTED, AttemptOutcome, JobKind, JobState
 from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
 from service.storage.database.clock import DatabaseNow
@@ -21,7 +21,7 @@ from service.storage.database.ids import is_id
 from service.storage.examinations.kept_rows import keep_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
-from service.storage.jobs.finishing import store_and_charge
+from service.storage.jobs.finishing import store_and_charge, store_atlas
 from service.storage.jobs.moves import end_attempt, fence, history, lose, move
 from service.storage.jobs.pages import page_of_jobs
 from service.storage.jobs.records import delivery_of, job_of
@@ -199,6 +199,9 @@ class SqlJobStore:
         if isinstance(outcome, Refused):
             with self._database.write() as session:
                 return self._fail(session, claim, outcome.error), take(session.connection())
+        if isinstance(outcome, Drawn):
+            with self._database.write() as session:
+                return store_atlas(session, claim, outcome), take(session.connection())
         with self._database.write_rows() as connection:
             return store_and_charge(connection, claim, outcome), take(connection)
 
@@ -283,6 +286,6 @@ def _job(session: Session, row: JobRow) -> Job:
 def _row(session: Session, job_id: str, *, is_locked: bool = False) -> JobRow:
     row = session.get(JobRow, job_id, with_for_update=is_locked) if is_id(job_id) else None
     # A chunk is cancelled only with its sweep: alone, it would leave a gap.
-    if row is None or row.kind != JobKind.SOLVE.value:
+    if row is None or JobKind(row.kind) not in SUBMITTED:
         raise JobNotFoundError(job_id)
     return row

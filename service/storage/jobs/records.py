@@ -2,7 +2,7 @@
 
 from service.jobs.dispatch import Delivery
 from service.jobs.job import Attempt, Job
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.schemas.reading.marks import Marks
 from service.storage.database.clock import instant, optional_instant
 from service.storage.tables.jobs import AttemptRow, JobRow
@@ -26,6 +26,7 @@ def job_of(row: JobRow, marks: Marks) -> Job:
         finished_at=optional_instant(row.finished_at),
         key_id=row.key_id,
         marks=marks,
+        kind=JobKind(row.kind),
     )
 
 

@@ -33,16 +33,18 @@ def insert_jobs(
     examinations: Sequence[Examination | None] = (),
     marks: Sequence[Marks] = (),
     audited: str | None = None,
+    kind: JobKind = JobKind.SOLVE,
 ) -> list[JobRow]:
     """Insert a job for each problem and its digest; it has succeeded already if an equal one was solved.
 
-    If they are audits of the solution ``audited``, which this transaction has locked, nothing is reused.
+    If they are audits of the solution ``audited``, which this transaction has locked, or of another ``kind``,
+    nothing is reused.
     The returned rows are detached from the session.
     """
     now = database_now(session)
     connection = session.connection()
     solutions: dict[str, str] = {}
-    if audited is None:
+    if audited is None and kind is JobKind.SOLVE:
         solutions = solved(connection, sorted({digest for _, digest in problems}), hold=True)
     waiting = [digest for _, digest in problems if digest not in solutions]
     given = next_turns(connection, lane=lane, priority=priority, key_id=key_id, seconds=[None] * len(waiting))
@@ -54,7 +56,7 @@ def insert_jobs(
         values.append(
             {
                 "id": new_id(),
-                "kind": JobKind.SOLVE.value,
+                "kind": kind.value,
                 "state": (JobState.SUCCEEDED if reused else JobState.QUEUED).value,
                 "priority": priority,
                 "lane": int(lane),

@@ -156,6 +156,10 @@ OF_JOB_ROWS = Source(
 )
 
 
+OF_ATLAS_ROWS = replace(OF_JOB_ROWS, name="atlases", always=(JobRow.kind == JobKind.ATLAS.value,))
+"""The jobs that draw atlases."""
+
+
 def chunks_of(sweep_id: str) -> Source:
     """Return the jobs that compute the points of a sweep."""
     return replace(

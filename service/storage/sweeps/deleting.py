@@ -1,15 +1,16 @@
 """Deletes jobs, solutions and sweeps with all that belongs to them; one function is one transaction."""
 
-from sqlalchemy import and_, delete, func, or_, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ColumnElement, and_, delete, func, or_, select
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from service.jobs.errors import InUseError, JobNotFoundError, SolutionNotFoundError, StillAtWorkError
-from service.jobs.states import FINISHED, JobKind, JobState
+from service.jobs.states import FINISHED, SUBMITTED, JobState
 from service.jobs.sweeps import SweepNotFoundError
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id
 from service.storage.jobs import chunks
 from service.storage.keys.key_store import charge
+from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
@@ -20,7 +21,7 @@ _MOST_TOLD = 100
 
 
 def delete_job(database: Database, job_id: str) -> None:
-    """Delete a finished job and its attempts.
+    """Delete a finished job, its attempts, and the atlas that it has drawn, which is no longer charged.
 
     Raises
     ------
@@ -32,16 +33,16 @@ def delete_job(database: Database, job_id: str) -> None:
         row = None
         if is_id(job_id):
             row = session.scalar(
-                select(JobRow)
-                .where(JobRow.id == job_id, JobRow.kind == JobKind.SOLVE.value)
-                .with_for_update()
+                select(JobRow).where(JobRow.id == job_id, JobRow.kind.in_(SUBMITTED)).with_for_update()
             )
         if row is None:
             raise JobNotFoundError(job_id)
         _require_end("job", row.id, JobState(row.state))
         if own := session.scalar(select(SolutionRow.id).where(SolutionRow.job_id == row.id)):
             raise InUseError(f"job {row.id}", [f"/v1/solutions/{own}"], 1)
+        size, key_id = _bytes_of(session, AtlasRow.data, AtlasRow.job_id == row.id), row.key_id
         session.execute(delete(JobRow).where(JobRow.id == row.id))
+        charge(session.connection(), key_id, -size)
 
 
 def delete_solution(database: Database, solution_id: str) -> None:
@@ -70,7 +71,10 @@ def delete_solution(database: Database, solution_id: str) -> None:
         if count := session.scalar(select(func.count()).select_from(JobRow).where(*others)):
             found = session.scalars(select(JobRow.id).where(*others).order_by(JobRow.id).limit(_MOST_TOLD))
             raise InUseError(f"solution {row.id}", [f"/v1/jobs/{job_id}" for job_id in found], count)
-        size = sum(_bytes_of(session, table, row.id) for table in (DenseOutputRow, SamplesRow))
+        size = sum(
+            _bytes_of(session, table.data, table.solution_id == row.id)
+            for table in (DenseOutputRow, SamplesRow)
+        )
         key_id = session.scalar(select(JobRow.key_id).where(JobRow.id == row.job_id))
         session.execute(delete(JobRow).where(JobRow.id == row.job_id))
         session.execute(delete(SolutionRow).where(SolutionRow.id == row.id))
@@ -116,8 +120,8 @@ def key_of_solution(database: Database, solution_id: str) -> str | None:
     return None if row.key_id is None else str(row.key_id)
 
 
-def _bytes_of(session: Session, table: type[DenseOutputRow] | type[SamplesRow], solution_id: str) -> int:
-    return session.scalar(select(func.length(table.data)).where(table.solution_id == solution_id)) or 0
+def _bytes_of(session: Session, data: InstrumentedAttribute[bytes], condition: ColumnElement[bool]) -> int:
+    return session.scalar(select(func.length(data)).where(condition)) or 0
 
 
 def _require_end(kind: str, its_id: str, state: JobState) -> None:

@@ -1,5 +1,6 @@
 """Lists every table, each after the tables that it refers to."""
 
+from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.audits import AuditRow
 from service.storage.tables.base import Base
 from service.storage.tables.examinations import ExaminationRow
@@ -23,6 +24,7 @@ TABLES: tuple[type[Base], ...] = (
     JobRow,
     AttemptRow,
     AuditRow,
+    AtlasRow,
     JobLabelRow,
     SolutionLabelRow,
     SweepLabelRow,

@@ -32,7 +32,7 @@ def endpoints(app: FastAPI) -> set[tuple[str, str]]:
 
 
 def asked(path: str) -> str:
-    for name in ("job_id", "solution_id", "sweep_id", "audit_id", "digest"):
+    for name in ("job_id", "solution_id", "sweep_id", "audit_id", "atlas_id", "digest"):
         path = path.replace(f"{{{name}}}", UNKNOWN)
     path = path.replace("{version}", "x").replace("{name}", "core.js")
     assert "{" not in path, f"say here what to ask {path} with"

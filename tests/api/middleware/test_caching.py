@@ -1,5 +1,6 @@
 """Asking again is free: each GET has a strong tag, and 304 exactly when nothing has changed."""
 
+import json
 import re
 
 import pytest
@@ -22,6 +23,7 @@ from service.jobs.keys import Role
 from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
 from service.storage.keys.key_store import KeyStore
+from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.deleting import delete_solution
 from service.storage.sweeps.sweep_store import SweepStore
@@ -29,6 +31,7 @@ from service.storage.upkeep.retention import prune_samples
 from tests.support.api import NEEDED_QUERY, PLANAR, STATE, finish, solve_job
 from tests.support.keys import make
 from tests.support.sweeps import SWEEP, finish_sweep
+from workers.process.tasks import draw_atlas
 
 pytestmark = pytest.mark.any_database
 
@@ -39,6 +42,12 @@ CERTIFIED = {
     "accuracy": {"tier": "certified"},
 }
 UNKNOWN = "01a1fcba-3232-7921-abd1-05ca72abad77"
+ATLAS = {
+    "body": {"A": 2, "C": 1},
+    "potential": {"type": "expression", "expression": "-g1"},
+    "lambda": [1, 2],
+    "samples": 9,
+}
 ARRAYS = ("dense", "samples", "samples_if_kept")
 
 
@@ -50,8 +59,11 @@ def places(client, jobs):
     finish_sweep(jobs)
     audit = client.post(f"/v1/solutions/{certified['id']}/audits").json()
     jobs.cancel(audit["id"])
+    atlas = client.post("/v1/atlases", json=ATLAS, headers={"Prefer": "respond-async"}).json()
+    assert jobs.finish(jobs.claim("test", lease_seconds=60.0), draw_atlas(json.dumps(ATLAS)))[0]
     ids = {
         "audit_id": audit["id"],
+        "atlas_id": atlas["id"],
         "job_id": certified["job"],
         "solution_id": certified["id"],
         "sweep_id": sweep["id"],
@@ -114,8 +126,9 @@ def test_every_path_says_its_methods(client, places):
 
 def test_what_never_changes_is_kept_and_what_may_change_is_asked_for(client, places, jobs):
     endings = ("/trajectory", "/function", "/enclosures", "/points", "/grid", "/citation", "/package")
+    endings += ("/v1/atlases/{atlas_id}",)
     immutable = {path for path in places if path.endswith(endings)}
-    assert len(immutable) == 7
+    assert len(immutable) == 8
     for template, path in places.items():
         if template not in VOLATILE and not template.startswith("/docs"):
             expected = IMMUTABLE if template in immutable else REVALIDATE
@@ -128,7 +141,11 @@ def test_what_never_changes_is_kept_and_what_may_change_is_asked_for(client, pla
 def shut(monkeypatch):
     """Let whoever reads documents or arrays fail."""
     monkeypatch.setattr(KeptAnswers, "get", lambda self, tag, write: write())  # as in a service just started
-    for store, names in ((SolutionStore, (*ARRAYS, "get")), (SweepStore, ("get", "chunks", "data"))):
+    for store, names in (
+        (SolutionStore, (*ARRAYS, "get")),
+        (SweepStore, ("get", "chunks", "data")),
+        (AtlasStore, ("get",)),
+    ):
         for name in names:
             monkeypatch.setattr(store, name, None)
     monkeypatch.setattr("service.api.routes.solutions.provenance.origin_of", None)
@@ -154,7 +171,11 @@ def test_what_would_be_refused_is_refused_although_a_tag_is_sent(client, places)
     for template, tagged in TAGGED.items():
         path = places[template]
         answer = client.get(path)
-        missing = template.replace("{solution_id}", UNKNOWN).replace("{sweep_id}", UNKNOWN)
+        missing = (
+            template.replace("{solution_id}", UNKNOWN)
+            .replace("{sweep_id}", UNKNOWN)
+            .replace("{atlas_id}", UNKNOWN)
+        )
         wrong = f"{path}{'&' if '?' in path else '?'}"
         cases = [
             (missing + NEEDED_QUERY.get(template, ""), {}, 404),

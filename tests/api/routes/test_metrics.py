@@ -63,7 +63,7 @@ def test_an_empty_installation_tells_zeros(scrape):
     told = scrape()
     assert told("polhode_database_up") == 1
     for state in ("queued", "running"):
-        for kind in ("solve", "chunk"):
+        for kind in ("solve", "chunk", "atlas"):
             assert told("polhode_jobs", state=state, kind=kind) == 0
     assert told("polhode_oldest_queued_seconds") == 0
     assert told("polhode_attempts_total", outcome="lost") == 0

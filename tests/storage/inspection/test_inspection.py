@@ -8,15 +8,17 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
-from service.jobs.outcome import Solved
+from service.jobs.outcome import Drawn, Solved
 from service.jobs.states import JobState
 from service.schemas.reading.marks import Marks
+from service.storage.codecs.documents import encode_document
 from service.storage.database.database import Database
 from service.storage.database.sqlite_file import file_of
 from service.storage.inspection.inspect import inspect, invariants, repair
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.key_store import KeyStore
+from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY, copy_of
@@ -61,6 +63,8 @@ def live(database):
     assert audited.reused
     AuditStore(database, TableDispatcher()).submit(audited.solution_id, PROBLEM, "audited", key_id=key.id)
     assert jobs.finish(claim(jobs), Solved(SUMMARY, b"dense", b"samples", {"verdict": "agrees"}))[0]
+    AtlasStore(database, TableDispatcher()).submit({"lambda": [1, 2]}, "drawn", key_id=key.id)
+    assert jobs.finish(claim(jobs), Drawn(encode_document({"parts": []})))[0]
     jobs.submit(PROBLEM, "refused")
     jobs.finish_failure(claim(jobs), {"code": "no_motion", "detail": "none"})
     jobs.submit(PROBLEM, "lost")
@@ -205,6 +209,9 @@ DAMAGE = [
         "early_comparisons",
         True,
     ),
+    ("DELETE FROM jobs WHERE digest = 'drawn'", "atlases_job_id", True),
+    ("DELETE FROM atlases", "missing_atlases", True),
+    ("UPDATE jobs SET state = 'cancelled' WHERE digest = 'drawn'", "early_atlases", True),
     ("UPDATE sweep_chunks SET first = first - 1 WHERE first > 0", "sweep_overlaps", False),
     ("DELETE FROM sweep_chunks WHERE first = 0", "sweep_gaps", True),
     ("DELETE FROM jobs WHERE state = 'running'", "sweep_ends", True),

@@ -1,0 +1,85 @@
+"""Stores the jobs that draw atlases, and reads what they have drawn."""
+
+from collections.abc import Mapping
+
+from sqlalchemy import Connection, select
+
+from service.jobs.dispatch import Dispatcher
+from service.jobs.errors import AtlasNotFoundError
+from service.jobs.idempotency import Receipt
+from service.jobs.job import Job, JobPage
+from service.jobs.lanes import Lane
+from service.jobs.states import JobKind
+from service.schemas.query.list_query import ListQuery
+from service.schemas.reading.marks import UNMARKED
+from service.storage.codecs.documents import Document, decode_document
+from service.storage.database.database import Database
+from service.storage.database.ids import is_id
+from service.storage.jobs.pages import page_of_jobs
+from service.storage.jobs.records import delivery_of, job_of
+from service.storage.jobs.submitting import insert_jobs
+from service.storage.keys.idempotency_store import write_key
+from service.storage.searching.sources import OF_ATLAS_ROWS
+from service.storage.tables.atlases import AtlasRow
+from service.storage.tables.base import table_of
+
+_ATLASES = table_of(AtlasRow)
+
+
+class AtlasStore:
+    """Writes and reads atlases."""
+
+    def __init__(self, database: Database, dispatcher: Dispatcher[Connection]) -> None:
+        self._database, self._dispatcher = database, dispatcher
+
+    def submit(
+        self,
+        document: Mapping[str, object],
+        digest: str,
+        *,
+        priority: int = 0,
+        key_id: str | None = None,
+        receipt: Receipt[tuple[Job, ...]] | None = None,
+    ) -> Job:
+        """Store a job that draws what a valid ``document`` asks for; its lane is that of single problems.
+
+        The rest is as :meth:`service.jobs.store.JobStore.submit` takes it; nothing is reused.
+        """
+        with self._database.write() as session:
+            (row,) = insert_jobs(
+                session,
+                [(document, digest)],
+                lane=Lane.SINGLE,
+                priority=priority,
+                key_id=key_id,
+                kind=JobKind.ATLAS,
+            )
+            self._dispatcher.dispatch(session.connection(), [delivery_of(row)])
+            job = job_of(row, UNMARKED)
+            if receipt is not None:
+                write_key(session.connection(), receipt.given, receipt.answer((job,)))
+            return job
+
+    def get(self, atlas_id: str) -> Document:
+        """Return an atlas, or raise :class:`AtlasNotFoundError`."""
+        with self._database.read() as session:
+            row = session.get(AtlasRow, atlas_id) if is_id(atlas_id) else None
+            data = None if row is None else row.data
+        if data is None:
+            raise AtlasNotFoundError(atlas_id)
+        return decode_document(data)
+
+    def find(self, query: ListQuery) -> JobPage:
+        """Return one page of the jobs that draw atlases, asked like jobs."""
+        return page_of_jobs(self._database, OF_ATLAS_ROWS, query)
+
+
+def known_atlas(database: Database, atlas_id: str) -> str:
+    """Return the id of an atlas as it is stored, or raise :class:`AtlasNotFoundError`; the atlas is not read."""
+    found = None
+    if is_id(atlas_id):
+        with database.read_rows() as connection:
+            found = connection.scalar(select(_ATLASES.c.job_id).where(_ATLASES.c.job_id == atlas_id))
+    if found is None:
+        raise AtlasNotFoundError(atlas_id)
+    return str(found)
