@@ -27,7 +27,7 @@ class Page:
 
 
 PAGES = {
-    "/": Page("Overview", "overview", ("sphere", "follow")),
+    "/": Page("Overview", "overview", ("arrays", "sphere", "follow")),
     "/workbench": Page("Workbench", "workbench", ("fields", "sphere", "verdict")),
     "/solutions": Page("Solutions", "lists", ("query", "marks", "follow")),
     "/jobs": Page("Jobs", "lists", ("query", "marks", "follow")),

@@ -1,10 +1,19 @@
 // What the installation does now, and the last solutions with a picture each.
-import { $, ago, bodyText, fill, get, h, measured, motionText, number, potentialText, run } from "./core.js";
+import { $, ago, bodyText, fill, get, h, measured, motionText, number, potentialText, request, run } from "./core.js";
+import { arraysOf } from "./arrays.js";
 import { follow } from "./follow.js";
 import { picture, pointsOf } from "./sphere.js";
 
 const CARDS = 6;
-const POINTS = 161;
+const POINTS = 160;
+const MOST_OFF = 0.02; // of a range, two pixels of a small picture: lines that may be further off are not drawn
+const UNDERWAY = ["queued", "running"];
+const SILENT = 10_000; // milliseconds without a word of a sweep, after which it is asked for
+
+const told = { job: new Map(), sweep: new Map() }; // what the events have told last of what is under way
+const rows = new Map();
+let atWork = [];
+let heard = 0;
 
 const tile = (name, value, note = "") => h("div", {}, h("dt", {}, name), h("dd", {}, value, note ? h("span", { class: "error" }, ` ${note}`) : null));
 
@@ -19,8 +28,53 @@ function showStatus(status) {
     tile("Workers", String(working.length), `${busy} of ${slots} slots at work`),
     tile("Solved in a minute", String(minute.succeeded)), tile("Failed in a minute", String(minute.failed)));
   $("status").setAttribute("aria-busy", "false");
-  const jobs = working.flatMap((worker) => worker.running);
-  fill($("running"), jobs.length ? h("ul", { class: "plain" }, jobs.map((job) => h("li", {}, h("code", {}, job.id ?? job.job), ` ${number(100 * (job.progress ?? 0), 3)} %`))) : null);
+  atWork = working.flatMap((worker) => worker.running);
+  const isStale = told.sweep.size > 0 && Date.now() - heard > SILENT;
+  if (isStale || atWork.some(({ sweep }) => sweep && !told.sweep.has(sweep))) showSweeps().catch(() => {}); // the next status asks again
+  showRunning();
+}
+
+/** Show a row for each sweep under way and each job at work; a row stays the same element, so nobody loses the focus. */
+function showRunning() {
+  const jobs = atWork.filter(({ kind }) => kind === "solve").map(({ id, seconds }) => {
+    const { progress = 0 } = told.job.get(id) ?? {};
+    return { id, progress, name: h("span", {}, "Job ", h("code", {}, id)), text: `${number(100 * progress, 3)} %, for ${number(seconds, 2)} s` };
+  });
+  const sweeps = [...told.sweep.values()].map(({ id, note, state, progress, done, points, remaining_seconds: left }) => ({
+    id, progress, name: h("span", {}, h("a", { href: `./sweep?id=${id}` }, `Sweep ${note ?? id}`)),
+    text: `${state}, ${done.toLocaleString("en")} of ${points.toLocaleString("en")} points${left ? `, about ${number(left, 2)} s more` : ""}` }));
+  const shown = [...sweeps, ...jobs];
+  for (const [id, { element }] of rows) {
+    if (shown.some((one) => one.id === id)) continue;
+    element.remove();
+    rows.delete(id);
+  }
+  for (const { id, progress, name, text } of shown) {
+    if (!rows.has(id)) {
+      const row = { bar: h("progress", { max: 1, "aria-label": name.textContent }), state: h("span", { class: "hint" }) };
+      row.element = h("li", { class: "row" }, row.bar, name, row.state);
+      rows.set(id, row);
+      $("running").append(row.element);
+    }
+    rows.get(id).bar.value = progress;
+    rows.get(id).state.textContent = text;
+  }
+  $("running").hidden = rows.size === 0;
+}
+
+async function showSweeps() {
+  const { items } = await get(`v1/sweeps?limit=${CARDS}&where=${encodeURIComponent(`state in (${UNDERWAY.join(", ")})`)}`);
+  heard = Date.now();
+  told.sweep = new Map(items.map((sweep) => [sweep.id, sweep]));
+  showRunning();
+}
+
+/** Take what an event tells of a job or a sweep. */
+function hear(name, found) {
+  if (name === "sweep") heard = Date.now();
+  if (UNDERWAY.includes(found.state)) told[name].set(found.id, found);
+  else told[name].delete(found.id);
+  showRunning();
 }
 
 function card(solution) {
@@ -34,9 +88,14 @@ function card(solution) {
 }
 
 async function paint({ solution, place, title }) {
-  const stretch = solution.period ? `start=0&stop=${solution.period.value}&samples=${POINTS}&` : "";
-  const { columns } = await get(`v1/solutions/${solution.id}/trajectory?${stretch}columns=t,g1,g2,g3`);
-  place.replaceChildren(picture([{ points: pointsOf(columns, ["g1", "g2", "g3"], 400) }], { alt: `Path of the vertical: ${title}` }));
+  const stretch = solution.period ? `start=0&stop=${solution.period.value}&` : "";
+  const answer = await request(`v1/solutions/${solution.id}/trajectory?${stretch}preview=${POINTS}&columns=t,g1,g2,g3`, { headers: { Accept: "application/x-npz" } });
+  if (Number(answer.headers.get("Polhode-Deviation")) > MOST_OFF) {
+    place.replaceChildren(h("p", { class: "hint" }, "It turns too often for a small picture."));
+    return;
+  }
+  const columns = arraysOf(await answer.arrayBuffer());
+  place.replaceChildren(picture([{ points: pointsOf(columns, ["g1", "g2", "g3"], POINTS) }], { alt: `Path of the vertical: ${title}` }));
 }
 
 let newest = null;
@@ -61,14 +120,16 @@ async function showLast() {
 }
 
 await run(async () => {
-  showStatus(await get("v1/status"));
+  const [status] = await Promise.all([get("v1/status"), showSweeps()]);
+  showStatus(status);
   await showLast();
 });
 follow({
   events: "v1/events", path: "v1/status", name: "status", every: 2000,
   seen: (name, found) => {
     if (name === "status") showStatus(found);
-    showLast().catch(() => {}); // the next change brings them
+    else hear(name, found);
+    if (name !== "sweep") showLast().catch(() => {}); // the next change brings them
   },
   lost: (isLost) => { $("pulse").textContent = isLost ? "the service does not answer; asking again" : ""; },
 });
