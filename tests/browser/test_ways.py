@@ -111,6 +111,25 @@ def test_who_is_faster_than_what_compares_is_heard(tab):
     assert page.url.endswith(f"with={other}")
 
 
+def test_a_late_answer_leaves_the_field_alone_that_somebody_is_in(tab):
+    """They are about to type over what stands there; once they leave, it tells what is shown."""
+    held = []
+    tab.page.route("**/trajectory?*", lambda route: held.append(route))
+    page = tab.open(f"solution?id={tab.site.solutions['first']}&start=1&stop=2")
+    expect(page.locator("#title")).not_to_be_empty()
+    field, other = page.get_by_label("from"), page.get_by_label("to", exact=True)
+    field.focus()
+    assert wait_until(lambda: page.title() and held)  # asking the page lets the request be seen
+    held[0].continue_()
+    expect(page.locator("#series-note")).to_contain_text("From 1 to 2")
+    assert (field.input_value(), other.input_value()) == ("", "")
+    field.blur()
+    assert (field.input_value(), other.input_value()) == ("1", "2")
+    field.fill("0")
+    field.blur()
+    assert (field.input_value(), other.input_value()) == ("0", "2")
+
+
 def test_an_id_that_is_no_solution_is_refused_beside_the_others(tab):
     page = tab.open(f"solution?id={tab.site.solutions['first']}&with=nothing")
     expect(page.locator("#compare-note .bad")).to_contain_text("no solution")

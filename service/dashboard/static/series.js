@@ -76,6 +76,13 @@ export async function overTime(solution, stretch, seen) {
   let asking = null;
   let heights = {}; // what is shown of the two vertical axes, once somebody has zoomed into them
   let typed = false; // since the last stretch was asked for: what somebody types is not overwritten by a late answer
+  const fields = [form.start, form.stop];
+
+  /** Tell the stretch in the fields, except while somebody is in one: what they have marked to type over it would be marked no more. */
+  function tellStretch() {
+    if (typed || !shown || fields.includes(document.activeElement)) return;
+    [form.start.value, form.stop.value] = [shown.columns.t[0], shown.columns.t.at(-1)];
+  }
 
   async function show(place) {
     typed = false;
@@ -90,10 +97,7 @@ export async function overTime(solution, stretch, seen) {
       return;
     }
     const { t } = shown.columns;
-    if (!typed) {
-      form.start.value = t[0];
-      form.stop.value = t.at(-1);
-    }
+    tellStretch();
     remember({ start: place && place[0], stop: place && place[1] });
     await drawLines();
     const text = `From ${number(t[0], 10)} to ${number(t.at(-1), 10)}: ${NOTES[shown.kind](shown)}; no value is off by more than ${number(shown.error, 2)}.`;
@@ -110,6 +114,7 @@ export async function overTime(solution, stretch, seen) {
   } }));
 
   form.addEventListener("input", () => (typed = true));
+  form.addEventListener("focusout", tellStretch);
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     whole([form.start.value, form.stop.value]);

@@ -41,22 +41,26 @@ def periods(installation, sweep):
 
 
 def attempts(installation, sweep):
-    """The (worker, outcome) of every attempt at a chunk."""
-    statement = select(AttemptRow.worker, AttemptRow.outcome).join(JobRow, JobRow.id == AttemptRow.job_id)
+    """The (job, worker, outcome) of every attempt at a chunk; those at one chunk in their order."""
+    statement = select(AttemptRow.job_id, AttemptRow.worker, AttemptRow.outcome)
+    of_sweep = statement.join(JobRow, JobRow.id == AttemptRow.job_id).where(JobRow.sweep_id == sweep.id)
     with installation.database.read() as session:
-        return [tuple(row) for row in session.execute(statement.where(JobRow.sweep_id == sweep.id))]
+        return [tuple(row) for row in session.execute(of_sweep.order_by(AttemptRow.number))]
 
 
-def is_caught_at_work(installation, sweep, worker):
-    """Stop a worker; if it has no chunk at the time, let it go on."""
+def is_of(worker, name):
+    """Tell whether a worker's name, host:process:number, is that of a worker."""
+    return name.split(":")[1] == str(worker.process.pid)
+
+
+def caught_at_work(installation, sweep, worker):
+    """Stop a worker and return the job that it has; if it has none at the time, let it go on."""
     worker.process.send_signal(signal.SIGSTOP)
-    if any(
-        name.split(":")[1] == str(worker.process.pid) and end is None
-        for name, end in attempts(installation, sweep)
-    ):
-        return True
+    for job, name, end in attempts(installation, sweep):
+        if end is None and is_of(worker, name):
+            return job
     worker.process.send_signal(signal.SIGCONT)
-    return False
+    return None
 
 
 def assert_each_point_is_there_once(installation, sweep):
@@ -69,7 +73,7 @@ def test_what_a_chunk_makes_reaches_workers_that_do_not_look(installation):
     crew = [installation.start_worker(host, **PATIENT) for host in (0, 1)]
     sweep = submit(installation, pause=0.02)
     assert_each_point_is_there_once(installation, sweep)
-    assert {outcome for _, outcome in attempts(installation, sweep)} == {AttemptOutcome.SUCCEEDED}
+    assert {outcome for _, _, outcome in attempts(installation, sweep)} == {AttemptOutcome.SUCCEEDED}
     wait_until(lambda: installation.count("procrastinate_jobs") == 0)
     for worker in crew:
         assert worker.terminate() == 0
@@ -77,16 +81,18 @@ def test_what_a_chunk_makes_reaches_workers_that_do_not_look(installation):
 
 def test_the_chunk_of_a_killed_worker_is_computed_on_another_host(installation):
     sweep = submit(installation, pause=0.1)
-    killed, other = (installation.start_worker(host, lease_seconds=0.6) for host in (1, 2))
+    killed = installation.start_worker(1, lease_seconds=0.6)
+    other = installation.start_worker(2, lease_seconds=3600)
     wait_until(lambda: installation.sweeps.get(sweep.id).done)
-    wait_until(lambda: is_caught_at_work(installation, sweep, killed))
+    caught = wait_until(lambda: caught_at_work(installation, sweep, killed))
     killed.kill()
     installation.lose_deliveries()
     assert installation.sweeps.get(sweep.id).done < POINTS
     assert_each_point_is_there_once(installation, sweep)
-    outcomes = [outcome for _, outcome in attempts(installation, sweep)]
-    assert set(outcomes) == {AttemptOutcome.SUCCEEDED, AttemptOutcome.LOST}
-    assert outcomes.count(AttemptOutcome.LOST) == 1
+    # A busy machine may renew a lease too late, so that a living worker has lost another chunk, too.
+    ends = [(is_of(killed, name), end) for job, name, end in attempts(installation, sweep) if job == caught]
+    assert ends[-1] == (False, AttemptOutcome.SUCCEEDED)
+    assert ends.count((True, AttemptOutcome.LOST)) == 1
     assert other.terminate() == 0
 
 
