@@ -112,7 +112,7 @@ def test_who_is_faster_than_what_compares_is_heard(tab):
 
 
 def test_a_late_answer_leaves_the_field_alone_that_somebody_is_in(tab):
-    """They have marked what stands there and are about to type over it; once they leave, it tells what is shown."""
+    """They are about to type over what stands there; once they leave, it tells what is shown."""
     held = []
     tab.page.route("**/trajectory?*", lambda route: held.append(route))
     page = tab.open(f"solution?id={tab.site.solutions['first']}&start=1&stop=2")

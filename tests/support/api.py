@@ -180,3 +180,8 @@ NEEDED_QUERY = {
     "/v1/sweeps/{sweep_id}/points/statistics": "?of=period",
 }
 """Queries of the routes that need one."""
+
+
+def ask_again(client, path, answer, **headers):
+    """Send the tag of an answer along, as caches do."""
+    return client.get(path, headers={"If-None-Match": answer.headers["etag"], **headers})

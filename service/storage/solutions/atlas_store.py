@@ -75,7 +75,7 @@ class AtlasStore:
 
 
 def known_atlas(database: Database, atlas_id: str) -> str:
-    """Return the id of an atlas as it is stored, or raise :class:`AtlasNotFoundError`; the atlas is not read."""
+    """Return the id of an atlas as it is stored, unread, or raise :class:`AtlasNotFoundError`."""
     found = None
     if is_id(atlas_id):
         with database.read_rows() as connection:
