@@ -14,7 +14,12 @@ from workers.process.warming import WarmUp
 if TYPE_CHECKING:  # the children that load this module need no database
     from workers.process.runner import Computations
 
-PRELOAD = ("workers.computation.compute", "workers.sweeping.warming", "workers.process.preloaded")
+PRELOAD = (
+    "workers.computation.compute",
+    "workers.sweeping.warming",
+    "workers.computation.atlases",
+    "workers.process.preloaded",
+)
 """Modules for the fork server: what the functions here import, and at last one that loads compiled code."""
 
 

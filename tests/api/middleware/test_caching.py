@@ -145,7 +145,7 @@ def shut(monkeypatch):
 def test_304_reads_no_arrays(client, places, monkeypatch):
     paths = {places[template] for template in TAGGED}
     for template, tagged in TAGGED.items():
-        if len(tagged.formats) > 1:
+        if len(tagged.formats) > 1 and "atlases" not in template:  # they know no ?format
             sign = "&" if "?" in places[template] else "?"
             paths |= {f"{places[template]}{sign}format={name}" for name in tagged.formats}
     paths |= {f"{places['/v1/solutions/{solution_id}/trajectory']}?stop=1&samples=5&columns=t,g1"}
