@@ -9,9 +9,9 @@ from service.jobs.states import AttemptOutcome, JobState
 from tests.workers.processes import stop_between_transactions, wait_until
 
 LEASE = 1.0
-UNENDING = 3600.0
-"""Of those who take over: a busy machine may renew a short lease too late."""
 """Of the workers in these tests."""
+LONG = 3.0
+"""Of those who take over: a busy machine may renew a short lease too late."""
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_a_killed_worker_is_replaced_after_its_lease(jobs, start_worker, log):
     wait_until(lambda: children(log))
     first.kill()
     # What is to come back by the lease is not brought by anything that takes long.
-    start_worker(lease_seconds=UNENDING, poll_seconds=3600)
+    start_worker(lease_seconds=LONG, poll_seconds=3600)
     wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED)
     assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
     lost, succeeded = jobs.attempts(job.id)
@@ -62,7 +62,7 @@ def test_a_second_worker_takes_over_from_a_killed_one(jobs, start_worker, log):
     first = start_worker(lease_seconds=LEASE)
     job = jobs.submit({"chore": "sleep", "seconds": 0.5, "log": str(log)}, "digest")
     wait_until(lambda: children(log))
-    start_worker(lease_seconds=UNENDING)
+    start_worker(lease_seconds=LONG)
     first.kill()
     wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED)
     assert len(children(log)) == 2
@@ -118,7 +118,7 @@ def test_a_worker_that_slept_through_its_lease_does_not_finish_the_job(jobs, url
     first = start_worker(lease_seconds=LEASE)
     wait_until(lambda: children(log))
     stop_between_transactions(first, url)
-    start_worker(lease_seconds=UNENDING)
+    start_worker(lease_seconds=LONG)
     wait_until(lambda: len(children(log)) == 2)
     # Its child has gone on and finishes; what it hands over is out of date.
     first.process.send_signal(signal.SIGCONT)
