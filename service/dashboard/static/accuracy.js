@@ -7,6 +7,9 @@ const LINES = ["solid", "dash", "dot", "dashdot"];
 const QUIET = 1.5; // load average above which times are not those of a quiet machine
 const HEADS = ["Tier", "Motion", "Family", "Error", "Claimed error", "Reference", "Its error", "Seconds for 1000 samples", "For each 1000 more"];
 const form = $("choice");
+let show = () => {};
+form.addEventListener("change", () => show());
+form.addEventListener("submit", (event) => event.preventDefault());
 
 const table = (caption, heads, rows) => h("table", {}, h("caption", { class: "unseen" }, caption), h("thead", {}, h("tr", {}, heads.map((head) => h("th", { scope: "col" }, head)))),
   h("tbody", {}, rows.map((cells) => h("tr", {}, cells.map((cell) => h("td", {}, cell))))));
@@ -53,10 +56,11 @@ run(async () => {
   fill($("unavailable"), unavailable.map((row) => h("li", {}, `${row.tier}, ${row.kind}, ${row.family}: ${row.detail}`)));
   const tiers = Object.keys(tolerances);
   const values = (name) => [...new Set(all.map((row) => row[name]))];
-  for (const name of ["kind", "family"]) fill(form[name], h("option", { value: "" }, "any"), values(name).map((value) => h("option", { value }, value)));
+  // Once: somebody may have chosen by the time that this is tried again.
+  for (const name of ["kind", "family"]) if (!form[name].options.length) fill(form[name], h("option", { value: "" }, "any"), values(name).map((value) => h("option", { value }, value)));
   const kinds = values("kind");
 
-  async function show() {
+  show = async () => {
     const { kind, family, samples: typed } = Object.fromEntries(new FormData(form));
     if (!form.reportValidity()) return;
     const samples = Number(typed);
@@ -78,10 +82,7 @@ run(async () => {
       layout: { xaxis: { type: "log", title: { text: `seconds for ${samples.toLocaleString("en")} samples` }, dtick: 1, exponentformat: "power" }, yaxis: { type: "log", title: { text: "largest error" }, exponentformat: "power" }, hovermode: "closest", dragmode: false,
         shapes: tiers.map((tier, k) => ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: tolerances[tier], y1: tolerances[tier], line: { color: colours[`c${k + 1}`], width: 1, dash: "dot" } })) },
     }));
-  }
-
-  form.addEventListener("change", show);
-  form.addEventListener("submit", (event) => event.preventDefault());
+  };
   await show();
   await showComparison(answer.comparison);
 });
