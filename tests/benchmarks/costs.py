@@ -8,6 +8,7 @@ import numpy as np
 
 from service.dynamics.motion import COLUMNS
 from service.jobs.outcome import Solved, SolveOutcome
+from service.schemas.problem.sections import OutputName
 from tests.benchmarks.measuring import Effort, Table, in_turns, in_words
 from tests.benchmarks.motions import FloatArray, Measured, elliptic, librations
 from tests.benchmarks.stored import stored_solution
@@ -17,7 +18,7 @@ from workers.calibration.problems import CASES
 from workers.calibration.whole_jobs import whole_jobs
 from workers.computation.compute import solve_document
 
-ASKED = ("gamma", "omega", "invariants", "orientation", "stability")
+ASKED: tuple[OutputName, ...] = ("gamma", "omega", "invariants", "orientation", "stability")
 """In the order in which they are added."""
 PROBLEMS: Mapping[str, Mapping[str, object]] = {
     "A = 2C": {
@@ -69,8 +70,7 @@ def outputs(effort: Effort) -> Table:
     """Return the seconds of a job as outputs are added one by one."""
     rows = []
     for name, problem in PROBLEMS.items():
-        jobs = [_job(problem, ASKED[: k + 1]) for k in range(len(ASKED))]
-        *seconds, single = in_turns((*jobs, _job(problem, ASKED[:1], 1)), effort.repeats(20))
+        *seconds, single = seconds_of_outputs(problem, effort)
         rows.append((name, "gamma, one sample", in_words(single), ""))
         for k, output in enumerate(ASKED):
             more = seconds[k] - (seconds[k - 1] if k else 0.0)
@@ -82,6 +82,12 @@ def outputs(effort: Effort) -> Table:
         "The series that is stored is built in any case, so one sample costs nearly as much as 1000."
     )
     return Table("What each output costs", remark, heads, tuple(rows))
+
+
+def seconds_of_outputs(problem: Mapping[str, object], effort: Effort) -> Sequence[float]:
+    """Return the seconds of jobs that ask for one output more each, and last those of a single sample."""
+    jobs = [_job(problem, ASKED[: k + 1]) for k in range(len(ASKED))]
+    return in_turns((*jobs, _job(problem, ASKED[:1], 1)), effort.repeats(20))
 
 
 def parts(effort: Effort) -> Table:

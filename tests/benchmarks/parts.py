@@ -18,7 +18,7 @@ from tests.benchmarks import (
     throughput,
 )
 from tests.benchmarks.measuring import Effort, Result, Row, Table, in_words, say
-from tests.benchmarks.whole import jobs, points, requests, tiers
+from tests.benchmarks.whole import comparison, jobs, points, requests, tiers
 
 Part = Callable[[Effort, Sequence[str]], None]
 """Measures under circumstances that are told; a quick one prints and writes nothing."""
@@ -112,13 +112,14 @@ def tables(
 
 
 def tier_costs(effort: Effort, known: Sequence[str]) -> None:
-    """Measure what a tier costs a user: shipped, and shown by README."""
+    """Measure what a tier costs a user: shipped, and shown by README; then the comparison."""
     table = tiers.tiers(effort)
     say(report.text_of_table(table))
     if effort.is_quick:
         return
     pages.write_part(report.REPORT, "tier-costs", report.section_of_tables([table], known))
     pages.write_part(report.README, "tier-costs", costs_in_brief(table))
+    comparison.ship(effort)
 
 
 def costs_in_brief(table: Table) -> str:

@@ -13,6 +13,7 @@ from playwright.sync_api import expect
 
 from tests.support.browser import Site, Watched, problem, settle
 from tests.support.serving import serving
+from tests.support.waiting import wait_until
 
 POLHODE = Path(sys.executable).with_name("polhode")
 
@@ -51,6 +52,32 @@ def test_a_key_is_typed_once_and_kept_in_the_tab_only(context, guarded):
     expect(other.get_by_role("dialog", name="Key of this service")).to_be_visible()
     # What was refused is what was asked before the key was known, and nothing else.
     assert {fault.split()[0] for fault in tab.faults} == {"401"}
+
+
+def test_a_late_refusal_asks_nobody_for_the_key_that_they_have_typed(context, guarded):
+    site, key = guarded
+    tab = Watched(context.new_page(), site)
+    held = []
+
+    def hold(route):
+        if "authorization" in route.request.headers:
+            route.continue_()
+        else:
+            held.append(route)
+
+    tab.page.route("**/v1/sweeps?*", hold)
+    page = tab.open("")
+    dialog = page.get_by_role("dialog", name="Key of this service")
+    expect(dialog).to_contain_text("a key is needed")
+    assert wait_until(lambda: page.title() and held)  # asking the page lets the request be seen
+    page.get_by_label("Key", exact=True).fill(key)
+    page.keyboard.press("Enter")
+    expect(dialog).to_be_hidden()
+    with page.expect_request(lambda request: "/v1/sweeps?" in request.url) as again:
+        held[0].continue_()
+    assert again.value.headers["authorization"] == f"Bearer {key}"
+    expect(page.locator("#status")).to_contain_text("Waiting")
+    expect(dialog).to_be_hidden()
 
 
 def test_without_a_key_the_page_says_what_is_missing(context, guarded):

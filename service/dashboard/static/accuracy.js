@@ -3,8 +3,13 @@ import { $, fill, get, h, number, run, say } from "./core.js";
 import { draw } from "./chart.js";
 
 const SYMBOLS = ["circle", "diamond", "square", "triangle-up", "x", "star"];
+const LINES = ["solid", "dash", "dot", "dashdot"];
+const QUIET = 1.5; // load average above which times are not those of a quiet machine
 const HEADS = ["Tier", "Motion", "Family", "Error", "Claimed error", "Reference", "Its error", "Seconds for 1000 samples", "For each 1000 more"];
 const form = $("choice");
+let show = () => {};
+form.addEventListener("change", () => show());
+form.addEventListener("submit", (event) => event.preventDefault());
 
 const table = (caption, heads, rows) => h("table", {}, h("caption", { class: "unseen" }, caption), h("thead", {}, h("tr", {}, heads.map((head) => h("th", { scope: "col" }, head)))),
   h("tbody", {}, rows.map((cells) => h("tr", {}, cells.map((cell) => h("td", {}, cell))))));
@@ -23,16 +28,39 @@ function showCosts(rows, tiers, samples) {
   })));
 }
 
+const where = ({ date, version, machine }) => `${date.slice(0, 10)}, version ${version}, on ${machine.cpus} × ${machine.model ?? "an unnamed processor"}, ${machine.system}`;
+
+/** Show ways to the same samples beside each other, each with a mark of its own, and what each output adds. */
+async function showComparison(comparison) {
+  const { ways, outputs, problem, load } = comparison;
+  $("compared-where").textContent = `${problem} Measured before it was shipped, ${where(comparison)}, load ${number(load, 2)}${load > QUIET ? ": a busy machine, so ratios count" : ""}.`;
+  fill($("ways-table"), table("Methods", ["Method", "Tier or tolerance", "Seconds", "Error"], ways.map(({ way, setting, seconds, error }) => [way, setting, figure(seconds), figure(error)])));
+  fill($("outputs"), table("Outputs", ["Motion", "Output", "Seconds of the job", "Added"], outputs.map(({ problem: name, output, seconds, added }) =>
+    [name, output, figure(seconds), added === null ? "–" : figure(added)])));
+  const names = [...new Set(ways.map(({ way }) => way))];
+  await draw($("ways"), (colours) => ({
+    traces: names.map((name, k) => {
+      const of = ways.filter(({ way }) => way === name);
+      return { x: of.map(({ seconds }) => seconds), y: of.map(({ error }) => error), text: of.map(({ setting }) => setting), name, mode: "lines+markers",
+        line: { color: colours[`c${k + 1}`], width: 1.4, dash: LINES[k % LINES.length] }, marker: { size: 9, symbol: SYMBOLS[k % SYMBOLS.length] },
+        hovertemplate: `${name}, %{text}<br>%{x:.3g} s, error %{y:.2g}<extra></extra>` };
+    }),
+    layout: { xaxis: { type: "log", title: { text: "seconds" }, dtick: 1, exponentformat: "power" }, yaxis: { type: "log", title: { text: "largest error" }, exponentformat: "power" }, hovermode: "closest", dragmode: false },
+  }));
+}
+
 run(async () => {
-  const { rows: all, unavailable, machine, date, source, version, repetitions, tolerances } = await get("v1/accuracy");
-  $("where").textContent = `${source === "shipped" ? "Measured before it was shipped" : "Measured here"}, ${date.slice(0, 10)}, version ${version}, on ${machine.cpus} × ${machine.model ?? "an unnamed processor"}, ${machine.system}; medians of ${repetitions}.`;
+  const answer = await get("v1/accuracy");
+  const { rows: all, unavailable, source, repetitions, tolerances } = answer;
+  $("where").textContent = `${source === "shipped" ? "Measured before it was shipped" : "Measured here"}, ${where(answer)}; medians of ${repetitions}.`;
   fill($("unavailable"), unavailable.map((row) => h("li", {}, `${row.tier}, ${row.kind}, ${row.family}: ${row.detail}`)));
   const tiers = Object.keys(tolerances);
   const values = (name) => [...new Set(all.map((row) => row[name]))];
-  for (const name of ["kind", "family"]) fill(form[name], h("option", { value: "" }, "any"), values(name).map((value) => h("option", { value }, value)));
+  // Once: somebody may have chosen by the time that this is tried again.
+  for (const name of ["kind", "family"]) if (!form[name].options.length) fill(form[name], h("option", { value: "" }, "any"), values(name).map((value) => h("option", { value }, value)));
   const kinds = values("kind");
 
-  async function show() {
+  show = async () => {
     const { kind, family, samples: typed } = Object.fromEntries(new FormData(form));
     if (!form.reportValidity()) return;
     const samples = Number(typed);
@@ -54,9 +82,7 @@ run(async () => {
       layout: { xaxis: { type: "log", title: { text: `seconds for ${samples.toLocaleString("en")} samples` }, dtick: 1, exponentformat: "power" }, yaxis: { type: "log", title: { text: "largest error" }, exponentformat: "power" }, hovermode: "closest", dragmode: false,
         shapes: tiers.map((tier, k) => ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: tolerances[tier], y1: tolerances[tier], line: { color: colours[`c${k + 1}`], width: 1, dash: "dot" } })) },
     }));
-  }
-
-  form.addEventListener("change", show);
-  form.addEventListener("submit", (event) => event.preventDefault());
+  };
   await show();
+  await showComparison(answer.comparison);
 });

@@ -27,6 +27,28 @@ export function remember(shown) {
   history.replaceState(null, "", `?${found}`);
 }
 
+/** Renew what an element holds; whoever is at one of its controls stays there, or at the element if that one is gone. */
+export function refill(element, ...children) {
+  const nameOf = ({ tagName, id, dataset, name, href, ariaLabel, textContent }) => [tagName, id, dataset.id, name, href, ariaLabel ?? textContent].join("\n");
+  const held = element.contains(document.activeElement) && document.activeElement !== element ? nameOf(document.activeElement) : null;
+  fill(element, ...children);
+  if (held === null) return;
+  const again = [...element.querySelectorAll("a, button, input, summary")].find((one) => !one.disabled && nameOf(one) === held);
+  (again ?? element).focus();
+}
+
+/** Do some work while buttons cannot be pressed; a browser takes the focus from such a button, and it gets it back. */
+export async function during(buttons, work) {
+  const held = buttons.find((button) => button === document.activeElement);
+  for (const button of buttons) button.disabled = true;
+  try {
+    return await work();
+  } finally {
+    for (const button of buttons) button.disabled = false;
+    if (held?.isConnected && [document.body, held].includes(document.activeElement)) held.focus();
+  }
+}
+
 /** Tell those who cannot see that something has changed. */
 export function say(text) {
   $("said").textContent = text;
@@ -49,14 +71,16 @@ const key = () => sessionStorage.getItem(KEY);
 export async function request(path, { method = "GET", body, headers = {}, signal } = {}) {
   for (;;) {
     const sent = { Accept: "application/json", ...headers };
-    if (key()) sent.Authorization = `Bearer ${key()}`;
+    const used = key();
+    if (used) sent.Authorization = `Bearer ${used}`;
     if (body !== undefined) sent["Content-Type"] = "application/json";
     const answer = await fetch(path.replace(/^\//, ""), {
       method, headers: sent, signal, body: body === undefined ? undefined : JSON.stringify(body),
     });
     if (answer.ok) return answer;
     const problem = await answer.json().catch(() => ({ title: answer.statusText }));
-    if (answer.status === 401 && (await askKey(problem.detail))) continue;
+    // A late refusal of what was sent without the key that has been typed meanwhile asks nobody again.
+    if (answer.status === 401 && ((key() && key() !== used) || (await askKey(problem.detail)))) continue;
     throw new Refusal(problem, answer.status);
   }
 }

@@ -1,5 +1,5 @@
 // The catalogue: families, named cases, classical cases; each with an example that runs with one click.
-import { $, exact, fill, get, h, run, say, troubleOf } from "./core.js";
+import { $, during, exact, fill, get, h, run, say, troubleOf } from "./core.js";
 import { picture, pointsOf } from "./sphere.js";
 import { solved, whyNot } from "./starting.js";
 
@@ -26,8 +26,7 @@ function curveOf({ body, motion }) {
   });
 }
 
-async function runExample(example, place, button) {
-  button.disabled = true;
+async function runExample(example, place) {
   fill(place, h("p", { class: "hint" }, "Computing…"));
   try {
     const job = await solved(example);
@@ -41,8 +40,6 @@ async function runExample(example, place, button) {
     say("the example is solved");
   } catch (error) {
     fill(place, troubleOf(error));
-  } finally {
-    button.disabled = false;
   }
 }
 
@@ -50,7 +47,7 @@ function card({ title, formula, lines, source, example }) {
   const place = h("div", { class: "outcome", role: "status" });
   const curve = example && curveOf(example);
   if (curve) fill(place, h("span", { class: "thumb" }, picture([{ points: curve }], { alt: "The curve of the planar motions of the example" })));
-  const button = h("button", { type: "button", class: "main small", onclick: (event) => runExample(example, place, event.currentTarget) }, "Run the example");
+  const button = h("button", { type: "button", class: "main small", onclick: ({ currentTarget }) => during([currentTarget], () => runExample(example, place)) }, "Run the example");
   return h("li", { class: "card" }, h("h3", {}, title), formula ? h("p", {}, h("span", { class: "formula" }, formula)) : null,
     h("ul", { class: "plain" }, lines.filter(Boolean).map((line) => h("li", {}, line))), h("p", { class: "hint" }, source), place,
     example && h("div", { class: "row" }, button, h("a", { href: `./workbench#${encodeURIComponent(JSON.stringify(example))}`, "aria-label": `${title}: open in the workbench` }, "Open in the workbench")));

@@ -24,6 +24,8 @@ function field(base, [name, label, kind = "number"]) {
   return h("div", { class: `field ${kind}` }, h("label", { for: id }, label), control, h("p", { class: "fault", id: `${id}-fault` }));
 }
 
+let wanted = "standard"; // the tier of the problem that was put into the form, until the tiers can be chosen
+
 const controls = () => [...document.querySelectorAll("#form [data-pointer]")];
 const at = (pointer) => controls().find((control) => control.dataset.pointer === pointer);
 
@@ -65,7 +67,7 @@ export function problemOf() {
     if (name === undefined) problem[part] = value;
     else problem[part][name] = value;
   }
-  problem.accuracy = { tier: document.querySelector("input[name=tier]:checked")?.value ?? "standard" };
+  problem.accuracy = { tier: document.querySelector("input[name=tier]:checked")?.value ?? wanted };
   const further = [...document.querySelectorAll("input[name=outputs]:checked")].map((box) => box.value);
   problem.outputs = ["gamma", "omega", ...further];
   return problem;
@@ -83,7 +85,8 @@ export function fillForm(problem) {
     const value = name === undefined ? problem[part] : problem[part]?.[name];
     control.value = value === undefined || value === null ? "" : written(value, control.dataset.kind);
   }
-  const tier = document.querySelector(`input[name=tier][value="${CSS.escape(problem.accuracy?.tier ?? "standard")}"]`);
+  wanted = problem.accuracy?.tier ?? "standard";
+  const tier = document.querySelector(`input[name=tier][value="${CSS.escape(wanted)}"]`);
   if (tier) tier.checked = true;
   for (const box of document.querySelectorAll("input[name=outputs]")) box.checked = (problem.outputs ?? []).includes(box.value);
 }

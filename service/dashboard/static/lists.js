@@ -1,5 +1,5 @@
 // Solutions, jobs and sweeps as tables; the address holds the question, so it can be sent to others.
-import { $, ago, asked, fill, get, h, measured, motionText, number, potentialText, Refusal, request, run, say } from "./core.js";
+import { $, ago, asked, fill, get, h, measured, motionText, number, potentialText, refill, Refusal, request, run, say } from "./core.js";
 import { follow } from "./follow.js";
 import { allBox, boxOf, listen, marksOf, refused, settled } from "./marks.js";
 import { conditions, quoted, showChips, showFacets } from "./query.js";
@@ -90,7 +90,8 @@ let underWay = 0;
 let hasChanged = false; // while a question was under way
 
 /** Somebody is at a row, or reads what it unfolds: it must not be replaced. */
-const isBusy = () => $("table").contains(document.activeElement) || $("table").querySelector("details[open]") !== null;
+const isBusy = () => $("table").querySelector("tbody :focus, :active, details[open]") !== null
+  || (!getSelection().isCollapsed && getSelection().containsNode($("table"), true));
 
 /** Show what there is now, unless somebody is at a row. */
 function refresh() {
@@ -135,7 +136,7 @@ async function showAnswer(isUnwanted) {
   $("first").href = `?${new URLSearchParams(["where", "order"].filter((part) => sent.get(part)).map((part) => [part, sent.get(part)]))}`;
   const add = (condition) => go([...new Set([...conditions(where), condition])].join(","));
   const rows = page.items.map((item) => h("tr", {}, h("td", {}, boxOf(item)), kind.columns.map(([, , cell]) => h("td", {}, ...[cell(item)].flat())), h("td", { class: "marks" }, marksOf(item, quoted, add))));
-  fill($("table"), page.items.length ? h("table", {}, h("caption", { class: "unseen" }, `${document.title}. A click on a head sorts by it; with Shift it is one more column to sort by.`),
+  refill($("table"), page.items.length ? h("table", {}, h("caption", { class: "unseen" }, `${document.title}. A click on a head sorts by it; with Shift it is one more column to sort by.`),
     h("thead", {}, h("tr", {}, h("td", {}, allBox(page.items)), kind.columns.map(head), h("th", { scope: "col" }, "Labels and note"))), h("tbody", {}, rows))
     : h("p", { class: "empty" }, where ? "Nothing meets these conditions." : "There is nothing yet."));
   settled();
@@ -160,7 +161,7 @@ function head([title, fact]) {
   const turned = isSorted && !isDown ? `-${fact}` : fact;
   const sort = (event) => go(asked().get("where") ?? "", event.shiftKey ? (isSorted ? order.with(place, turned) : [...order, fact]).join(",") : turned);
   return h("th", { scope: "col", "aria-sort": isSorted ? (isDown ? "descending" : "ascending") : null },
-    h("button", { type: "button", class: "sort", onclick: sort }, title, isSorted ? h("span", { "aria-hidden": "true" }, ` ${isDown ? "↓" : "↑"}${order.length > 1 ? place + 1 : ""}`) : ""));
+    h("button", { type: "button", class: "sort", "data-id": fact, "aria-label": title, onclick: sort }, title, isSorted ? h("span", { "aria-hidden": "true" }, ` ${isDown ? "↓" : "↑"}${order.length > 1 ? place + 1 : ""}`) : ""));
 }
 
 async function facets(items) {
@@ -179,12 +180,17 @@ function go(where, order = $("order").value.trim(), after = null) {
   if (order) address.set("order", order);
   if (after) address.set("after", after);
   if (`?${address}` !== location.search) history.pushState(null, "", `?${address}`);
+  return arrive();
+}
+
+/** Show what the address asks for. Only here its question is written into the form: later somebody may be typing there. */
+function arrive() {
+  $("where").value = asked().get("where") ?? "";
+  $("order").value = asked().get("order") ?? "";
   return renew();
 }
 
 async function renew() {
-  $("where").value = asked().get("where") ?? "";
-  $("order").value = asked().get("order") ?? "";
   const items = await show();
   if (items !== null) {
     await facets(items);
@@ -200,9 +206,17 @@ $("asking").addEventListener("submit", (event) => {
   go($("where").value.trim());
 });
 $("order").addEventListener("change", () => go($("where").value.trim()));
-$("more").addEventListener("click", () => go(asked().get("where") ?? "", asked().get("order") ?? "", new URLSearchParams(next.split("?")[1]).get("after")));
-addEventListener("popstate", renew);
-await run(renew);
+$("more").addEventListener("click", () => {
+  const following = new URLSearchParams(next.split("?")[1]); // of the rows that are seen, even if others are asked for by now
+  go(following.get("where") ?? "", following.get("order") ?? "", following.get("after"));
+});
+addEventListener("popstate", arrive);
+let isFirst = true;
+await run(() => {
+  const work = isFirst ? arrive : renew;
+  isFirst = false;
+  return work();
+});
 if (name !== "solutions") {
   follow({ events: "v1/events", path: "v1/status", name: "status", every: 3000, seen: refresh });
 }

@@ -1,5 +1,5 @@
 // Labels and notes of many rows at once: which are chosen, what is sent for each, what became of it.
-import { $, fill, h, request, say } from "./core.js";
+import { $, during, fill, h, request, say } from "./core.js";
 
 const TOGETHER = 4;
 
@@ -9,7 +9,7 @@ export const chosen = new Map();
 export const refused = new Map();
 
 function tell() {
-  $("bulk").hidden = chosen.size === 0;
+  $("bulk").hidden = chosen.size === 0 && !$("bulk").contains(document.activeElement); // nobody loses the control that they are at
   $("chosen").textContent = chosen.size ? `${chosen.size} chosen` : "";
 }
 
@@ -78,8 +78,7 @@ async function send(name, patch, renew) {
   const waiting = [...chosen.values()];
   const count = waiting.length;
   refused.clear();
-  for (const button of $("bulk").querySelectorAll("button")) button.disabled = true;
-  await Promise.all(Array.from({ length: TOGETHER }, async () => {
+  await during([...$("bulk").querySelectorAll("button")], () => Promise.all(Array.from({ length: TOGETHER }, async () => {
     for (let item = waiting.pop(); item; item = waiting.pop()) {
       try {
         await change(`v1/${name}/${item.id}`, item, patch);
@@ -88,8 +87,7 @@ async function send(name, patch, renew) {
         refused.set(item.id, `Not changed: ${why(error)}`);
       }
     }
-  }));
-  for (const button of $("bulk").querySelectorAll("button")) button.disabled = false;
+  })));
   const told = `${count - refused.size} changed${refused.size ? `, ${refused.size} not: the reasons are in their rows` : ""}`;
   await renew();
   tell();

@@ -1,5 +1,5 @@
 // What the installation does now, and the last solutions with a picture each.
-import { $, ago, bodyText, fill, get, h, measured, motionText, number, potentialText, request, run } from "./core.js";
+import { $, ago, bodyText, fill, get, h, measured, motionText, number, potentialText, refill, request, run } from "./core.js";
 import { arraysOf } from "./arrays.js";
 import { follow } from "./follow.js";
 import { picture, pointsOf } from "./sphere.js";
@@ -99,13 +99,16 @@ async function paint({ solution, place, title }) {
 }
 
 let newest = null;
+let turn = 0;
 
 async function showLast() {
+  const mine = ++turn;
   const { items } = await get(`v1/solutions?limit=${CARDS}`);
+  if (mine !== turn) return; // asked for again meanwhile
   if (newest === (items[0]?.id ?? "")) return;
   newest = items[0]?.id ?? "";
   const cards = items.map(card);
-  fill($("cards"), cards.length ? cards.map(({ element }) => element)
+  refill($("cards"), cards.length ? cards.map(({ element }) => element)
     : h("li", { class: "empty" }, "Nothing has been solved yet. ", h("a", { href: "./workbench" }, "Start in the workbench"), "."));
   $("cards").setAttribute("aria-busy", "false");
   // Pictures come when the cards are looked at, one after the other.

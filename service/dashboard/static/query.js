@@ -1,5 +1,5 @@
 // The language of lists: conditions as text and as chips, facets as conditions that can be added.
-import { $, fill, h } from "./core.js";
+import { $, h, refill } from "./core.js";
 
 /** Return the conditions of a text: divided at commas that are in no brackets and no quotation marks. */
 export function conditions(text) {
@@ -22,14 +22,14 @@ export const quoted = (value) => (/^[\w.:+-]+$/.test(value) ? value : `"${String
 /** Show each condition as a chip that can be taken away. */
 export function showChips(where, changed) {
   const all = conditions(where);
-  fill($("chips"), all.map((condition, k) => h("li", {}, h("button", { type: "button", class: "chip", "aria-label": `Take away ${condition}`,
+  refill($("chips"), all.map((condition, k) => h("li", {}, h("button", { type: "button", class: "chip", "aria-label": `Take away ${condition}`,
     onclick: () => changed(all.filter((_, other) => other !== k).join(",")) }, condition, h("span", { "aria-hidden": "true" }, " ×")))));
 }
 
 /** Show facets; a click on a value adds it as a condition. */
 export function showFacets(facets, where, changed) {
   const present = new Set(conditions(where));
-  fill($("facets"), facets.filter(({ values }) => values.length).map(({ by, values, others }) => h("div", { class: "facet" }, h("span", { class: "hint" }, by),
+  refill($("facets"), facets.filter(({ values }) => values.length).map(({ by, values, others }) => h("div", { class: "facet" }, h("span", { class: "hint" }, by),
     values.map(({ value, count }) => {
       const condition = value === null ? `${by} is null` : `${by}=${quoted(String(value))}`;
       return h("button", { type: "button", class: "quiet", disabled: present.has(condition),

@@ -1,5 +1,5 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ago, asked, bodyText, copier, fill, get, h, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
+import { $, ago, asked, bodyText, copier, exact, fill, get, h, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
 import { multipliers, turningBody } from "./body.js";
 import { between, drifts, overTime, phasePlane, samplesOf } from "./series.js";
 import { pointsOf, turnable } from "./sphere.js";
@@ -51,15 +51,18 @@ function files(solution) {
   const path = `v1/solutions/${solution.id}/trajectory`;
   const url = new URL(path, document.baseURI).href;
   const form = $("stretch");
-  const query = () => `start=${form.start.value}&stop=${form.stop.value}&samples=800`;
+  // Until the first samples have come the fields are empty: then the stored ones are what is meant.
+  const stretch = () => [form.start, form.stop].map(({ value }) => value.trim()).filter(Boolean);
+  const query = ([start, stop]) => (stop ? `?${between(start, stop, "samples=800").join("&").replaceAll("'", "%27")}` : "");
+  const samples = ([start, stop]) => (stop ? `at(np.linspace(${exact(start)}, ${exact(stop)}, 800))` : "samples()");
   fill($("downloads"),
     h("ul", { class: "buttons" }, Object.entries(FORMATS).map(([format, name]) =>
       h("li", {}, h("button", { type: "button", class: "button", onclick: () => download(`${path}?format=${format}`, `solution-${solution.id}.${format}`) }, name)))),
     h("p", { class: "hint" }, "The stored samples, in full precision. Or ask for what is on the screen:"),
     h("div", { class: "row" },
-      copier("Copy as curl", () => `curl -s '${url}?${query()}' -H 'Accept: text/csv'`),
+      copier("Copy as curl", () => `curl -s '${url}${query(stretch())}' -H 'Accept: text/csv'`),
       copier("Copy as Python", () => `import numpy as np\nimport polhode as ph\n\nmotion = ph.connect(${JSON.stringify(new URL(".", document.baseURI).href)}).solution("${solution.id}")\n`
-        + `samples = motion.at(np.linspace(${Number(form.start.value)}, ${Number(form.stop.value)}, 800))\nprint(samples.gamma, samples.error)\n`)));
+        + `samples = motion.${samples(stretch())}\nprint(samples.gamma, samples.error)\n`)));
 }
 
 async function download(path, name) {

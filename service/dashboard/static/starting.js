@@ -37,10 +37,14 @@ export function problemOf({ base, axes }, row) {
   return problem;
 }
 
+let latest = 0;
+
 /** Show a point with its kept numbers; a click computes it and lands on its solution. */
 export async function showPoint(path, document, index) {
   const place = $("point");
+  const mine = ++latest;
   const { items: [row] } = await get(`${path}/points?where=${encodeURIComponent(`index=${index}`)}&limit=1`);
+  if (mine !== latest) return; // another point has been asked for meanwhile
   if (!row) {
     fill(place, h("p", { class: "hint" }, `Point ${index} is not computed yet, or there is no such point.`));
     return;
@@ -72,8 +76,13 @@ const onceKey = () => [...crypto.getRandomValues(new Uint8Array(16))].map((byte)
 
 const field = (name, label, value, step = "any") => h("label", {}, `${label} `, h("input", { name, type: "number", step, value, required: true, min: step === "1" ? 1 : null }));
 
+let offered = null;
+
 /** Fill the form of a finer sweep. ``stretches``: [{axis, from, to}] are what the picture shows of its axes. */
 export function showStretches(stretches, short) {
+  const offer = JSON.stringify(stretches);
+  if (offer === offered) return; // what somebody has typed stays, however often the picture is drawn anew
+  offered = offer;
   fill($("stretches"), stretches.map(({ axis, from, to }, n) => h("fieldset", { class: "row" }, h("legend", { class: "unseen" }, axis.pointer), h("span", { class: "formula" }, short(axis.pointer)),
     field(`from${n}`, "from", from), field(`to${n}`, "to", to), field(`count${n}`, "points", lengthOf(axis), "1"))));
 }

@@ -1,5 +1,5 @@
 // One sweep: its progress, its kept numbers over one or two axes, its points.
-import { $, asked, fill, get, h, number, potentialText, request, run, say, troubleOf } from "./core.js";
+import { $, asked, copier, fill, get, h, number, potentialText, request, run, say, troubleOf } from "./core.js";
 import { linesOf, planeOf } from "./arrays.js";
 import { draw } from "./chart.js";
 import { follow } from "./follow.js";
@@ -59,15 +59,15 @@ function wish() {
 
 /** Offer a place on each axis that is neither drawn nor makes lines. */
 function showHeld(held) {
+  const inputs = [...$("held").querySelectorAll("input")];
+  if (inputs.length && inputs.map(({ name }) => name).join() === held.join()) return; // somebody may be in one
   const known = Object.fromEntries(new FormData($("held")));
   fill($("held"), held.map((pointer) => h("label", {}, `${short(pointer)}, value number `,
     h("input", { type: "number", name: pointer, min: 0, max: lengthOf(axisOf(pointer)) - 1, step: 1, value: known[pointer] ?? 0 }))));
   $("held").hidden = held.length === 0;
 }
 
-async function redraw(loaded = null) {
-  const asks = wish();
-  const plane = loaded ?? shown.plane;
+async function redraw(plane = shown.plane, asks = shown) {
   const { x, y, of } = asks;
   plane.counts ??= countsOf(plane);
   const positive = (pointer) => endsOf(plane.columns ? plane.columns(pointer) : plane.values[pointer])[0] > 0;
@@ -138,10 +138,10 @@ function listen() {
     for (const side of ["x", "y"]) if (Object.keys(event).some((name) => name.startsWith(`${side}axis.range`))) view[side] = ends(picture._fullLayout[`${side}axis`]);
     redraw().catch(failed);
   });
-  $("frame").addEventListener("click", (event) => { const found = shown.scales && under(event); if (found) open(found.cell); });
+  $("frame").addEventListener("click", (event) => { const found = shown?.scales && under(event); if (found) open(found.cell); });
   $("frame").addEventListener("dblclick", () => $("whole").click());
   $("frame").addEventListener("mousemove", (event) => {
-    const found = shown.scales && under(event);
+    const found = shown?.scales && under(event);
     $("under").textContent = found ? told({ ...shown, ...found }) : "";
   });
 }
@@ -182,9 +182,12 @@ async function show() {
   $("note").textContent = sweep.note ?? "";
   document.title = `Sweep · ${$("title").textContent} · polhode`;
   $("problem").textContent = JSON.stringify(stated, null, 2);
+  const url = new URL(".", document.baseURI).href;
+  fill($("copies"), copier("Copy as curl", () => `curl -s '${url}${path}/points?format=csv' -H 'Accept: text/csv'`),
+    copier("Copy as Python", () => `import polhode as ph\n\nsweep = ph.connect(${JSON.stringify(url)}).stored_sweep(${JSON.stringify(sweep.id)})\nprint(sweep.values(${JSON.stringify(form.of.value)}))\n`));
   fill($("downloads"), h("ul", { class: "buttons" }, Object.entries(FORMATS).map(([format, name]) => h("li", {}, h("button", { type: "button", onclick: () => download(format).catch(failed) }, name)))));
   $("body").hidden = false;
-  choices();
+  if (!form.x.options.length) choices(); // once: when the service is back, somebody has chosen
   // The library of charts comes while the points are on their way.
   await Promise.all([draw(picture, () => ({ traces: [], layout: {} })), renew()]);
 }
@@ -206,13 +209,14 @@ async function renew() {
   const asks = wish();
   showHeld(asks.held);
   const [plane] = await Promise.all([planeOf(path, axes(), isGrid(), asks, new FormData($("held"))), showRefusals()]);
-  if (mine === latest) await redraw(plane);
+  if (mine === latest) await redraw(plane, asks);
 }
 
 /** While points come in the picture follows, but never takes more than a tenth of the time. */
 let next = 0;
 async function keepUp() {
-  if (document.hidden || performance.now() < next) return;
+  // Whoever drags over the picture would lose what they have marked.
+  if (document.hidden || performance.now() < next || picture.matches(":active")) return;
   next = Infinity;
   const began = performance.now();
   await renew().catch(failed);

@@ -1,5 +1,5 @@
 // A problem is written here; verdict, motions and costs follow while one types.
-import { $, copier, exact, fill, get, h, number, post, Refusal, run, say, troubleOf } from "./core.js";
+import { $, copier, during, exact, fill, get, h, number, post, Refusal, run, say, troubleOf } from "./core.js";
 import { build, fillForm, problemOf, showFaults } from "./fields.js";
 import { showFormulas, showSphere, showVerdict } from "./verdict.js";
 
@@ -12,13 +12,15 @@ const FORMULAS = "?formulas=mathml";
 const OVER = ["succeeded", "failed", "cancelled"];
 
 let timer = null;
+let edits = 0; // so that nobody is taken away from a problem that they have begun to write
 let asking = new AbortController();
 
 /** Wait until nothing is typed; an answer to what was there before is of no use from now on. */
 function changed() {
+  edits += 1;
   asking.abort();
   $("verdict").setAttribute("aria-busy", "true");
-  if (!$("submit").disabled) fill($("job")); // what became of the last job is not said of this problem
+  if (!$("submit").disabled && !$("job").querySelector("a")) fill($("job")); // what became of the last job is not said of this problem
   clearTimeout(timer);
   timer = setTimeout(look, QUIET);
 }
@@ -82,6 +84,7 @@ async function atlas(problem, verdict, signal) {
   try {
     let found = await post("v1/atlases", { body, potential, ...signs, lambda: [$("from").value.trim(), $("to").value.trim()], outputs: [] }, { signal });
     if (found.state) found = await drawn(found, signal);
+    if (signal.aborted) return;
     $("fault-atlas").textContent = "";
     await showAtlas(found, exact(motion.lambda ?? "none"), pick);
   } catch (error) {
@@ -107,15 +110,17 @@ async function drawn(job, signal) {
 }
 
 function pick(lambda, window) {
-  document.querySelector('[data-pointer="/motion/lambda"]').value = lambda;
+  const field = document.querySelector('[data-pointer="/motion/lambda"]');
+  if (!field) return; // another kind of motion has been chosen, and the atlas is about to go
+  edits += 1;
+  field.value = lambda;
   document.querySelector('[data-pointer="/motion/window"]').value = window ?? "";
   say(`λ = ${lambda}`);
   look();
 }
 
-async function submit(event) {
-  event.preventDefault();
-  $("submit").disabled = true;
+async function submit() {
+  const mine = edits;
   fill($("job"), h("p", {}, "Submitted…"));
   try {
     let job = await post("v1/jobs", problemOf(), { headers: { Prefer: "wait=2" } });
@@ -131,19 +136,20 @@ async function submit(event) {
         lost: (isLost) => { if (isLost) fill($("job"), h("p", {}, "The service does not answer; asking again.")); },
       });
     }
-    if (job.solution) location.href = `./solution?id=${job.solution}`;
+    const path = `./solution?id=${job.solution}`;
+    if (job.solution && mine === edits) location.href = path;
+    else if (job.solution) fill($("job"), h("p", {}, "What was submitted is solved: ", h("a", { href: path }, "see the solution"), ". The form has been changed since."));
     else fill($("job"), h("div", { class: "notice bad" }, `The job ${job.state}${job.error ? `: ${job.error.detail ?? job.error.code}` : "."}`));
   } catch (error) {
     showFaults(error.faults ?? []);
     fill($("job"), troubleOf(error));
-  } finally {
-    $("submit").disabled = false;
   }
 }
 
 /** Show beside each tier what it costs and reaches here: the medians of the installation's table. */
-async function showTiers(chosen) {
+async function showTiers() {
   const { rows, tolerances } = await get("v1/accuracy");
+  const chosen = problemOf().accuracy.tier;
   const median = (values) => values.sort((x, y) => x - y)[Math.floor(values.length / 2)];
   fill($("tiers"), Object.keys(tolerances).map((tier) => {
     const of = rows.filter((row) => row.tier === tier && row.kind !== "any state");
@@ -173,11 +179,15 @@ build("expression", "planar");
 fillForm(problem);
 fill($("copies"), copier("Copy as curl", asCurl), copier("Copy as Python", asPython));
 $("form").addEventListener("input", changed);
-$("form").addEventListener("submit", submit);
+$("form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  if (!$("submit").disabled) during([$("submit")], submit);
+});
+$("submit").disabled = false; // who pressed it before somebody listens would lose the problem
 for (const id of ["type", "motion-type"]) $(id).addEventListener("change", () => { build($("type").value, $("motion-type").value); changed(); });
 for (const id of ["from", "to"]) $(id).addEventListener("input", changed);
 addEventListener("hashchange", () => { fillForm({ ...FIRST, ...stated() }); look(); });
 run(async () => {
-  await showTiers(problem.accuracy?.tier ?? "standard");
+  await showTiers();
   await look();
 });

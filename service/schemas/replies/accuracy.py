@@ -17,10 +17,13 @@ from service.dynamics.accuracy import (
     Unavailable,
 )
 from service.dynamics.problem import Tier
+from service.schemas.problem.sections import OutputName
 from service.schemas.replies.response_model import ResponseModel
 
 Use = Literal["job", "request", "problem of a list", "point of a sweep"]
 """In what a tier is used."""
+Way = Literal["compiled solver", "whole job", "DOP853", "heyoka"]
+"""Two of ours, and two integrators of other people."""
 
 
 class MachineOut(ResponseModel):
@@ -112,6 +115,46 @@ class TierCostsOut(ResponseModel):
     rows: list[TierCostOut] = Field(description="The measurements.")
 
 
+class WayOut(ResponseModel):
+    """What a method took for the samples of one motion, and how near they came."""
+
+    way: Way = Field(
+        description="`compiled solver`: ours, from the potential to the samples; `whole job`: the same from"
+        " the document to the solution; `DOP853`: `scipy.integrate.solve_ivp` with the equations in Python;"
+        " `heyoka`: its Taylor integrator, without the compilation."
+    )
+    setting: str = Field(description="The tier, or the tolerance that an integrator was given.")
+    seconds: float = Field(description="Processor time, median.")
+    error: float = Field(
+        description="Largest departure of any of the six variables from proven digits; of the tier"
+        " `certified`, whose digits these are, the largest proven radius."
+    )
+
+
+class OutputCostOut(ResponseModel):
+    """What a job takes as outputs are asked for one by one."""
+
+    problem: str = Field(description="The motion.")
+    output: OutputName = Field(description="What is asked for beside the outputs of the rows before.")
+    seconds: float = Field(description="Of the job with this and those before it, processor time, median.")
+    added: float | None = Field(
+        description="Seconds more than without it; null for the first. Below zero only by the clock's noise."
+    )
+
+
+class ComparedWaysOut(ResponseModel):
+    """Ways to the same samples beside each other, and what each output adds."""
+
+    date: str = Field(description="When it was measured, UTC.", json_schema_extra={"format": "date-time"})
+    version: str = Field(description="Version of polhode that was measured.")
+    numerics: int = Field(description="Raised whenever a computed digit changes.")
+    machine: MachineOut = Field(description="Where it was measured: not here, unless that is this machine.")
+    load: float = Field(description="Load average of that machine at the start; quiet is below 1.5.")
+    problem: str = Field(description="What was computed, and how it was measured.")
+    ways: list[WayOut] = Field(description="Each way from its cheapest setting to its best.")
+    outputs: list[OutputCostOut] = Field(description="In the order in which the outputs were added.")
+
+
 class AccuracyOut(AccuracyTableModel):
     """The errors that the tiers promise, and their measured errors and times on this installation."""
 
@@ -125,8 +168,13 @@ class AccuracyOut(AccuracyTableModel):
         " was measured on the machine that is told."
     )
 
+    comparison: ComparedWaysOut = Field(
+        description="What other methods take and reach, and what each output costs, whatever the query asks:"
+        " ratios count, since it was measured on the machine that is told."
+    )
+
     @classmethod
-    def beside(cls, table: AccuracyTable, costs: TierCostsOut) -> Self:
-        """Return the answer: a table, and the costs that are shipped."""
-        promised = {"tolerances": dict(TIER_TOLERANCES), "costs": costs.model_dump()}
-        return cls.model_validate({**asdict(table), **promised})
+    def beside(cls, table: AccuracyTable, costs: TierCostsOut, comparison: ComparedWaysOut) -> Self:
+        """Return the answer: a table, and what is shipped beside it."""
+        shipped = {"costs": costs.model_dump(), "comparison": comparison.model_dump()}
+        return cls.model_validate({**asdict(table), "tolerances": dict(TIER_TOLERANCES), **shipped})

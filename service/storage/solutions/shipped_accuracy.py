@@ -4,10 +4,11 @@ from functools import cache
 from pathlib import Path
 
 from service.dynamics.accuracy import AccuracyTable
-from service.schemas.replies.accuracy import AccuracyTableModel, TierCostsOut
+from service.schemas.replies.accuracy import AccuracyTableModel, ComparedWaysOut, TierCostsOut
 
 SHIPPED = Path(__file__).with_name("shipped_accuracy.json")
 SHIPPED_COSTS = Path(__file__).with_name("shipped_costs.json")
+SHIPPED_COMPARISON = Path(__file__).with_name("shipped_comparison.json")
 """Written by ``make bench``."""
 
 
@@ -21,3 +22,9 @@ def shipped_table() -> AccuracyTable:
 def shipped_costs() -> TierCostsOut:
     """Return what the tiers cost a user, measured on the developers' machine."""
     return TierCostsOut.model_validate_json(SHIPPED_COSTS.read_bytes())
+
+
+@cache
+def shipped_comparison() -> ComparedWaysOut:
+    """Return what other methods and what each output cost, measured on the developers' machine."""
+    return ComparedWaysOut.model_validate_json(SHIPPED_COMPARISON.read_bytes())

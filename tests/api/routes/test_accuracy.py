@@ -1,13 +1,15 @@
 """GET /v1/accuracy: the shipped table first, then what was measured."""
 
+from itertools import pairwise
 from typing import get_args
 
 import pytest
 
 from service.dynamics.accuracy import TIER_TOLERANCES
-from service.schemas.replies.accuracy import Use
+from service.dynamics.numerics import NUMERICS
+from service.schemas.replies.accuracy import Use, Way
 from service.storage.solutions.accuracy_store import AccuracyStore
-from service.storage.solutions.shipped_accuracy import shipped_costs, shipped_table
+from service.storage.solutions.shipped_accuracy import shipped_comparison, shipped_costs, shipped_table
 from tests.support.accuracy import row, table
 
 pytestmark = pytest.mark.any_database
@@ -103,3 +105,19 @@ def test_what_a_tier_costs_a_user_is_shown_with_where_and_when_it_was_measured(c
     assert costs["machine"]["cpus"] >= 1
     # Whatever is asked of the other table.
     assert get(client, tier="high")["costs"] == costs
+
+
+def test_other_methods_and_the_cost_of_outputs_are_shown_whatever_is_asked(client, measured):
+    comparison = get(client)["comparison"]
+    assert comparison == shipped_comparison().model_dump()
+    # Older digits may be shipped, of a version and a date that are told; never those of a later one.
+    assert 0 < comparison["numerics"] <= NUMERICS
+    assert list(dict.fromkeys(way["way"] for way in comparison["ways"])) == list(get_args(Way))
+    assert all(way["seconds"] > 0.0 and way["error"] > 0.0 for way in comparison["ways"])
+    # Each output adds what the jobs with and without it are apart; all are rounded to three digits.
+    for before, after in pairwise(comparison["outputs"]):
+        if after["added"] is None:
+            continue
+        apart = after["seconds"] - before["seconds"]
+        assert after["added"] == pytest.approx(apart, abs=0.01 * max(after["seconds"], before["seconds"]))
+    assert get(client, tier="high")["comparison"] == comparison

@@ -12,7 +12,7 @@ from service.dynamics.accuracy import MotionKind
 from service.dynamics.problem import Tier
 from service.schemas.replies.accuracy import AccuracyOut, AccuracyRowOut, UnavailableOut
 from service.storage.solutions.accuracy_store import AccuracyStore
-from service.storage.solutions.shipped_accuracy import shipped_costs
+from service.storage.solutions.shipped_accuracy import shipped_comparison, shipped_costs
 
 router = APIRouter(prefix="/v1/accuracy", tags=["accuracy"])
 
@@ -38,9 +38,11 @@ def get_accuracy(
 ) -> Response:
     """Show the table of the latest `polhode calibrate`, or the shipped one if it was never run.
 
-    `costs` is always shipped: what a job, a request, a list and a sweep cost at each tier.
+    Always shipped are `costs`: what a job, a request, a list and a sweep cost at each tier; and
+    `comparison`: what other methods take and reach, and what each output adds.
     """
-    answer = AccuracyOut.beside(AccuracyStore(inside.database).current(), shipped_costs())
+    current = AccuracyStore(inside.database).current()
+    answer = AccuracyOut.beside(current, shipped_costs(), shipped_comparison())
     chosen = {
         "rows": [row for row in answer.rows if query.admits(row)],
         "unavailable": [row for row in answer.unavailable if query.admits(row)],
