@@ -1,4 +1,4 @@
-"""A motion without a period that turns too often for lines: its values are shown as dots, and it is told so."""
+"""A motion without a period that turns too often for lines: its values are shown as dots, and told so."""
 
 import re
 

@@ -34,7 +34,7 @@ export function refill(element, ...children) {
   fill(element, ...children);
   if (held === null) return;
   const again = [...element.querySelectorAll("a, button, input, summary")].find((one) => !one.disabled && nameOf(one) === held);
-  (again ?? element).focus();
+  (again ?? element).focus({ preventScroll: true });
 }
 
 /** Do some work while buttons cannot be pressed; a browser takes the focus from such a button, and it gets it back. */
