@@ -80,9 +80,10 @@ def test_heads_of_columns_sort_by_several_columns_and_the_address_holds_them(tab
     page = tab.open("solutions")
     settle(page)
     page.get_by_role("button", name="Tier").click()
+    settle(page)
     expect(page.get_by_role("columnheader", name="Tier")).to_have_attribute("aria-sort", "ascending")
     page.get_by_role("button", name="Energy").click(modifiers=["Shift"])
-    page.get_by_role("columnheader", name="Energy").wait_for()
+    settle(page)
     expect(page.get_by_role("columnheader", name="Energy")).to_have_attribute("aria-sort", "ascending")
     page.get_by_role("button", name="Energy").click(modifiers=["Shift"])
     expect(page.get_by_role("columnheader", name="Energy")).to_have_attribute("aria-sort", "descending")
@@ -98,13 +99,16 @@ def test_heads_of_columns_sort_by_several_columns_and_the_address_holds_them(tab
 
 def test_a_page_of_a_list_has_an_address_that_can_be_sent_to_others(tab, jobs):
     page = tab.open("jobs?where=" + quote("label.paging is not null"))
+    settle(page)
     rows = page.locator("tbody tr")
     expect(rows).to_have_count(25)
     first = {box.get_attribute("data-id") for box in page.locator("input.choose").all()}
     page.get_by_role("button", name="Next page").click()
     expect(rows).to_have_count(MANY - 25)
+    settle(page)
     other = page.context.new_page()
     other.goto(page.url)
+    settle(other)
     expect(other.locator("tbody tr")).to_have_count(MANY - 25)
     assert first.isdisjoint(box.get_attribute("data-id") for box in other.locator("input.choose").all())
     other.get_by_role("link", name="First page").click()
@@ -117,6 +121,7 @@ def test_a_page_of_a_list_has_an_address_that_can_be_sent_to_others(tab, jobs):
 
 def test_a_failure_is_told_in_words_with_its_attempts(tab, jobs):
     page = tab.open("jobs?where=state=failed")
+    settle(page)
     row = page.locator("tbody tr", has_text="This motion cannot be enclosed")
     expect(row).to_contain_text(jobs["error"]["detail"])
     expect(row).to_contain_text(f"origin: {HOSTILE}")

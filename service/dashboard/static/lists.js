@@ -190,13 +190,22 @@ function arrive() {
   return renew();
 }
 
+let renewing = 0;
+
 async function renew() {
-  const items = await show();
-  if (items !== null) {
-    await facets(items);
-    say(`${items.length} ${name}`);
+  renewing++;
+  $("facets").ariaBusy = "true"; // what is below them may still move
+  try {
+    const items = await show();
+    if (items !== null) {
+      await facets(items);
+      say(`${items.length} ${name}`);
+    }
+    return items;
+  } finally {
+    renewing--;
+    $("facets").ariaBusy = String(renewing > 0);
   }
-  return items;
 }
 
 fill($("order"), Object.entries(kind.orders).map(([order, words]) => h("option", { value: order }, words)));
