@@ -3,6 +3,7 @@
 from playwright.sync_api import expect
 
 from tests.support.browser import settle
+from tests.support.waiting import wait_until
 
 
 def test_the_picture_and_the_costs_are_those_of_the_rows_that_are_chosen(tab):
@@ -16,10 +17,10 @@ def test_the_picture_and_the_costs_are_those_of_the_rows_that_are_chosen(tab):
     expect(page.locator("#table tbody tr")).to_have_count(len(rows))
     expect(page.locator("#costs thead")).to_contain_text("Seconds for 100,000 samples")
     expect(page.locator("#costs tbody tr")).to_have_count(len({row["tier"] for row in rows}))
-    drawn = page.evaluate("document.getElementById('picture').data.flatMap(({x}) => x)")
+    drawn = "document.getElementById('picture').data.flatMap(({x}) => x)"
     # As the service estimates it: the first thousand, and each further one.
     wanted = [row["seconds"] + 99 * row["seconds_per_1000"] for row in rows]
-    assert sorted(drawn) == sorted(wanted)
+    assert wait_until(lambda: sorted(page.evaluate(drawn)) == sorted(wanted))
     assert page.evaluate("document.getElementById('picture').layout.shapes.map(({y0}) => y0)") == list(
         table["tolerances"].values()
     )

@@ -1,6 +1,7 @@
 """Whoever has no mouse reaches every control, and each has a name."""
 
 import pytest
+from playwright.sync_api import expect
 
 from tests.support.browser import address, settle
 
@@ -58,8 +59,8 @@ def test_the_tools_at_the_top_are_pressed_by_the_keyboard(tab, name):
     page.get_by_role("button", name=name).focus()
     page.keyboard.press("Enter")
     if name == "Theme":
-        assert page.evaluate("document.documentElement.dataset.theme") == "light"
+        expect(page.locator("html")).to_have_attribute("data-theme", "light")
         return
-    assert page.evaluate("document.activeElement.id") == "key-field"
+    expect(page.locator("#key-field")).to_be_focused()
     page.keyboard.press("Escape")
-    assert page.evaluate("document.activeElement.id") == "key-button"
+    expect(page.locator("#key-button")).to_be_focused()
