@@ -116,9 +116,11 @@ TAGGED: Mapping[str, Tagged[Any]] = {
 async def unchanged(request: Request, tagged: Tagged[Any]) -> Response | None:
     """Return 304 if the client sends the tag of the present answer; None if the endpoint is to be asked."""
     header = request.headers.get("if-none-match")
-    media_type = tagged.media_type(request)
     # "*" names no tag: whether there is anything at all, is known when the answer has been made.
-    if header is None or header.strip() == "*" or media_type is None:
+    if header is None or header.strip() == "*":
+        return None
+    media_type = tagged.media_type(request)
+    if media_type is None:
         return None
     resources: Resources = request.app.state.resources
     thing_id = _id_in(request)
@@ -155,6 +157,11 @@ def told_of(request: Request, inside: Resources, standing: object = None) -> dic
         standing = inside.remembered.get(tagged.read, _id_in(request))
     tag = tag_of_thing(request, media_type, *tagged.identity(standing))
     return {**validators(tag, tagged.keeping(standing)), **tagged.varies}
+
+
+def solution_tag(request: Request, standing: SolutionStanding, marks: Marks) -> str:
+    """Return the tag of a solution's summary, in which nothing but its marks can change."""
+    return tag_of_thing(request, JSON, *_marked((standing, marks)))
 
 
 def _id_in(request: Request) -> str:

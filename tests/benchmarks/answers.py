@@ -6,6 +6,7 @@ what it took would be added to both sides.
 """
 
 import argparse
+import json
 import statistics
 import tempfile
 import time
@@ -13,8 +14,9 @@ import uuid
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from tests.benchmarks.connection import Connection
 from tests.benchmarks.measuring import say
+from tests.benchmarks.whole.client import Line
+from tests.benchmarks.whole.requests import wait_until_warm
 from tests.support.serving import serving
 
 REQUESTS = 300
@@ -49,23 +51,30 @@ def main() -> None:
         while service.call("GET", f"/v1/sweeps/{sweep['id']}").document["finished_at"] is None:
             time.sleep(0.1)
         # What still loads would be measured, too.
-        while service.call("GET", "/readyz").document["workers"] != "warm":
-            time.sleep(0.1)
-        send = Connection(service.address).send
-        solution = f"/v1/solutions/{job['solution']}"
-        _asked_again(
-            send,
-            {
-                "trajectory, 1001 samples": f"{solution}/trajectory",
-                "trajectory, 1001 samples, Arrow": f"{solution}/trajectory?format=arrow",
-                "trajectory at 10 000 other times": f"{solution}/trajectory?start=0&stop=9&samples=10000",
-                "function of time": f"{solution}/function",
-                "points of a sweep, 1000 as CSV": f"/v1/sweeps/{sweep['id']}/points?format=csv",
-                "summary of a solution": solution,
-            },
-            count,
-        )
-        _sent_again(send, count)
+        wait_until_warm(service)
+        with Line(service.address) as line:
+
+            def send(
+                method: str, path: str, document: object, headers: Mapping[str, str]
+            ) -> tuple[int, Mapping[str, str]]:
+                body = b"" if document is None else json.dumps(document).encode()
+                status, told, _ = line.answer(line.request(method, path, body, headers))
+                return status, told
+
+            solution = f"/v1/solutions/{job['solution']}"
+            _asked_again(
+                send,
+                {
+                    "trajectory, 1001 samples": f"{solution}/trajectory",
+                    "trajectory, 1001 samples, Arrow": f"{solution}/trajectory?format=arrow",
+                    "trajectory at 10 000 other times": f"{solution}/trajectory?start=0&stop=9&samples=10000",
+                    "function of time": f"{solution}/function",
+                    "points of a sweep, 1000 as CSV": f"/v1/sweeps/{sweep['id']}/points?format=csv",
+                    "summary of a solution": solution,
+                },
+                count,
+            )
+            _sent_again(send, count)
 
 
 def _asked_again(send: Send, paths: Mapping[str, str], count: int) -> None:

@@ -1,8 +1,6 @@
 """Writes atlases as JSON, CSV, Arrow or a picture (SVG), chosen by the Accept header."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
 
 from fastapi import Response
 
@@ -14,31 +12,25 @@ from service.schemas.atlas.columns import INTEGERS, NUMBERS, atlas_columns
 from service.schemas.atlas.picture import picture_of
 from service.schemas.atlas.replies import AtlasOut
 
-
-@dataclass(frozen=True, slots=True)
-class AtlasFormat:
-    """A format of atlases."""
-
-    media_type: str
-    write: Callable[[AtlasOut], Response]
-
-    def respond(self, atlas: AtlasOut, headers: Mapping[str, str] = MappingProxyType({})) -> Response:
-        """Return the answer with an atlas."""
-        response = self.write(atlas)
-        response.headers.update({**headers, "Vary": "Accept"})
-        return response
+Writer = Callable[[AtlasOut], Response]
 
 
-def choose_format(accept: str | None) -> AtlasFormat:
-    """Return the format that the client prefers; JSON without a header.
+def choose_format(accept: str | None) -> Writer:
+    """Return the writer of the format that the client prefers; JSON without a header.
 
     Raises
     ------
     ApiError
         406 if it accepts none of ours.
     """
-    best = preferred(list(FORMATS), accept)
-    return AtlasFormat(best, FORMATS[best])
+    write = FORMATS[preferred(list(FORMATS), accept)]
+
+    def respond(atlas: AtlasOut) -> Response:
+        response = write(atlas)
+        response.headers["Vary"] = "Accept"
+        return response
+
+    return respond
 
 
 def media_types() -> dict[str, object]:
@@ -68,7 +60,7 @@ def _svg(atlas: AtlasOut) -> Response:
     return Response(picture_of(atlas), media_type="image/svg+xml")
 
 
-FORMATS: Mapping[str, Callable[[AtlasOut], Response]] = {
+FORMATS: Mapping[str, Writer] = {
     "application/json": json_response,
     "text/csv": _csv,
     "application/vnd.apache.arrow.stream": _arrow,

@@ -17,14 +17,14 @@ from service.api.formats.negotiation import Accept
 from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.disconnects import while_connected
 from service.api.middleware.security import Holder, check_priority
-from service.api.queries.lists import Listing, page_answer, read_listing
+from service.api.queries.lists import read_listing
 from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
 from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
 from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.places import AtlasId
 from service.api.replies.records import job_out
 from service.api.replies.responses import refusals
-from service.api.routes.jobs import JobsQuery, SubmitQuery
+from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_page
 from service.api.tagged import told_of
 from service.api.verdicts.children import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
@@ -119,7 +119,7 @@ async def draw_atlas(
         asked = await inside.reading.run(len(content), _checked, content)
         drawing = _drawn(asked, inside, terms, by_job=asked.wants_stability or wants_job(prefer))
         found = await while_connected(request, drawing)
-        return found if isinstance(found, Response) else await run_in_threadpool(write.respond, found)
+        return found if isinstance(found, Response) else await run_in_threadpool(write, found)
 
     return await inside.idempotency.once(given, work)
 
@@ -183,12 +183,7 @@ async def list_atlases(
 ) -> Response:
     """List the jobs that draw atlases, newest first or as asked; `GET /v1/jobs` lists the others."""
     listing = read_listing(asked, OF_ATLAS_ROWS, conditions=in_state(asked.parameters.state))
-    return await run_in_threadpool(_page, request, listing, inside)
-
-
-def _page(request: Request, listing: Listing, inside: Resources) -> Response:
-    page = inside.atlases.find(listing.query)
-    return page_answer(request, listing, JobPageOut, page, list(map(job_out, page.jobs)))
+    return await run_in_threadpool(jobs_page, request, listing, inside.atlases.find)
 
 
 @router.get(
@@ -201,4 +196,6 @@ def get_atlas(request: Request, atlas_id: AtlasId, inside: Inside, accept: Accep
     """Show an atlas that a job has drawn; `DELETE` of the job deletes it."""
     write = choose_format(accept)
     told = told_of(request, inside)
-    return write.respond(AtlasOut.model_validate(inside.atlases.get(atlas_id)), told)
+    answer = write(AtlasOut.model_validate(inside.atlases.get(atlas_id)))
+    answer.headers.update(told)
+    return answer

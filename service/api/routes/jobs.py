@@ -1,6 +1,6 @@
 """/v1/jobs: submit, list, show and cancel jobs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from http import HTTPStatus
 from typing import Annotated
@@ -32,10 +32,10 @@ from service.api.replies.records import job_out
 from service.api.replies.responses import json_response, refusals
 from service.api.submission import Accepted, Checked, JudgedDocument, accept, accept_many, check, check_each
 from service.jobs.idempotency import Receipt
-from service.jobs.job import Job
+from service.jobs.job import Job, JobPage
 from service.jobs.lanes import Lane
 from service.jobs.states import JobState
-from service.schemas.query.list_query import in_state
+from service.schemas.query.list_query import ListQuery, in_state
 from service.schemas.reading.faults import first_of
 from service.schemas.replies.job import JobItemOut, JobListOut, JobOut, JobPageOut
 from service.schemas.replies.overview import AttemptsOut
@@ -230,11 +230,12 @@ async def list_jobs(
     """List jobs, newest first or as asked."""
     # What is wrong is told without a thread, of which a slow database may leave none.
     listing = read_listing(asked, OF_JOB_ROWS, conditions=in_state(asked.parameters.state))
-    return await run_in_threadpool(_page, request, listing, inside)
+    return await run_in_threadpool(jobs_page, request, listing, inside.jobs.find)
 
 
-def _page(request: Request, listing: Listing, inside: Resources) -> Response:
-    page = inside.jobs.find(listing.query)
+def jobs_page(request: Request, listing: Listing, find: Callable[[ListQuery], JobPage]) -> Response:
+    """Return the answer with one page of jobs, whatever they do."""
+    page = find(listing.query)
     return page_answer(request, listing, JobPageOut, page, list(map(job_out, page.jobs)))
 
 

@@ -17,7 +17,7 @@ from service.api.replies.errors import ApiError
 from service.api.replies.places import JobId, SolutionId, SweepId
 from service.api.replies.records import job_out, solution_out, sweep_out
 from service.api.replies.responses import json_content, json_response, refusals
-from service.api.routes.solutions.solutions import solution_tag
+from service.api.tagged import solution_tag
 from service.jobs.job import Job
 from service.jobs.keys import ApiKey
 from service.jobs.sweeps import SweepRecord

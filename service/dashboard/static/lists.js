@@ -183,10 +183,14 @@ function go(where, order = $("order").value.trim(), after = null) {
   return arrive();
 }
 
-/** Show what the address asks for. Only here its question is written into the form: later somebody may be typing there. */
-function arrive() {
+/** Write the question of the address into the form; only where the address has changed, since somebody may be typing there. */
+function writeQuestion() {
   $("where").value = asked().get("where") ?? "";
   $("order").value = asked().get("order") ?? "";
+}
+
+function arrive() {
+  writeQuestion();
   return renew();
 }
 
@@ -220,12 +224,8 @@ $("more").addEventListener("click", () => {
   go(following.get("where") ?? "", following.get("order") ?? "", following.get("after"));
 });
 addEventListener("popstate", arrive);
-let isFirst = true;
-await run(() => {
-  const work = isFirst ? arrive : renew;
-  isFirst = false;
-  return work();
-});
+writeQuestion();
+await run(renew);
 if (name !== "solutions") {
   follow({ events: "v1/events", path: "v1/status", name: "status", every: 3000, seen: refresh });
 }

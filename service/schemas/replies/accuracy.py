@@ -92,6 +92,16 @@ class AccuracyTableModel(ResponseModel):
         )
 
 
+class ShippedMeasurement(ResponseModel):
+    """When and where something was measured that every installation shows."""
+
+    date: str = Field(description="When it was measured, UTC.", json_schema_extra={"format": "date-time"})
+    version: str = Field(description="Version of polhode that was measured.")
+    numerics: int = Field(description="Raised whenever a computed digit changes.")
+    machine: MachineOut = Field(description="Where it was measured: not here, unless that is this machine.")
+    load: float = Field(description="Load average of that machine at the start; quiet is below 1.5.")
+
+
 class TierCostOut(ResponseModel):
     """What one use of the service costs at each tier."""
 
@@ -103,14 +113,9 @@ class TierCostOut(ResponseModel):
     seconds: dict[Tier, float] = Field(description="Seconds of one at each tier.")
 
 
-class TierCostsOut(ResponseModel):
+class TierCostsOut(ShippedMeasurement):
     """What a tier costs a user, measured when this version was made."""
 
-    date: str = Field(description="When it was measured, UTC.", json_schema_extra={"format": "date-time"})
-    version: str = Field(description="Version of polhode that was measured.")
-    numerics: int = Field(description="Raised whenever a computed digit changes.")
-    machine: MachineOut = Field(description="Where it was measured: not here, unless that is this machine.")
-    load: float = Field(description="Load average of that machine at the start; quiet is below 1.5.")
     problem: str = Field(description="What was computed, and how it was asked.")
     rows: list[TierCostOut] = Field(description="The measurements.")
 
@@ -142,14 +147,9 @@ class OutputCostOut(ResponseModel):
     )
 
 
-class ComparedWaysOut(ResponseModel):
+class ComparedWaysOut(ShippedMeasurement):
     """Ways to the same samples beside each other, and what each output adds."""
 
-    date: str = Field(description="When it was measured, UTC.", json_schema_extra={"format": "date-time"})
-    version: str = Field(description="Version of polhode that was measured.")
-    numerics: int = Field(description="Raised whenever a computed digit changes.")
-    machine: MachineOut = Field(description="Where it was measured: not here, unless that is this machine.")
-    load: float = Field(description="Load average of that machine at the start; quiet is below 1.5.")
     problem: str = Field(description="What was computed, and how it was measured.")
     ways: list[WayOut] = Field(description="Each way from its cheapest setting to its best.")
     outputs: list[OutputCostOut] = Field(description="In the order in which the outputs were added.")

@@ -81,22 +81,10 @@ def repair_examinations(database: Database) -> Finding | None:
 
 def _kinds() -> Iterator[_Kind]:
     dense, samples, chunk = DenseOutputRow, SamplesRow, SweepChunkRow
-    yield _Kind(
-        "dense_packets",
-        "functions of time can be read",
-        dense,
-        (dense.solution_id,),
-        (dense.solution_id, dense.data),
-        lambda fields: decode_dense(fields[-1]),
+    yield _packets(
+        "dense_packets", "functions of time can be read", dense.solution_id, dense.data, decode_dense
     )
-    yield _Kind(
-        "samples_packets",
-        "samples can be read",
-        samples,
-        (samples.solution_id,),
-        (samples.solution_id, samples.data),
-        lambda fields: decode_arrays(fields[-1]),
-    )
+    yield _packets("samples_packets", "samples can be read", samples.solution_id, samples.data, decode_arrays)
     kept = ExaminationRow
     yield _Kind(
         "examinations",
@@ -108,14 +96,8 @@ def _kinds() -> Iterator[_Kind]:
         is_warning=True,
         remedy="damaged ones are deleted, and found again when they are needed",
     )
-    yield _Kind(
-        "atlas_packets",
-        "atlases can be read",
-        AtlasRow,
-        (AtlasRow.job_id,),
-        (AtlasRow.job_id, AtlasRow.data),
-        lambda fields: decode_document(fields[-1]),
-    )
+    atlas = AtlasRow
+    yield _packets("atlas_packets", "atlases can be read", atlas.job_id, atlas.data, decode_document)
     yield _Kind(
         "chunk_packets",
         "the points of sweeps can be read, and are as many and as large as is said of them",
@@ -124,6 +106,17 @@ def _kinds() -> Iterator[_Kind]:
         (chunk.sweep_id, chunk.first, chunk.count, chunk.refused, chunk.bounds, chunk.data),
         _read_chunk,
     )
+
+
+def _packets(
+    code: str,
+    says: str,
+    key: InstrumentedAttribute[str],
+    data: InstrumentedAttribute[bytes],
+    decode: Callable[[bytes], object],
+) -> _Kind:
+    """Return packets that are checked by themselves."""
+    return _Kind(code, says, key.parent.class_, (key,), (key, data), lambda fields: decode(fields[-1]))
 
 
 def _read_kept(fields: Fields) -> None:

@@ -6,13 +6,17 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from http import HTTPStatus
 from types import TracebackType
 from typing import Self
 from urllib.parse import urlsplit
 
+END_OF_CHUNKS = b"\r\n0\r\n\r\n"
+"""RFC 9112, 7.1: the last chunk, without trailers."""
+
 
 class Line:
-    """One connection that is kept alive."""
+    """One connection that is kept alive: ``http.client`` takes as long as the service for a 304."""
 
     def __init__(self, address: str) -> None:
         place = urlsplit(address)
@@ -37,18 +41,27 @@ class Line:
         return "\r\n".join(lines).encode() + body
 
     def exchange(self, request: bytes) -> tuple[int, bytes]:
-        """Send a request; return status and body of its answer, which has a length."""
+        """Send a request; return status and body of its answer."""
+        status, _, body = self.answer(request)
+        return status, body
+
+    def answer(self, request: bytes) -> tuple[int, Mapping[str, str], bytes]:
+        """Send a request; return status, headers (their names in small letters), body with its chunks."""
         self._socket.sendall(request)
         received = b""
         while (end := received.find(b"\r\n\r\n")) < 0:
             received += self._some()
-        head = received[:end].lower()
-        start = head.index(b"content-length:") + len(b"content-length:")
-        length = int(head[start:].split(b"\r\n", 1)[0])
-        body = received[end + 4 :]
-        while len(body) < length:
-            body += self._some()
-        return int(head.split(b" ", 2)[1]), body
+        first, *lines = received[:end].decode("latin-1").split("\r\n")
+        headers = {name.lower(): value for name, value in (line.split(": ", 1) for line in lines)}
+        status, body = int(first.split(" ", 2)[1]), received[end + 4 :]
+        if headers.get("transfer-encoding") == "chunked":
+            while not body.endswith(END_OF_CHUNKS):
+                body += self._some()
+        else:
+            length = 0 if status == HTTPStatus.NOT_MODIFIED else int(headers["content-length"])
+            while len(body) < length:
+                body += self._some()
+        return status, headers, body
 
     def _some(self) -> bytes:
         received = self._socket.recv(1 << 20)

@@ -7,16 +7,12 @@ of ``make bench``.
 import json
 import os
 from collections.abc import Iterator
-from dataclasses import asdict
-from datetime import UTC, datetime
 
-from service.dynamics.numerics import NUMERICS
-from service.schemas.replies.accuracy import ComparedWaysOut, MachineOut, OutputCostOut, Way, WayOut
+from service.schemas.replies.accuracy import ComparedWaysOut, OutputCostOut, Way, WayOut
 from service.storage.solutions.shipped_accuracy import SHIPPED_COMPARISON
-from service.versions import version_of
 from tests.benchmarks import costs, precision
 from tests.benchmarks.measuring import Effort
-from workers.calibration.measurement import this_machine
+from tests.benchmarks.whole.shipped import when_and_where
 
 WAYS: tuple[Way, ...] = ("compiled solver", "whole job", "DOP853", "heyoka")
 TOLD = (
@@ -40,11 +36,7 @@ def measured(effort: Effort) -> ComparedWaysOut:
     certified = precision.certified_job(effort)
     curves[precision.JOB].append(certified)
     return ComparedWaysOut(
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
-        version=version_of("polhode"),
-        numerics=NUMERICS,
-        machine=MachineOut.model_validate(asdict(this_machine())),
-        load=round(load, 2),
+        **when_and_where(load),
         problem=TOLD,
         ways=[
             WayOut(way=way, setting=point.name, seconds=_short(point.seconds), error=_short(point.error))

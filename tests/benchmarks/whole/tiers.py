@@ -5,21 +5,17 @@ import os
 import statistics
 import tempfile
 import time
-from dataclasses import asdict
-from datetime import UTC, datetime
 from pathlib import Path
 
 from service.dynamics.accuracy import TIERS
-from service.dynamics.numerics import NUMERICS
-from service.schemas.replies.accuracy import MachineOut, TierCostOut, TierCostsOut, Use
+from service.schemas.replies.accuracy import TierCostOut, TierCostsOut, Use
 from service.storage.solutions.shipped_accuracy import SHIPPED_COSTS
-from service.versions import version_of
 from tests.benchmarks.measuring import Effort, Table, in_words, median
 from tests.benchmarks.whole.client import Line
 from tests.benchmarks.whole.jobs import job_of
 from tests.benchmarks.whole.requests import PROBLEM, wait_until_warm, waiting_job
+from tests.benchmarks.whole.shipped import when_and_where
 from tests.support.serving import Service, serving
-from workers.calibration.measurement import this_machine
 
 WORKERS = 2
 FEWER = 10
@@ -71,11 +67,7 @@ def measured(effort: Effort) -> TierCostsOut:
         for place, what in enumerate(WHAT)
     ]
     return TierCostsOut(
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
-        version=version_of("polhode"),
-        numerics=NUMERICS,
-        machine=MachineOut.model_validate(asdict(this_machine())),
-        load=round(load, 2),
+        **when_and_where(load),
         problem=PROBLEM_TOLD,
         rows=rows,
     )

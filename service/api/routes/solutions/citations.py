@@ -48,8 +48,8 @@ def get_citation(
 ) -> Response:
     """Return how to cite a solution in a paper: what it is, what computed it, whose method it is."""
     media_type = preferred(list(WRITERS), accept) if query.format is None else CITATIONS[query.format]
-    told = told_of(request, inside)
     standing = inside.remembered.get(standing_of, solution_id)
+    told = told_of(request, inside, standing)
     solution = inside.solutions.get(solution_id)
     provenance = solution.summary["provenance"]
     assert isinstance(provenance, Mapping)

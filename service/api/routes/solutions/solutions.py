@@ -12,7 +12,6 @@ from starlette.concurrency import run_in_threadpool
 from service.api.dependencies import Inside, Resources
 from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
-from service.api.replies.conditional import tag_of_thing
 from service.api.replies.places import SolutionId
 from service.api.replies.records import solution_out
 from service.api.replies.responses import JSON, json_content, refusals
@@ -25,11 +24,10 @@ from service.schemas.query.facts import OF_SOLUTIONS
 from service.schemas.query.kinds import Kind
 from service.schemas.query.list_query import equals
 from service.schemas.reading.faults import Fault
-from service.schemas.reading.marks import Marks
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
 from service.storage.database.ids import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
-from service.storage.solutions.standing import SolutionStanding, standing_and_marks
+from service.storage.solutions.standing import standing_and_marks
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 by_problem = APIRouter(prefix="/v1/problems", tags=["solutions"])
@@ -122,11 +120,6 @@ def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> R
         return json_content(solution_out(solution))
 
     return Response(inside.answers.get(told["ETag"], content), media_type=JSON, headers=told)
-
-
-def solution_tag(request: Request, standing: SolutionStanding, marks: Marks) -> str:
-    """Return the tag of a solution's summary, in which nothing but its marks can change."""
-    return tag_of_thing(request, JSON, standing.id, standing.digest, marks)
 
 
 def _filters(query: SolutionsQuery) -> Iterator[Condition]:
