@@ -15,8 +15,9 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from tests.support.planar import body, formula
 from workers.solvers.certified.certify import Certified
+from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import SpectralMotion
-from workers.solvers.compiled.solve import Tier, solve_spectral
+from workers.solvers.compiled.solve import solve_spectral
 from workers.solvers.planar.choose import enclose
 
 FloatArray = NDArray[np.float64]
@@ -35,9 +36,13 @@ class Measured:
 
     def solved(self, tier: Tier) -> SpectralMotion:
         """Return the motion by the compiled solver, which has it."""
-        found = solve_spectral(self.body, self.potential, self.motion, tier=tier)
+        found = self.solved_if_kept(tier)
         assert found is not None
         return found
+
+    def solved_if_kept(self, tier: Tier) -> SpectralMotion | None:
+        """Return the motion by the compiled solver; None where it does not keep the tier by itself."""
+        return solve_spectral(self.body, self.potential, self.motion, tier=tier)
 
     def grid(self, first: int, last: int) -> FloatArray:
         """Return the times of 1000 samples from one number of periods to another."""

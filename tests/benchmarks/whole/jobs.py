@@ -21,7 +21,7 @@ from tests.support.examinations import examination_of
 from tests.support.planar import body, formula
 from workers.calibration.reference import samples_of
 from workers.computation.compute import solve_document
-from workers.solvers.compiled.batch import TOLERANCES
+from workers.solvers.compiled.batch import TOLERANCES, Tier
 from workers.solvers.integration.taylor import HeyokaAlgebra
 
 PERIODS = 10
@@ -116,22 +116,35 @@ def job_of(document: Mapping[str, object]) -> Callable[[], Solved]:
 
 
 def _row(
-    name: str, kernel: Result, job: Result, integrations: Mapping[str, Sequence[Result]]
+    name: str, kernel: Result | None, job: Result, integrations: Mapping[str, Sequence[Result]]
 ) -> tuple[str, ...]:
     heyoka, scipy = (_of_no_larger_error(found, job.error) for found in integrations.values())
+    seconds, error, kernels, faster = _beside_kernel(kernel, job, heyoka)
     return (
         name,
         job.name,
         in_words(job.seconds),
         f"{job.error:.1e}",
+        seconds,
+        error,
+        kernels,
+        str(heyoka),
+        _judged(job.seconds / heyoka.seconds, most=INTEGRATIONS),
+        faster,
+        str(scipy),
+        f"{scipy.seconds / job.seconds:.3g}×",
+    )
+
+
+def _beside_kernel(kernel: Result | None, job: Result, heyoka: Result) -> tuple[str, str, str, str]:
+    """Return the kernel's time and error, the job's ratio to it, and heyoka's."""
+    if kernel is None:
+        return "not by it alone", "", "", ""
+    return (
         in_words(kernel.seconds),
         f"{kernel.error:.1e}",
         _judged(job.seconds / kernel.seconds, most=KERNELS),
-        str(heyoka),
-        _judged(job.seconds / heyoka.seconds, most=INTEGRATIONS),
         _judged(heyoka.seconds / kernel.seconds, least=FASTER),
-        str(scipy),
-        f"{scipy.seconds / job.seconds:.3g}×",
     )
 
 
@@ -145,9 +158,13 @@ def _of_no_larger_error(found: Sequence[Result], error: float) -> Result:
     return next((each for each in found if each.error <= error), min(found, key=lambda each: each.error))
 
 
-def _kernel(motion: Measured, tier: str, grid: FloatArray, effort: Effort) -> Result:
-    seconds = median(lambda: motion.solved(tier).sample(grid), effort.repeats(25))  # type: ignore[arg-type]
-    return Result(tier, seconds, motion.error(grid, motion.solved(tier).sample(grid)))  # type: ignore[arg-type]
+def _kernel(motion: Measured, tier: Tier, grid: FloatArray, effort: Effort) -> Result | None:
+    """Return the compiled solver's time and error; None where it does not keep the tier by itself."""
+    found = motion.solved_if_kept(tier)
+    if found is None:
+        return None
+    seconds = median(lambda: motion.solved(tier).sample(grid), effort.repeats(25))
+    return Result(tier, seconds, motion.error(grid, found.sample(grid)))
 
 
 def _by_heyoka(motion: Measured, state: FloatArray, grid: FloatArray, effort: Effort) -> Iterator[Result]:
