@@ -112,7 +112,7 @@ class Lookout:
         jobs = [each.id for each in given if each.kind is Followable.JOB]
         for at, job in self._changes.jobs(jobs):
             data = self._documents.job(job)
-            found[Followable.JOB, job.id] = Told(Followable.JOB, at, data, is_final=job.is_finished)
+            found[Followable.JOB, job.id] = Told(Followable.JOB, at, data, job.is_finished, job.id)
         for each in given:
             if each.kind is not Followable.SWEEP:
                 continue
@@ -121,7 +121,7 @@ class Lookout:
             except SweepNotFoundError:  # deleted meanwhile
                 continue
             is_final = sweep.finished_at is not None
-            told = Told(Followable.SWEEP, each.at, self._documents.sweep(sweep), is_final=is_final)
+            told = Told(Followable.SWEEP, each.at, self._documents.sweep(sweep), is_final, sweep.id)
             found[Followable.SWEEP, each.id] = told
         return found
 

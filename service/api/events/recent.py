@@ -39,3 +39,32 @@ class RecentEvents:
         """Return the event at a place before the end; None if it is no longer kept."""
         index = place - (self.end - len(self._events))
         return self._events[index] if index >= 0 else None
+
+
+class ReadAhead:
+    """What one stream has read from the database itself, newer perhaps than what a look is about to tell.
+
+    A look reads a state, the job changes, the stream reads the new state, and only then does the look
+    pass on the old one: the stream must not go back to it.
+    """
+
+    def __init__(self) -> None:
+        self._changed_at: dict[tuple[str, str], float] = {}
+        self._looks = 0
+
+    def add(self, told: Told) -> None:
+        """Keep the instant of a state that the stream has read."""
+        self._changed_at[told.name, told.subject_id] = told.at
+
+    def end(self, looks_begun: int) -> None:
+        """Only the first so many looks can be older than what was read."""
+        self._looks = looks_begun
+
+    def is_ahead_of(self, told: Told) -> bool:
+        """Tell whether the stream has told a newer state already."""
+        return self._changed_at.get((told.name, told.subject_id), told.at) > told.at
+
+    def forget_if_passed(self, looks_ended: int) -> None:
+        """Forget all, if the stream has read whatever those looks passed on."""
+        if looks_ended >= self._looks:
+            self._changed_at.clear()

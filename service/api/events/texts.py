@@ -26,6 +26,8 @@ class Told:
     """A JSON document in one line."""
     is_final: bool = False
     """Nothing follows about this job or sweep."""
+    subject_id: str = ""
+    """The job or sweep that it is about."""
 
     @property
     def id(self) -> str:

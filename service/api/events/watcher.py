@@ -16,7 +16,7 @@ from typing import TypeVar, TypeVarTuple
 from anyio import CapacityLimiter, to_thread
 
 from service.api.events.lookout import Lookout, Place, Subject, Surroundings
-from service.api.events.recent import RecentEvents
+from service.api.events.recent import ReadAhead, RecentEvents
 from service.api.events.texts import Told, end_of
 from service.storage.jobs.changes import SETTLED_SECONDS
 
@@ -60,6 +60,7 @@ class EventWatcher:
         self._listeners: set[_Listener] = set()
         self._versions: dict[Subject, float] = {}
         self._recent = RecentEvents()
+        self._looks_begun = self._looks_ended = 0
         self._status: Told | None = None
         self._looking, self._reading = CapacityLimiter(1), CapacityLimiter(1)
         self._at_work = asyncio.Lock()
@@ -140,23 +141,27 @@ class EventWatcher:
             at = since if last_id is None else min(since, last_id)
             if self._status is not None:
                 yield self._status
-            is_behind = True
+            is_behind, ahead = True, ReadAhead()
             while not self._is_stopped:
                 if is_behind:
                     place, is_behind = self._recent.end, False
                     async with aclosing(self._pages(at)) as pages:
                         async for told in pages:
+                            ahead.add(told)
                             yield told
                             at = max(at, told.at)
+                    ahead.end(self._looks_begun)
                 while place < self._recent.end and not self._is_stopped:
                     found = self._recent.at(place)
                     if found is None:
                         is_behind = True
                         break
                     place += 1
-                    yield found
-                    at = max(at, found.at)
+                    if not ahead.is_ahead_of(found):
+                        yield found
+                        at = max(at, found.at)
                 if not is_behind:
+                    ahead.forget_if_passed(self._looks_ended)
                     yield None
                     if place == self._recent.end and not self._is_stopped:
                         await _woken(listener)
@@ -201,6 +206,13 @@ class EventWatcher:
 
     async def _look(self) -> None:
         """Look once, and pass on what was seen; a look that fails is logged and made up for by the next."""
+        self._looks_begun += 1
+        try:
+            await self._look_and_pass_on()
+        finally:
+            self._looks_ended += 1
+
+    async def _look_and_pass_on(self) -> None:
         listeners = list(self._listeners)
         self._news.clear()
         subjects = {each.subject for each in listeners if each.subject is not None}

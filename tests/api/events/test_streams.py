@@ -6,6 +6,7 @@ import threading
 import pytest
 
 from service.api.events import watcher
+from service.api.events.lookout import Lookout
 from service.api.events.recent import RecentEvents
 from service.api.events.texts import Told, id_of_position, position_of_id
 from service.api.routes import events as routes
@@ -179,6 +180,49 @@ def test_a_reader_of_the_installation_that_is_far_behind_misses_no_final_state(a
                         ended.add(event.document["id"])
             # Each a few times at most: what is not settled is read again, states of the past are not.
             assert count <= 3 * len(made)
+
+    run(live)
+
+
+def test_a_stream_does_not_go_back_to_a_state_that_a_look_had_read_before(app, jobs, monkeypatch):
+    looks_on, has_read, may_pass = threading.Event(), threading.Event(), threading.Event()
+    look_around, page = Lookout.look_around, Lookout.page
+    late = []
+
+    def slow_look(lookout):
+        seen = look_around(lookout)
+        if looks_on.is_set() and seen.told and not has_read.is_set():
+            has_read.set()
+            assert may_pass.wait(60.0)
+        return seen
+
+    def late_page(lookout, after, limit):
+        if not late:
+            looks_on.set()
+            late.append(jobs.submit(STATE, "digest of the late one").id)
+            assert has_read.wait(60.0)
+            jobs.cancel(late[0])
+        try:
+            return page(lookout, after, limit)
+        finally:
+            may_pass.set()
+
+    monkeypatch.setattr(watcher, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(watcher, "GAP_SECONDS", 0.001)
+    monkeypatch.setattr(Lookout, "look_around", slow_look)
+    monkeypatch.setattr(Lookout, "page", late_page)
+
+    async def live():
+        async with started(app), Stream(app, "/v1/events") as stream:
+            states = []
+            while not states:
+                if (event := await stream.next()).name == "job":
+                    states.append(event.document["state"])
+            last = await submit(jobs, "another digest")
+            while (event := await stream.next()).name != "job" or event.document["id"] != last.id:
+                if event.name == "job":
+                    states.append(event.document["state"])
+            assert set(states) == {"cancelled"}
 
     run(live)
 
