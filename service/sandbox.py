@@ -283,7 +283,10 @@ def result_of(future: Future[T]) -> T:
             raise SandboxBrokenError("the fork server of the child process died") from fault
         raise SandboxCrashError(f"the child process {cause_of_death(fault.exitcode)}") from fault
     except BrokenProcessPool as fault:
-        raise SandboxBrokenError("the pool of child processes broke") from fault
+        # Also where the child itself died so early that its pool had not yet read that it took the call.
+        raise SandboxBrokenError(
+            "the child process died before it was known to run the call, or its pool broke"
+        ) from fault
 
 
 def _prepare(pool: ProcessPool, prepare: Callable[[], object], seconds: float) -> None:

@@ -40,7 +40,9 @@ def test_a_killed_child_is_replaced_at_once(jobs, start_worker, log):
     # Long before the lease ends.
     wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED)
     assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
-    assert "SIGKILL" in jobs.attempts(job.id)[0].detail
+    # A busy worker may see the child dead before it reads that it took the call: no signal is told then.
+    detail = jobs.attempts(job.id)[0].detail
+    assert "SIGKILL" in detail or "died before it was known to run" in detail
 
 
 def test_a_killed_worker_is_replaced_after_its_lease(jobs, start_worker, log):
