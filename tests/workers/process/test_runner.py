@@ -98,9 +98,9 @@ def test_cancelling_stops_the_work_long_before_the_lease_ends(jobs, doorbell, st
 
 
 def test_a_long_job_keeps_its_lease(jobs, start_worker):
-    job = jobs.submit({"chore": "sleep", "seconds": 1.6}, "digest")
-    start_worker(lease_seconds=0.5)
-    start_worker(lease_seconds=0.5)
+    job = jobs.submit({"chore": "sleep", "seconds": 2.5}, "digest")
+    start_worker(lease_seconds=2.0)
+    start_worker(lease_seconds=2.0)
     assert (finished(jobs, job).state, finished(jobs, job).attempt) == (JobState.SUCCEEDED, 1)
 
 
