@@ -12,6 +12,7 @@ from tests.benchmarks import (
     precision,
     report,
     service,
+    starting,
     stored,
     sweep,
     sweep_service,
@@ -137,6 +138,7 @@ PARTS: Mapping[str, Part] = {
     "tier-costs": tier_costs,
     "tiers": partial(tables, "tiers", (costs.tiers, costs.outputs, costs.parts)),
     "certified": partial(tables, "certified", (certified.others,)),
+    "starting": partial(tables, "starting", (starting.starting,)),
     "service": partial(tables, "service", (service.around,)),
     "throughput": partial(tables, "throughput", (throughput.engines, throughput.service, throughput.growth)),
 }
