@@ -10,7 +10,9 @@ from flint import arb, ctx
 from service.dynamics.atlas.bands import WindowSeries, motion_value, series_of
 from service.dynamics.atlas.changes import Beside, Change, change_between
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, half_curves
-from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range
+from service.dynamics.atlas.latitudes import stays_at_latitudes, zeros_at_latitudes
+from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range, whole_range
+from service.dynamics.atlas.zeros import zeros_of
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.parity import is_written_even
@@ -85,6 +87,8 @@ def make_atlas(
     require_formula(potential)
     with ctx.workprec(BITS):
         halves = _halves(body, potential, over)
+        if stays_at_latitudes(halves):
+            return _of_latitudes(halves, over, samples)
         parts = parts_of_range(halves, first_stretches(*_primed(halves[0], over)), is_late)
         if halves[0].shape.is_mirrored:
             parts = parts[::-1]
@@ -172,6 +176,12 @@ def _at(part: LambdaPart, nearest: int, *, upper: bool) -> Beside:
     return Beside(part, _at_logarithm(end - AWAY if upper else end + AWAY))
 
 
+def _of_latitudes(halves: Sequence[HalfCurves], over: LambdaRange, samples: int) -> Atlas:
+    """Return the atlas where all zeros of p² stay at one g2 each: one part, without a change."""
+    whole = whole_range(first_stretches(*_primed(halves[0], over)), len(halves))
+    return Atlas(over, (_part(halves, whole, *_ends(halves[0], whole, over), samples),), (), ())
+
+
 def _part(halves: Sequence[HalfCurves], part: LambdaPart, lower: arb, upper: arb, count: int) -> AtlasPart:
     single = _single(part, count)
     if halves[0].shape.is_mirrored:
@@ -185,7 +195,11 @@ def _part(halves: Sequence[HalfCurves], part: LambdaPart, lower: arb, upper: arb
         windows = find_windows(half.body, half.potential, motion)
     except DynamicsError as refusal:
         return AtlasPart(lower, upper, None, refusal)
-    return AtlasPart(lower, upper, series_of(halves, part, single, windows, row), None)
+    if part.signatures is None:
+        zeros = zeros_at_latitudes(halves, single, windows)
+    else:
+        zeros = [zeros_of(half, k, part, single) for k, half in enumerate(halves)]
+    return AtlasPart(lower, upper, series_of(halves, zeros, single, windows, row), None)
 
 
 def _single(part: LambdaPart, count: int) -> list[LambdaStretch]:

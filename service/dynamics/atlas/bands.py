@@ -12,8 +12,7 @@ from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.atlas.energies import energies
 from service.dynamics.atlas.periods import periods
 from service.dynamics.atlas.radicands import equator_of
-from service.dynamics.atlas.structures import LambdaPart
-from service.dynamics.atlas.zeros import Zeros, zeros_of
+from service.dynamics.atlas.zeros import Zeros
 from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.window import Window
 
@@ -64,13 +63,12 @@ class WindowSeries:
 
 def series_of(
     halves: Sequence[HalfCurves],
-    part: LambdaPart,
+    zeros: Sequence[Zeros],
     single: Sequence[LambdaStretch],
     windows: Sequence[Window],
     row: int,
 ) -> WindowSeries:
-    """Return the windows at single λ of one part; ``windows`` are those at ``row``."""
-    zeros = [zeros_of(half, k, part, single) for k, half in enumerate(halves)]
+    """Return the windows at single λ of a part, with the zeros of its halves; ``windows`` are at ``row``."""
     lambda_ = np.array([float(halves[0].sent(each)[0].mid()) for each in single])
     Z, G = equator_of(halves[0], single)
     bands = tuple(_band(halves[0], zeros, Z, G, window, row) for window in windows)
