@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from types import FunctionType
 
 import polhode as ph
+from polhode.atlases import Atlas
+from polhode.bands import Band, Change, Part
 from polhode.clients import Operations
 from polhode.evaluation.function import FunctionOfTime
 from polhode.jobs import Job
@@ -26,6 +28,10 @@ CLASSES = {
     "Job": Job,
     "Sweep": Sweep,
     "Point": Point,
+    "Atlas": Atlas,
+    "Part": Part,
+    "Band": Band,
+    "Change": Change,
     "Listing": Listing,
 }
 ERRORS = sorted(

@@ -65,7 +65,9 @@ def _draw(document: object, *, processor: float, clock: float) -> Document:
     if refused:
         return refused
     is_late = _Bell(deadline(processor, clock))
-    atlas = make_atlas(asked.body, asked.potential, asked.range, asked.samples, is_late)
+    atlas = make_atlas(
+        asked.body, asked.potential, asked.range, asked.samples, is_late, has_periods=asked.wants_period
+    )
     found = {"verdict": verdict.verdict, **atlas_document(atlas, asked)}
     return {"verdict": found, "is_late": bool(atlas.undecided) and is_late.has_rung}
 

@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Generic, ParamSpec, Self, TypeVar
 from urllib.parse import urlencode
 
+from polhode.atlases import Atlas, atlas_question, draw, stored_atlas
 from polhode.documents.problems import Body, Document, Given, problem, question
 from polhode.documents.quantities import Exact, written
 from polhode.documents.sweep_documents import DEFAULT_KEEP, sweep_document
@@ -152,6 +153,70 @@ class Operations(Generic[CarrierT]):
         if wait:
             state |= yield from follow(terms, f"/v1/sweeps/{state['id']}", state, what="points")
         return Sweep(self.carrier, state)
+
+    @operation
+    def atlas(
+        self,
+        /,
+        potential: str | Given,
+        *,
+        body: Body | None = None,
+        lam: Sequence[Exact] | None = None,
+        outputs: Sequence[str] | None = None,
+        samples: int | None = None,
+        g1_sign: int | None = None,
+        g3_sign: int | None = None,
+        accept: str | None = None,
+        seconds: float | None = None,
+        **parameters: Exact,
+    ) -> Operation[Atlas[CarrierT]]:
+        """Find all planar motions over a range of λ, and wait for the job if it takes long.
+
+        Parameters
+        ----------
+        potential
+            A formula, a section ``potential``, or without ``body`` a whole document or its file.
+        body
+            (A, C), (A, B, C), or the section; B is needed for stability.
+        lam
+            The smallest and the largest λ.
+        outputs
+            ``["period"]`` if left out; ``stability`` tells the multipliers, and takes long.
+        samples
+            About how many λ the windows are followed at.
+        g1_sign, g3_sign
+            Signs on the curves, 1 or -1.
+        accept
+            ``undecided``: also draw a potential that is neither proved admissible nor refuted.
+        seconds
+            How long to wait for a job.
+
+        Raises
+        ------
+        RefusedError
+            The potential has no atlas.
+        FailedError
+            The job that draws it failed or was cancelled.
+        UnfinishedError
+            It took longer than ``seconds``; it goes on.
+        """
+        document = atlas_question(
+            potential,
+            body=body,
+            lam=lam,
+            outputs=outputs,
+            samples=samples,
+            g1_sign=g1_sign,
+            g3_sign=g3_sign,
+            accept=accept,
+            numbers=parameters,
+        )
+        return (yield from draw(self.carrier, document, seconds))
+
+    @operation
+    def stored_atlas(self, atlas_id: str) -> Operation[Atlas[CarrierT]]:
+        """Return an atlas that a job has drawn."""
+        return (yield from stored_atlas(self.carrier, atlas_id))
 
     @operation
     def solution(self, solution_id: str) -> Operation[Motion[CarrierT]]:

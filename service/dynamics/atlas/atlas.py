@@ -10,7 +10,9 @@ from flint import arb, ctx
 from service.dynamics.atlas.bands import WindowSeries, motion_value, series_of
 from service.dynamics.atlas.changes import Beside, Change, change_between
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, half_curves
-from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range
+from service.dynamics.atlas.latitudes import stays_at_latitudes, zeros_at_latitudes
+from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range, whole_range
+from service.dynamics.atlas.zeros import zeros_of
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.parity import is_written_even
@@ -71,8 +73,12 @@ def make_atlas(
     over: LambdaRange,
     samples: int,
     is_late: Callable[[], bool] = lambda: False,
+    *,
+    has_periods: bool = True,
 ) -> Atlas:
     """Return the atlas, with some ``samples`` values of λ in all; what is open when it ``is_late`` stays so.
+
+    Without periods these are NaN.
 
     Raises
     ------
@@ -85,10 +91,12 @@ def make_atlas(
     require_formula(potential)
     with ctx.workprec(BITS):
         halves = _halves(body, potential, over)
+        if stays_at_latitudes(halves):
+            return _of_latitudes(halves, over, samples, has_periods=has_periods)
         parts = parts_of_range(halves, first_stretches(*_primed(halves[0], over)), is_late)
         if halves[0].shape.is_mirrored:
             parts = parts[::-1]
-        return _assembled(halves, parts, over, samples)
+        return _assembled(halves, parts, over, samples, has_periods=has_periods)
 
 
 def require_formula(potential: Potential) -> None:
@@ -124,7 +132,12 @@ def _primed(half: HalfCurves, over: LambdaRange) -> tuple[float, float]:
 
 
 def _assembled(
-    halves: Sequence[HalfCurves], parts: Sequence[LambdaPart], over: LambdaRange, samples: int
+    halves: Sequence[HalfCurves],
+    parts: Sequence[LambdaPart],
+    over: LambdaRange,
+    samples: int,
+    *,
+    has_periods: bool,
 ) -> Atlas:
     found, changes, undecided = list[AtlasPart](), list[Change](), list[tuple[arb, arb]]()
     whole = float(np.log(float(over.upper) / float(over.lower)))
@@ -132,7 +145,8 @@ def _assembled(
         lower, upper = _ends(halves[0], part, over)
         if part.signatures is not None:
             share = float(np.log(float(upper.mid()) / float(lower.mid()))) / whole
-            found.append(_part(halves, part, lower, upper, max(round(samples * share), FEWEST)))
+            count = max(round(samples * share), FEWEST)
+            found.append(_part(halves, part, (lower, upper), count, has_periods=has_periods))
             continue
         around = [parts[n] if 0 <= n < len(parts) else None for n in (k - 1, k + 1)]
         change = _change(halves, around, (lower, upper))
@@ -172,7 +186,18 @@ def _at(part: LambdaPart, nearest: int, *, upper: bool) -> Beside:
     return Beside(part, _at_logarithm(end - AWAY if upper else end + AWAY))
 
 
-def _part(halves: Sequence[HalfCurves], part: LambdaPart, lower: arb, upper: arb, count: int) -> AtlasPart:
+def _of_latitudes(
+    halves: Sequence[HalfCurves], over: LambdaRange, samples: int, *, has_periods: bool
+) -> Atlas:
+    """Return the atlas where all zeros of p² stay at one g2 each: one part, without a change."""
+    whole = whole_range(first_stretches(*_primed(halves[0], over)), len(halves))
+    ends = _ends(halves[0], whole, over)
+    return Atlas(over, (_part(halves, whole, ends, samples, has_periods=has_periods),), (), ())
+
+
+def _part(
+    halves: Sequence[HalfCurves], part: LambdaPart, ends: tuple[arb, arb], count: int, *, has_periods: bool
+) -> AtlasPart:
     single = _single(part, count)
     if halves[0].shape.is_mirrored:
         single = single[::-1]
@@ -184,8 +209,13 @@ def _part(halves: Sequence[HalfCurves], part: LambdaPart, lower: arb, upper: arb
     try:
         windows = find_windows(half.body, half.potential, motion)
     except DynamicsError as refusal:
-        return AtlasPart(lower, upper, None, refusal)
-    return AtlasPart(lower, upper, series_of(halves, part, single, windows, row), None)
+        return AtlasPart(*ends, None, refusal)
+    if part.signatures is None:
+        zeros = zeros_at_latitudes(halves, single, windows)
+    else:
+        zeros = [zeros_of(half, k, part, single) for k, half in enumerate(halves)]
+    series = series_of(halves, zeros, single, windows, row, has_periods=has_periods)
+    return AtlasPart(*ends, series, None)
 
 
 def _single(part: LambdaPart, count: int) -> list[LambdaStretch]:

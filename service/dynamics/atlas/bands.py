@@ -12,8 +12,7 @@ from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.atlas.energies import energies
 from service.dynamics.atlas.periods import periods
 from service.dynamics.atlas.radicands import equator_of
-from service.dynamics.atlas.structures import LambdaPart
-from service.dynamics.atlas.zeros import Zeros, zeros_of
+from service.dynamics.atlas.zeros import Zeros
 from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.window import Window
 
@@ -64,16 +63,17 @@ class WindowSeries:
 
 def series_of(
     halves: Sequence[HalfCurves],
-    part: LambdaPart,
+    zeros: Sequence[Zeros],
     single: Sequence[LambdaStretch],
     windows: Sequence[Window],
     row: int,
+    *,
+    has_periods: bool,
 ) -> WindowSeries:
-    """Return the windows at single λ of one part; ``windows`` are those at ``row``."""
-    zeros = [zeros_of(half, k, part, single) for k, half in enumerate(halves)]
+    """Return the windows at single λ of a part, with the zeros of its halves; ``windows`` are at ``row``."""
     lambda_ = np.array([float(halves[0].sent(each)[0].mid()) for each in single])
     Z, G = equator_of(halves[0], single)
-    bands = tuple(_band(halves[0], zeros, Z, G, window, row) for window in windows)
+    bands = tuple(_band(halves[0], zeros, Z, G, window, row, has_period=has_periods) for window in windows)
     return WindowSeries(lambda_, Measured.between(*energies(halves[0], single)), bands)
 
 
@@ -87,7 +87,14 @@ class _End:
 
 
 def _band(
-    half: HalfCurves, zeros: Sequence[Zeros], Z: FloatArray, G: FloatArray, window: Window, row: int
+    half: HalfCurves,
+    zeros: Sequence[Zeros],
+    Z: FloatArray,
+    G: FloatArray,
+    window: Window,
+    row: int,
+    *,
+    has_period: bool,
 ) -> Band:
     arc = window.arcs[0]
     ends = [_end(half, zeros, v, row, len(Z)) for v in (arc.lower, arc.upper)]
@@ -112,7 +119,11 @@ def _band(
     )
     sign = half.shape.third_sign if half.shape.is_mirrored else half.shape.first_sign
     g1 = tuple(Measured(sign * each.value + 0.0, each.error) for each in (least, most))
-    return Band(window, (g1[0], g1[1]), g2, _period(half, Z, G, window, arc, ends))
+    if has_period and window.kind == "periodic":
+        period = _period(half, Z, G, arc, ends)
+    else:
+        period = Measured(np.full(len(Z), np.nan), np.full(len(Z), np.nan))
+    return Band(window, (g1[0], g1[1]), g2, period)
 
 
 def _end(half: HalfCurves, zeros: Sequence[Zeros], v: arb, row: int, count: int) -> _End:
@@ -144,12 +155,7 @@ def _column(zeros: Zeros, row: int, x: float, pole: float) -> int | None:
     return best if off[best] <= SAME * x else None
 
 
-def _period(
-    half: HalfCurves, Z: FloatArray, G: FloatArray, window: Window, arc: Arc, ends: Sequence[_End]
-) -> Measured:
-    if window.kind != "periodic":
-        unknown = np.full(len(Z), np.nan)
-        return Measured(unknown, unknown)
+def _period(half: HalfCurves, Z: FloatArray, G: FloatArray, arc: Arc, ends: Sequence[_End]) -> Measured:
     lower, upper = (end.v for end in ends)
     if arc.is_whole_loop:
         lower = np.full((len(Z), 1), float(arc.lower))

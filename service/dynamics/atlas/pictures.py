@@ -58,12 +58,11 @@ def pictures_of(curves: Curves, starts: Sequence[Picture | None], finest: Sequen
     A start is a picture of curves among which this one is: what it settles stays settled.
     """
     found = _first(curves, starts)
+    active = list(range(len(found)))
     for round_ in range(ROUNDS):
-        cuts = [
-            _cut(picture, least) if round_ < least.rounds else np.zeros((), dtype=np.bool_)
-            for picture, least in zip(found, finest, strict=True)
-        ]
-        active = [k for k, cut in enumerate(cuts) if 0 < cut.sum() <= MOST_CUT]
+        # What is not cut stays as it is.
+        cuts = {k: _cut(found[k], finest[k]) for k in active if round_ < finest[k].rounds}
+        active = [k for k, cut in cuts.items() if 0 < np.count_nonzero(cut) <= MOST_CUT]
         if not active:
             break
         parts = _together([parts_of(found[k].cells.at(cuts[k])) for k in active], active)

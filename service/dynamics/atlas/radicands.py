@@ -10,8 +10,8 @@ from service.dynamics.reduction.geometry.height import log_sine_real, numerator_
 
 FloatArray = NDArray[np.float64]
 
-SECANTS, HALVINGS = 3, 60
-"""So many steps by secants, then one that halves; in all at most so many."""
+STEPS = 80
+"""At most: some ten are usual, where values are smooth."""
 CLOSE = 2.0**-51
 
 
@@ -78,23 +78,33 @@ def zero_between(
 ) -> FloatArray:
     """Return about where ``value`` changes its sign between ``low`` and ``high``, arrays of one shape.
 
-    Secants by Illinois' rule, which halves the weight of an end that stays; and each fourth step a bisection.
-    They end where the bracket or the last step is ``close``, relative.
+    By the method of T. R. Chandrupatla (Advances in Engineering Software 28, 1997, 145-149): inverse
+    quadratic interpolation where three points admit it, else bisection. It ends where the bracket is
+    ``close``, relative.
     """
-    f_low, f_high = value(low), value(high)
-    place = 0.5 * (low + high)
-    for step in range(HALVINGS):
-        before = place
+    place, far = low, high
+    f_place, f_far = value(low), value(high)
+    share = np.full(np.shape(low), 0.5)
+    for _ in range(STEPS):
+        x = place + share * (far - place)
+        f = value(x)
+        # Of the last two places one keeps the bracket; the other is the third point.
+        is_same = (f > 0.0) == (f_place > 0.0)
+        third, f_third = np.where(is_same, place, far), np.where(is_same, f_place, f_far)
+        far, f_far = np.where(is_same, far, place), np.where(is_same, f_far, f_place)
+        place, f_place = x, f
         with np.errstate(all="ignore"):
-            secant = (low * f_high - high * f_low) / (f_high - f_low)
-        is_inside = (secant >= low) & (secant <= high) if step % (SECANTS + 1) < SECANTS else False
-        place = np.where(is_inside, secant, 0.5 * (low + high))
-        here = value(place)
-        is_before = (here > 0.0) == (f_low > 0.0)
-        f_low, f_high = np.where(is_before, here, 0.5 * f_low), np.where(is_before, 0.5 * f_high, here)
-        low, high = np.where(is_before, place, low), np.where(is_before, high, place)
-        # NaN is no reason to go on.
-        is_open = (high - low > close * high) & (np.abs(place - before) > close * high) & (here != 0.0)
-        if not is_open.any():
-            break
-    return place
+            best = np.where(np.abs(f_place) < np.abs(f_far), place, far)
+            least = 0.5 * close * np.abs(best) / np.abs(far - place)
+            # NaN is no reason to go on.
+            if not ((least < 0.5) & (np.abs(f_place) > 0.0)).any():
+                break
+            xi, phi = (place - far) / (third - far), (f_place - f_far) / (f_third - f_far)
+            is_quadratic = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
+            guess = f_place / (f_far - f_place) * f_third / (f_far - f_third) + (third - place) / (
+                far - place
+            ) * f_place / (f_third - f_place) * f_far / (f_third - f_far)
+            share = np.where(is_quadratic & np.isfinite(guess), guess, 0.5)
+            share = np.clip(share, np.minimum(least, 0.5), np.maximum(1.0 - least, 0.5))
+            share = np.where(f_place == 0.0, 0.0, share)
+    return best

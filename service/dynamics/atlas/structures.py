@@ -171,6 +171,12 @@ def first_stretches(low: float, high: float) -> list[LambdaStretch]:
     return found
 
 
+def whole_range(first: Sequence[LambdaStretch], halves: int) -> LambdaPart:
+    """Return all stretches as one part of which nothing is known along the curves."""
+    ordered = sorted(first, key=_place)
+    return LambdaPart(tuple(Seen(each, (None,) * halves) for each in ordered), None)
+
+
 def _geometric(low: float, high: float) -> list[float]:
     count = max(int(np.ceil(np.log(high / low) / np.log(RATIO))), 1) if high > low else 1
     inner: list[float] = np.geomspace(low, high, count + 1)[1:-1].tolist()

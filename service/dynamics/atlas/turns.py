@@ -150,7 +150,7 @@ def turning_places(
     x = 0.5 * (left + right)
     step = STEP * high
     for _ in range(NEWTON):
-        below, here, above = D(x - step), D(x), D(x + step)
+        below, here, above = np.split(D(np.concatenate([x - step, x, x + step], axis=1)), 3, axis=1)
         with np.errstate(all="ignore"):
             move = 0.5 * step * (above - below) / (above - 2.0 * here + below)
         x = np.clip(x - np.nan_to_num(move), low, high)

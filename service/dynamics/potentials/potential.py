@@ -13,7 +13,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets, SecondOrderJets
-from service.dynamics.formula.algebras.real import RealAlgebra
+from service.dynamics.formula.algebras.real import QuietedRealAlgebra, RealAlgebra
 from service.dynamics.formula.algebras.scalar import ScalarAlgebra
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape, compile_tape
@@ -212,10 +212,11 @@ class FormulaPotential(Potential):
 
     def value_and_D(self, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See Potential.value_and_D."""
-        jets = _real_jets(1)
+        jets = _quieted_jets()
         # D is the derivative along (-g3, 0, g1): the turn about the second axis.
         inputs = (jets.seed(g1, (-g3,)), jets.seed(g2, (None,)), jets.seed(g3, (g1,)))
-        jet = self.tape.evaluate(jets, inputs)
+        with np.errstate(all="ignore"):
+            jet = self.tape.evaluate(jets, inputs)
         shape = np.shape(g1)
         value, D = jet.value, jets.gradient(jet)[0]
         return np.broadcast_to(value, shape).copy(), np.broadcast_to(D, shape).copy()
@@ -276,6 +277,11 @@ def _parts(gamma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 @cache
 def _real_jets(directions: int) -> FirstOrderJets[FloatArray]:
     return FirstOrderJets(RealAlgebra(), directions)
+
+
+@cache
+def _quieted_jets() -> FirstOrderJets[FloatArray]:
+    return FirstOrderJets(QuietedRealAlgebra(), 1)
 
 
 @cache

@@ -10,6 +10,7 @@ from hypothesis import example, given, reject, settings
 from hypothesis import strategies as st
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.interval_bounds import outwards
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.errors import FormulaError
@@ -134,3 +135,21 @@ def test_constants_of_a_tape_become_inputs():
     values = [balls.constant(value) for value in (*inputs, *numbers)]
     assert lifted.evaluate(balls, values).overlaps(tape.evaluate(balls, values[:2]))
     assert not any(at.number is not None for at in lifted.instructions)
+
+
+@given(st.floats(allow_nan=False), st.floats(allow_nan=False))
+def test_outwards_encloses_exact_sums_and_products(x, y):
+    """One unit in the last place is more than IEEE 754 rounds by, also next to 0 and beyond all doubles."""
+    with np.errstate(all="ignore"):
+        rounded = [np.asarray(x) + np.asarray(y), np.asarray(x) * np.asarray(y)]
+    exact = (
+        [Fraction(x) + Fraction(y), Fraction(x) * Fraction(y)] if np.isfinite([x, y]).all() else [None, None]
+    )
+    for value, true in zip(rounded, exact, strict=True):
+        with np.errstate(all="ignore"):
+            low, high = (float(end) for end in outwards(value, value))
+        if np.isnan(value):
+            assert np.isnan([low, high]).all()
+        elif true is not None:
+            assert low == -np.inf or Fraction(low) <= true
+            assert high == np.inf or true <= Fraction(high)

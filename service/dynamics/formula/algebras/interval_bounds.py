@@ -32,6 +32,11 @@ def widened(lo: FloatArray, hi: FloatArray, error: float) -> Bounds:
     return np.minimum(low, LARGEST), np.maximum(high, -LARGEST)
 
 
+def outwards(lo: FloatArray, hi: FloatArray) -> Bounds:
+    """Return bounds of what was rounded to ``lo`` and ``hi`` as IEEE 754 says: by half a unit at most."""
+    return np.nextafter(lo, -np.inf), np.nextafter(hi, np.inf)
+
+
 def real_power(base: FloatArray, exponent: Fraction) -> FloatArray:
     """Return base^exponent for base ≥ 0, rounded; see :func:`power_error`."""
     if exponent == 1:

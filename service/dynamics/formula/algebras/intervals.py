@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.interval_bounds import (
-    ARITHMETIC,
     FUNCTIONS,
     RANGES,
     Bounds,
+    outwards,
     power_error,
     real_power,
     signed_power,
@@ -26,6 +26,7 @@ from service.dynamics.formula.algebras.interval_bounds import (
 from service.dynamics.formula.algebras.real import nearest_double
 
 FloatArray = NDArray[np.float64]
+Exponents = tuple[Fraction, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,8 @@ class Interval:
 class IntervalAlgebra:
     """Arrays of intervals. Where a value may be undefined it is NaN, which no comparison takes for a bound.
 
+    numpy's warnings must be off.
+
     Parameters
     ----------
     scales
@@ -53,6 +56,7 @@ class IntervalAlgebra:
         self._scales = tuple(scales)
         self._none = (Fraction(0),) * len(self._scales)
         self._powers: dict[tuple[int, Fraction], Bounds] = {}
+        self._sums: dict[tuple[int, int], tuple[Exponents, Exponents, Exponents]] = {}
 
     def interval(
         self, lo: FloatArray, hi: FloatArray, exponents: tuple[Fraction, ...] | None = None
@@ -63,7 +67,7 @@ class IntervalAlgebra:
 
     def about(self, doubles: FloatArray) -> Interval:
         """Return what numbers are that were rounded to ``doubles``."""
-        return self.interval(*widened(doubles, doubles, ARITHMETIC))
+        return self.interval(*outwards(doubles, doubles))
 
     def bounds(self, element: Interval) -> Bounds:
         """Return bounds of the value with all its powers."""
@@ -81,11 +85,10 @@ class IntervalAlgebra:
         """Return π."""
         return self.about(np.asarray(np.pi))
 
-    @np.errstate(all="ignore")
     def add(self, left: Interval, right: Interval) -> Interval:
         """Return left + right, beside the lower power of each scale."""
         left, right = self._together(left, right)
-        lo, hi = widened(left.lo + right.lo, left.hi + right.hi, ARITHMETIC)
+        lo, hi = outwards(left.lo + right.lo, left.hi + right.hi)
         sign = left.sign if left.sign == right.sign else 0
         return _kept(lo, hi, left.exponents, sign)
 
@@ -93,14 +96,11 @@ class IntervalAlgebra:
         """Return left - right."""
         return self.add(left, self.negate(right))
 
-    @np.errstate(all="ignore")
     def multiply(self, left: Interval, right: Interval) -> Interval:
         """Return left · right."""
-        exponents = tuple(x + y for x, y in zip(left.exponents, right.exponents, strict=True))
-        lo, hi = _product(left, right)
-        return _kept(*widened(lo, hi, ARITHMETIC), exponents, left.sign * right.sign)
+        exponents = self._sum(left.exponents, right.exponents)
+        return _kept(*outwards(*_product(left, right)), exponents, left.sign * right.sign)
 
-    @np.errstate(all="ignore")
     def divide(self, left: Interval, right: Interval) -> Interval:
         """Return left / right, NaN where right may change its sign."""
         return self.multiply(left, self._inverse(right))
@@ -109,7 +109,6 @@ class IntervalAlgebra:
         """Return -operand."""
         return Interval(-operand.hi, -operand.lo, operand.exponents, -operand.sign)
 
-    @np.errstate(all="ignore")
     def power(self, base: Interval, exponent: Fraction) -> Interval:
         """Return base^exponent; with a fraction the base must be ≥ 0."""
         if exponent < 0:
@@ -130,7 +129,6 @@ class IntervalAlgebra:
         """Return exp(exponent · log(base))."""
         return self.call("exp", self.multiply(exponent, self.call("log", base)))
 
-    @np.errstate(all="ignore")
     def call(self, name: str, argument: Interval) -> Interval:
         """Return the function."""
         if name == "abs":
@@ -143,9 +141,27 @@ class IntervalAlgebra:
         lo, hi = RANGES[name](collapsed.lo, collapsed.hi)
         return _kept(*widened(lo, hi, FUNCTIONS), self._none, 1 if name == "exp" else 0)
 
+    def _sum(self, left: Exponents, right: Exponents) -> Exponents:
+        """Return the exponents of a product, each sum made once: fractions are slow."""
+        if right is self._none:
+            return left
+        if left is self._none:
+            return right
+        # Known by identity, which holds as long as both are kept here.
+        known = self._sums.get((id(left), id(right)))
+        if known is None:
+            found = tuple([x + y for x, y in zip(left, right, strict=True)])
+            found = next((one for *_, one in self._sums.values() if one == found), found)
+            known = self._sums[id(left), id(right)] = (
+                left,
+                right,
+                self._none if found == self._none else found,
+            )
+        return known[2]
+
     def _together(self, left: Interval, right: Interval) -> tuple[Interval, Interval]:
         """Return both beside the same powers."""
-        if left.exponents == right.exponents:
+        if left.exponents is right.exponents or left.exponents == right.exponents:
             return left, right
         common = tuple(map(min, left.exponents, right.exponents))
         return self._beside(left, common), self._beside(right, common)
@@ -153,14 +169,18 @@ class IntervalAlgebra:
     def _beside(self, element: Interval, exponents: tuple[Fraction, ...]) -> Interval:
         """Return the element with its further powers taken into the bounds."""
         for k, (own, wanted) in enumerate(zip(element.exponents, exponents, strict=True)):
-            if own != wanted:
+            if own is not wanted and own != wanted:
                 factor = Interval(*self._scale_power(k, own - wanted), element.exponents, 1)
-                lo, hi = widened(*_product(element, factor), ARITHMETIC)
+                lo, hi = outwards(*_product(element, factor))
                 element = _kept(lo, hi, element.exponents, element.sign)
         return Interval(element.lo, element.hi, exponents, element.sign)
 
     def _collapsed(self, element: Interval) -> Interval:
-        return element if element.exponents == self._none else self._beside(element, self._none)
+        return (
+            element
+            if element.exponents is self._none or element.exponents == self._none
+            else self._beside(element, self._none)
+        )
 
     def _scale_power(self, k: int, exponent: Fraction) -> Bounds:
         known = self._powers.get((k, exponent))
@@ -182,7 +202,7 @@ class IntervalAlgebra:
             hi = np.where(x.lo == 0.0, np.inf, hi)
         elif x.sign < 0:
             lo = np.where(x.hi == 0.0, -np.inf, lo)
-        return _kept(*widened(lo, hi, ARITHMETIC), exponents, x.sign)
+        return _kept(*outwards(lo, hi), exponents, x.sign)
 
     def _size(self, x: Interval) -> Interval:
         if x.sign > 0:

@@ -19,11 +19,8 @@ _FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 
 
-class RealAlgebra:
-    """float64 arrays; NaN where undefined (also at poles), no warnings.
-
-    For single points :class:`~service.dynamics.formula.algebras.scalar.ScalarAlgebra` is faster.
-    """
+class QuietedRealAlgebra:
+    """float64 arrays; NaN where undefined (also at poles). numpy's warnings must be off."""
 
     def constant(self, value: Fraction) -> FloatArray:
         """Return the nearest double, ±inf beyond the doubles."""
@@ -33,22 +30,18 @@ class RealAlgebra:
         """Return π."""
         return np.asarray(np.pi)
 
-    @np.errstate(all="ignore")
     def add(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Return left + right."""
         return left + right
 
-    @np.errstate(all="ignore")
     def subtract(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Return left - right."""
         return left - right
 
-    @np.errstate(all="ignore")
     def multiply(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Return left · right."""
         return left * right
 
-    @np.errstate(all="ignore")
     def divide(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Return left / right, NaN where right is 0."""
         return left / np.where(right == 0.0, np.nan, right)
@@ -57,7 +50,6 @@ class RealAlgebra:
         """Return -operand."""
         return -operand
 
-    @np.errstate(all="ignore")
     def power(self, base: FloatArray, exponent: Fraction) -> FloatArray:
         """Return base^exponent; NaN for a negative base under a fraction and at poles."""
         if exponent < 0:
@@ -67,17 +59,30 @@ class RealAlgebra:
             return root if exponent > 0 else 1.0 / root
         return np.power(base, float(exponent))
 
-    @np.errstate(all="ignore")
     def general_power(self, base: FloatArray, exponent: FloatArray) -> FloatArray:
         """Return base^exponent, NaN unless base > 0."""
         return np.power(np.where(base > 0.0, base, np.nan), exponent)
 
-    @np.errstate(all="ignore")
     def call(self, name: str, argument: FloatArray) -> FloatArray:
         """Return the function, log of 0 being NaN."""
         if name == "log":
             argument = np.where(argument > 0.0, argument, np.nan)
         return _FUNCTIONS[name](argument)
+
+
+class RealAlgebra(QuietedRealAlgebra):
+    """The same without warnings, for single operations.
+
+    For single points :class:`~service.dynamics.formula.algebras.scalar.ScalarAlgebra` is faster.
+    """
+
+    add = np.errstate(all="ignore")(QuietedRealAlgebra.add)
+    subtract = np.errstate(all="ignore")(QuietedRealAlgebra.subtract)
+    multiply = np.errstate(all="ignore")(QuietedRealAlgebra.multiply)
+    divide = np.errstate(all="ignore")(QuietedRealAlgebra.divide)
+    power = np.errstate(all="ignore")(QuietedRealAlgebra.power)
+    general_power = np.errstate(all="ignore")(QuietedRealAlgebra.general_power)
+    call = np.errstate(all="ignore")(QuietedRealAlgebra.call)
 
 
 def nearest_double(value: Fraction) -> float:

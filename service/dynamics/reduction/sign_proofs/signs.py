@@ -49,8 +49,13 @@ class Picture:
 
     def gaps(self) -> list[Gap]:
         """Return the stretches of cells without a certain sign."""
-        edges = np.diff(np.concatenate([[True], self.is_settled, [True]]).astype(np.int8))
-        return list(zip(np.flatnonzero(edges < 0).tolist(), np.flatnonzero(edges > 0).tolist(), strict=True))
+        settled = self.is_settled
+        edges = (np.flatnonzero(settled[1:] != settled[:-1]) + 1).tolist()
+        if len(settled) and not settled[0]:
+            edges.insert(0, 0)
+        if len(edges) % 2:
+            edges.append(len(settled))
+        return list(zip(edges[::2], edges[1::2], strict=True))
 
     def is_closed(self, gap: Gap) -> bool:
         """Tell whether P has signs before and after the gap, and grows all over it or falls all over it."""

@@ -131,6 +131,7 @@ def _positive(x: Interval) -> Interval:
     return Interval(np.where(np.isnan(x.lo), np.nan, np.maximum(x.lo, 0.0)), hi, x.exponents, 1)
 
 
+@np.errstate(all="ignore")
 def bounds_on(boxes: Boxes, tape: Tape, registers: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """Return lower and upper bounds of some registers, shape (registers, boxes); NaN where there are none.
 
@@ -140,6 +141,7 @@ def bounds_on(boxes: Boxes, tape: Tape, registers: Sequence[int]) -> tuple[Float
     return bounds_of(algebra, _axes(algebra, boxes), tape, registers, len(boxes))
 
 
+@np.errstate(all="ignore")
 def bounds_of(
     algebra: IntervalAlgebra, axes: Sequence[Interval], tape: Tape, registers: Sequence[int], count: int
 ) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,131 @@
+r"""Follows zeros of p² that stay at one g2 for every λ, as all do where F is constant.
+
+At the latitude g2 = y with ρ = 1 − y² the curve of λ is where the curve of λ' = λ ρ^{(1/α − 1)/2} crosses
+the equator, shrunk by √ρ (primed axes). So one enclosure of y bounds g1 and g3 there for every λ, also for
+zeros of even order, at the equator, or next to a pole, at which no sign of p² changes between two places.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from flint import arb, ctx
+from numpy.typing import NDArray
+
+from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
+from service.dynamics.atlas.radicands import equator_of
+from service.dynamics.atlas.zeros import Zeros
+from service.dynamics.potentials.recognition.latitudes import turns_by_latitude
+from service.dynamics.reduction.arc import Arc
+from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
+from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
+from service.dynamics.reduction.sign_proofs.equators import equators
+from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.windows import PRECISION
+
+FloatArray = NDArray[np.float64]
+_Latitude = tuple[int, arb, arb]
+"""The sign of g2 by which it is looked up, g2, and 1 − g2²."""
+
+STEPS = 60
+"""Newton's, for the place on the curve, which no bound rests on."""
+NEAR_EQUATOR = 0.7
+AT_EQUATOR = 1e-9
+"""|cos v| below which a place is looked up in both hemispheres."""
+ROUNDED = 2.0**-48
+LOOSE = 2.0**-60
+"""Room about zeros that are not simple."""
+
+
+def stays_at_latitudes(halves: Sequence[HalfCurves]) -> bool:
+    """Tell whether it is proved that p² has its signs at the same g2 for every λ."""
+    return all(
+        turns_by_latitude(half.potential.tape, half.motion.sign_of_g1, half.motion.g3_sign) for half in halves
+    )
+
+
+def zeros_at_latitudes(
+    halves: Sequence[HalfCurves], single: Sequence[LambdaStretch], windows: Sequence[Window]
+) -> list[Zeros]:
+    """Return for each half curve, at single λ, the zeros at the latitudes where the windows of one λ end."""
+    latitudes: list[list[_Latitude]] = [[] for _ in halves]
+    with ctx.workprec(PRECISION):
+        for window in windows:
+            for arc in window.arcs:
+                for number, latitude in _ends(halves, arc):
+                    latitudes[number].append(latitude)
+        return [_zeros(half, single, found) for half, found in zip(halves, latitudes, strict=True)]
+
+
+def _ends(halves: Sequence[HalfCurves], arc: Arc) -> Iterator[tuple[int, _Latitude]]:
+    """Yield the half curves of the ends of an arc with their latitudes; an equator is in both hemispheres."""
+    loop = arc.loop
+    for v, end in ((arc.lower, arc.lower_end), (arc.upper, arc.upper_end)):
+        sine, cosine = v.sin_cos()
+        if sine.contains(0):
+            continue
+        is_other = (sine > 0) != (halves[0].shape.third_sign > 0)
+        square, alpha = cosine * cosine, ball(loop.alpha)
+        log_sine = log_sine_ball(sine, square)
+        c = c_squared_range(loop.Z * loop.Z, loop.G * loop.G, alpha, log_sine, square).sqrt()
+        first = loop.G * (alpha * log_sine).exp()
+        rho = first * first + loop.Z * loop.Z * sine * sine
+        # Bounds enclose a simple zero; where others are is known to the bits in use, which is no bound.
+        room = arb(0) if end == "rest" else arb(0, LOOSE)
+        for side in [1] if cosine > AT_EQUATOR else [-1] if cosine < -AT_EQUATOR else [1, -1]:
+            yield 1 if is_other and len(halves) > 1 else 0, (side, cosine * c + room, rho + room)
+
+
+def _zeros(half: HalfCurves, single: Sequence[LambdaStretch], latitudes: Sequence[_Latitude]) -> Zeros:
+    full = len(single), len(latitudes)
+    hemisphere = np.array([side for side, _, _ in latitudes], dtype=np.int64)
+    y = [_bounds(y) for _, y, _ in latitudes]
+    height = tuple(np.broadcast_to(np.array([each[k] for each in y]), full) for k in (0, 1))
+    root = [_bounds(rho.sqrt()) for _, _, rho in latitudes]
+    roots = np.array([each[0] for each in root]), np.array([each[1] for each in root])
+    Z, G = _on_latitudes(half, single, [rho for _, _, rho in latitudes])
+    third, first = ((size[0] * roots[0], size[1] * roots[1]) for size in (Z, G))
+    sizes = third if half.shape.is_mirrored else first
+    x = _distances(half, single, np.abs(np.array([float(y) for _, y, _ in latitudes])), third)
+    return Zeros(
+        x, x, hemisphere, (sizes[0] * (1.0 - ROUNDED), sizes[1] * (1.0 + ROUNDED)), (height[0], height[1])
+    )
+
+
+def _bounds(value: arb) -> tuple[float, float]:
+    low, high = float(value.lower()), float(value.upper())
+    return float(np.nextafter(low, -np.inf)), float(np.nextafter(high, np.inf))
+
+
+def _on_latitudes(
+    half: HalfCurves, single: Sequence[LambdaStretch], rho: Sequence[arb]
+) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    """Return bounds of |g3| and |g1| over √ρ (primed), shape (λ, latitudes)."""
+    logarithms = np.array([-np.log(each.low) if each.is_inverse else np.log(each.low) for each in single])
+    shares = [_bounds(each.log() * (1 / ball(half.shape.alpha) - 1) / 2) for each in rho]
+    low, high = (logarithms[:, None] + np.array([each[k] for each in shares]) for k in (0, 1))
+    # log k and the sum are off by roundings.
+    error = ROUNDED * (1.0 + np.abs(logarithms)[:, None] + np.abs(low))
+    return equators(half.shape.alpha, low - error, high + error)
+
+
+def _distances(
+    half: HalfCurves,
+    single: Sequence[LambdaStretch],
+    height: FloatArray,
+    third: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Return the distances from the pole, in doubles: where |g3| = Z sin x and |g2| = ``height``."""
+    Z, G = equator_of(half, single)
+    alpha = float(half.shape.alpha)
+    sine = np.minimum(0.5 * (third[0] + third[1]) / Z, 1.0)
+    # With q = cos² x, q Z² + (1 − (1 − q)^α) G² is g2²: concave, so that steps from 0 do not pass the root.
+    q = np.zeros(sine.shape)
+    with np.errstate(all="ignore"):
+        for _ in range(STEPS):
+            rest = q * Z * Z - np.expm1(alpha * np.log1p(-q)) * G * G - height * height
+            q = np.clip(q - rest / (Z * Z + alpha * G * G * (1.0 - q) ** (alpha - 1.0)), 0.0, NEAR_EQUATOR)
+        found: FloatArray = np.where(
+            sine < NEAR_EQUATOR, np.arcsin(sine), np.arctan2(np.sqrt(1.0 - q), np.sqrt(q))
+        )
+    return np.minimum(found, QUARTER)

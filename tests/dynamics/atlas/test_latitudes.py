@@ -1,0 +1,150 @@
+"""Zeros of p² that stay at one g2 for every λ: against windows that are found λ by λ."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from service.dynamics.atlas.atlas import make_atlas
+from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.recognition.latitudes import turns_by_latitude
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.windows import find_windows
+from service.schemas.atlas.reading import read_atlas
+from tests.support.planar import body, formula, planar
+from tests.support.solving import solve_planar
+
+# F is constant: a simple, a double and a triple zero at the equator, zeros at the poles, double ones
+# elsewhere, kinks, walls, flat zeros, edges of the formula; of all families that have such a potential.
+STAYING = [
+    (3, 2, "(3*g1^2+2*g3^2)*g2*(g2-2)"),
+    (3, 2, "(3*g1^2+2*g3^2)*(g2^2-g2/2+1/20)"),
+    (3, 2, "(3*g1^2+2*g3^2)*g2^2"),
+    (2, 1, "(2*g1^2+g3^2)*g2^3*(g2-1/3)*(g2+2/3)"),
+    (3, 2, "(3*g1^2+2*g3^2)*(g2-1/2)^2"),
+    (3, 2, "-(3*g1^2+2*g3^2)*(g2-1/2)^2"),
+    (3, 2, "(3*g1^2+2*g3^2)*(g2^2-1)"),
+    (2, 3, "(2*g1^2+3*g3^2)*(g2-1)*(g2+1/2)"),
+    (2, 3, "-(2*g1^2+3*g3^2)*g2^2*(g2^2-1/9)"),
+    (3, 2, "(3*g1^2+2*g3^2)*abs(g2)"),
+    (2, 1, "(2*g1^2+g3^2)*(abs(g2)-1/3)*g2"),
+    (2, 1, "(2*g1^2+g3^2)*sin(3*g2)"),
+    (2, 1, "(2*g1^2+g3^2)*(exp(-100*(g2-1/2)^2)-1/4)"),
+    (2, 1, "(2*g1^2+g3^2)*exp(-1/g2^2)*g2"),
+    (2, 1, "(2*g1^2+g3^2)*log(1+g2)"),
+    (2, 1, "(2*g1^2+g3^2)*g2/(1-g2^2)"),
+    (2, 1, "-(2*g1^2+g3^2)/(1-g2^2)^2"),
+    (2, 1, {"type": "rational", "a": [], "b": [], "c": ["1/2", "-1/2"]}),
+]
+
+
+@pytest.mark.parametrize(("A", "C", "given"), STAYING, ids=str)
+def test_a_zero_that_stays_is_followed(A, C, given):
+    """One part over the whole range, whose windows at each λ are those that are found for it alone."""
+    document = {"type": "expression", "expression": given} if isinstance(given, str) else given
+    asked = read_atlas({"body": {"A": A, "C": C}, "potential": document, "lambda": ["1/50", 20]})
+    atlas = make_atlas(asked.body, asked.potential, asked.range, 12)
+    (part,) = atlas.parts
+    assert (atlas.changes, atlas.undecided) == ((), ())
+    assert (float(part.lower), float(part.upper)) == (0.02, 20.0)
+    series = part.series
+    for k in range(0, len(series.lambda_), 2):
+        motion = PlanarMotion(Fraction(float(series.lambda_[k])))
+        windows = find_windows(asked.body, asked.potential, motion)
+        assert [(w.kind, w.ends, len(w.arcs)) for w in windows] == [
+            (band.window.kind, band.window.ends, len(band.window.arcs)) for band in series.bands
+        ]
+        for window, band in zip(windows, series.bands, strict=True):
+            for told, ends in ((band.g1, window.g1), (band.g2, window.g2)):
+                for measured, end in zip(told, ends, strict=True):
+                    # A window tells its ends as the nearest doubles.
+                    error = float(measured.error[k]) + 2.0**-52 * abs(end)
+                    assert abs(float(measured.value[k]) - end) <= error < 1e-12
+
+
+def test_energy_and_periods_over_a_staying_zero():
+    """V = Q G has F = 0, hence h = 0 on every curve; periods are those of single motions."""
+    rigid_body, text = body(3, 2), "(3*g1^2+2*g3^2)*(g2^2-g2/2)"
+    potential = formula(text, rigid_body)
+    asked = read_atlas(
+        {
+            "body": {"A": 3, "C": 2},
+            "potential": {"type": "expression", "expression": text},
+            "lambda": ["1/5", 5],
+        }
+    )
+    (part,) = make_atlas(asked.body, asked.potential, asked.range, 9).parts
+    series = part.series
+    (band,) = series.bands
+    # From the equator, where p² has a simple zero for every λ, to g2 = 1/2.
+    assert band.window.kind == "periodic"
+    assert (np.abs(series.energy.value) <= series.energy.error).all()
+    for k in (0, 4, 8):
+        motion = PlanarMotion(Fraction(float(series.lambda_[k])))
+        period = solve_planar(planar(rigid_body, potential, motion)).dense.period.hi
+        assert abs(float(band.period.value[k]) - period) <= float(band.period.error[k])
+
+
+def test_other_signs_are_other_quadrants():
+    """|g1| - g1 is 0 where g1 > 0, and -2 g1 where g1 < 0: F is constant on one half only."""
+    rigid_body = body(2, 1)
+    tape = formula("abs(g1) - g1 + (2*g1^2+g3^2)*g2", rigid_body).tape
+    assert turns_by_latitude(tape, 1, 1)
+    assert not turns_by_latitude(tape, -1, 1)
+    asked = {
+        "body": {"A": 2, "C": 1},
+        "potential": {"type": "expression", "expression": "abs(g1) - g1 + (2*g1^2+g3^2)*g2"},
+        "lambda": [1, 2],
+    }
+    one, other = (read_atlas({**asked, "g1_sign": sign}) for sign in (1, -1))
+    assert len(make_atlas(one.body, one.potential, one.range, 9).parts) == 1
+    assert make_atlas(other.body, other.potential, other.range, 9).parts
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("(2*g1^2+g3^2)*tan(g2)", True),
+        ("g1^2 + exp(g2^2)", True),
+        ("(g1^4 - (1-g2^2-g3^2)^2)*g1 + pi*g2", True),
+        ("g3^2/(1-g2)^2 + g2^(1/3)", True),
+        ("(2*g1^2+g3^2)^2*g2", False),
+        ("g1", False),
+        ("g1*g3", False),
+        ("1/g3^2 + (2*g1^2+g3^2)*g2", False),
+        ("exp(g1^2+g3^2)*g1^2", True),
+        ("exp(g1^2)*g2", False),
+        ("sqrt(g1^2)*g2", False),
+    ],
+)
+def test_what_is_recognised_is_no_more_than_what_turns_by_latitude(text, expected):
+    """Where it is recognised, D/(g1 g3) is a function of g2, also by values."""
+    rigid_body = body(2, 1)
+    potential = formula(text, rigid_body)
+    assert turns_by_latitude(potential.tape, 1, 1) is expected
+    y = np.array([-0.6, 0.1, 0.7])[:, None]
+    angles = np.linspace(0.1, 1.4, 7)
+    root = np.sqrt(1 - y * y)
+    g1, g3 = root * np.cos(angles), root * np.sin(angles)
+    y = np.broadcast_to(y, g1.shape)
+    found = potential.D_real(g1, y, g3) / (g1 * g3)
+    if expected:
+        known = ~np.isnan(found[:, 0])
+        # D is the difference of terms of about its size: some roundings.
+        np.testing.assert_allclose(found[known], found[known][:, :1] * np.ones(7), rtol=1e-12, atol=1e-13)
+
+
+def test_a_motion_that_is_refused_is_a_part_with_a_reason():
+    rigid_body, text = body(2, 1), "(2*g1^2+g3^2)*sin(1/g2)"
+    potential = formula(text, rigid_body)
+    with pytest.raises(DynamicsError) as refused:
+        find_windows(rigid_body, potential, PlanarMotion(Fraction(1)))
+    asked = read_atlas(
+        {
+            "body": {"A": 2, "C": 1},
+            "potential": {"type": "expression", "expression": text},
+            "lambda": ["1/2", 2],
+        }
+    )
+    (part,) = make_atlas(rigid_body, potential, asked.range, 9).parts
+    assert (part.series, part.reason.code) == (None, refused.value.code)
