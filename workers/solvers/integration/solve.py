@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,19 +12,23 @@ from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
 from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import energy_integral
-from service.dynamics.motion import Estimate, Motion
+from service.dynamics.motion import COLUMNS, Estimate, Motion
 from service.dynamics.potentials.potential import FormulaPotential, Potential
+from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.evidence import with_claim_shown
+from workers.solvers.evidence import COVERED, DEFECT, DRIFT, with_claim_shown
 from workers.solvers.integration.errors import IntegratorMissingError, UnsupportedFormulaError
 from workers.solvers.integration.interface import Integrator, neighbour_of
 from workers.solvers.integration.twin import ROUNDING, Span, Twin, run_twin
 
+if TYPE_CHECKING:
+    from workers.solvers.integration.compiled import Held
+
 FloatArray = NDArray[np.float64]
-IntegratorName = Literal["auto", "heyoka", "dop853"]
+IntegratorName = Literal["auto", "taylor", "heyoka", "dop853"]
 
 MAX_STEPS = 200_000
-"""In one direction: some 0.1 GB of dense output, seconds for heyoka, a minute or more for DOP853."""
+"""In one direction: some 0.1 GB of dense output, a second or more by series, a minute or more by DOP853."""
 CHECK_TIMES = 257
 """Equidistant times, besides those asked for, at which the two runs are compared: with few times
 asked the difference may vanish there by chance."""
@@ -72,6 +76,12 @@ def integrate_state(
     check = np.concatenate([times, span.uniform(CHECK_TIMES)])
     reached = np.inf
     for local_tolerance in tolerances(chosen, tolerance):
+        held = _held(chosen, state, neighbour, span, check, local_tolerance, tolerance)
+        if isinstance(held, float):
+            reached = min(reached, held)
+            continue
+        if held is not None:
+            return _held_motion(held, times, rests, local_tolerance / chosen.tightening)
         twin = run_twin(
             chosen,
             equations,
@@ -95,31 +105,39 @@ def integrate_state(
 
 
 def choose_integrator(body: RigidBody, potential: Potential, name: IntegratorName) -> Integrator:
-    """Return the integrator called ``name``; ``auto`` is heyoka wherever it can be used.
+    """Return the integrator called ``name``; ``auto`` is the compiled one wherever it can be used.
 
     Raises
     ------
     MissingMomentError
         The body has no B.
     UnsupportedFormulaError, IntegratorMissingError
-        heyoka was asked for by name and cannot be used.
+        One by Taylor series was asked for by name and cannot be used.
     """
-    # Not at the top: heyoka and SciPy take most of the time that a solver needs to start, and motions by
-    # quadrature need neither.
-    from workers.solvers.integration import taylor  # noqa: PLC0415
-
-    if name == "dop853" or (name == "auto" and not taylor.AVAILABLE):
+    # Not at the top: heyoka, SciPy and the compiler take most of the time that a solver needs to start, and
+    # not every motion needs each of them.
+    if name == "heyoka":
+        return _by_heyoka(body, potential)
+    if name == "dop853":
         return _by_scipy(body, potential)
-    if not taylor.AVAILABLE:
-        raise IntegratorMissingError("heyoka is not installed here; ask for dop853, or for auto")
+    from workers.solvers.integration.compiled import integrator_of  # noqa: PLC0415
+
     try:
-        if isinstance(potential, FormulaPotential):
-            return taylor.taylor_integrator(body, potential)
-        return taylor.TaylorIntegrator(body, potential)
+        return integrator_of(body, potential)
     except UnsupportedFormulaError:
-        if name == "heyoka":
+        if name == "taylor":
             raise
         return _by_scipy(body, potential)
+
+
+def _by_heyoka(body: RigidBody, potential: Potential) -> Integrator:
+    from workers.solvers.integration import taylor  # noqa: PLC0415
+
+    if not taylor.AVAILABLE:
+        raise IntegratorMissingError("heyoka is not installed here; ask for taylor, dop853, or auto")
+    if isinstance(potential, FormulaPotential):
+        return taylor.taylor_integrator(body, potential)
+    return taylor.TaylorIntegrator(body, potential)
 
 
 def _by_scipy(body: RigidBody, potential: Potential) -> Integrator:
@@ -133,6 +151,64 @@ def tolerances(integrator: Integrator, tolerance: float) -> list[float]:
     finest = integrator.finest * integrator.tightening
     first = FIRST_TRY * tolerance
     return [min(first, COARSEST), finest] if first > finest else [finest]
+
+
+def _held(
+    chosen: Integrator,
+    state: FloatArray,
+    neighbour: FloatArray,
+    span: Span,
+    check: FloatArray,
+    local_tolerance: float,
+    tolerance: float,
+) -> "Held | float | None":
+    """Return what kernels settle alone: see :func:`.compiled.held_twin`."""
+    if chosen.name != "taylor":
+        return None
+    from workers.solvers.integration.compiled import CompiledIntegrator, held_twin  # noqa: PLC0415
+
+    assert isinstance(chosen, CompiledIntegrator)
+    return held_twin(
+        chosen,
+        state,
+        neighbour,
+        span,
+        check,
+        local_tolerance=local_tolerance,
+        max_steps=MAX_STEPS,
+        tolerance=tolerance,
+    )
+
+
+def _held_motion(
+    held: "Held", times: FloatArray, rests: FloatArray | None, local_tolerance: float
+) -> Motion:
+    from workers.solvers.integration.compiled import samples_of  # noqa: PLC0415
+
+    return Motion(
+        method="integration",
+        dense=DenseOutput(COLUMNS, held.breaks, held.coefficients, None, held.error),
+        times=times,
+        samples=samples_of(held, times, rests),
+        rests=rests,
+        error=held.error,
+        energy=Estimate(held.energy, held.energy_error),
+        window=None,
+        aperiodic=None,
+        past=None,
+        future=None,
+        cross_check=None,
+        conventions=(),
+        evidence={
+            "integrator": "taylor",
+            "steps": len(held.breaks) - 1,
+            "local_tolerance": local_tolerance,
+            "difference_of_runs": held.difference,
+            DEFECT: held.defect,
+            DRIFT: held.drift,
+            COVERED: 1.0,
+        },
+    )
 
 
 def _motion(

@@ -1,0 +1,140 @@
+r"""Taylor coefficients of the six variables along a motion, order by order, by compiled code.
+
+A potential's gradient is a list of operations on registers. Register n has a power series in the time,
+:math:`u_n(t) = \sum_k u_{n,k} t^k`; the coefficients of order k of all registers follow from those of lower
+orders and from the state's of order k (Moore 1966; Jorba & Zou 2005), and from these the equations give the
+state's of order k + 1.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workers.solvers.compiled.kernels import kernel
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+ADD, SUBTRACT, MULTIPLY, SCALE, DIVIDE, SHARE, NEGATE, POWER, EXP, LOG, SINE = range(11)
+"""Operations, rows (operation, to, left, right). ``SCALE``: the left operand is a constant; ``SHARE`` and
+``POWER``: the right one is. ``SINE`` puts the sine into ``to`` and the cosine into ``right``."""
+STATE = 6
+"""Registers of p, q, r, g1, g2, g3: the first ones. Those of the constants follow."""
+ORDER = 24
+
+
+@kernel
+def _product(u: FloatArray, i: int, j: int, k: int) -> float:
+    """Return the coefficient of order k of a product; several sums do not wait for one another."""
+    first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
+    m = 0
+    while m + 3 <= k:
+        first += u[i, m] * u[j, k - m]
+        second += u[i, m + 1] * u[j, k - m - 1]
+        third += u[i, m + 2] * u[j, k - m - 2]
+        fourth += u[i, m + 3] * u[j, k - m - 3]
+        m += 4
+    while m <= k:
+        first += u[i, m] * u[j, k - m]
+        m += 1
+    return (first + second) + (third + fourth)
+
+
+@kernel
+def _transcendental(operation: int, u: FloatArray, to: int, i: int, j: int, k: int) -> None:
+    """Fill in order k of a function f, by the differential equation that f(u(t)) satisfies."""
+    x = u[i, 0]
+    if k == 0:
+        if operation == POWER:
+            u[to, 0] = math.pow(x, u[j, 0])
+        elif operation == EXP:
+            u[to, 0] = math.exp(x)
+        elif operation == LOG:
+            u[to, 0] = math.log(x) if x > 0.0 else math.nan
+        else:
+            u[to, 0], u[j, 0] = math.sin(x), math.cos(x)
+        return
+    total, other = 0.0, 0.0
+    if operation == POWER:
+        exponent = u[j, 0]
+        for m in range(k):
+            total += (exponent * (k - m) - m) * u[i, k - m] * u[to, m]
+        u[to, k] = total / (k * x)
+    elif operation == EXP:
+        for m in range(1, k + 1):
+            total += m * u[i, m] * u[to, k - m]
+        u[to, k] = total / k
+    elif operation == LOG:
+        for m in range(1, k):
+            total += m * u[to, m] * u[i, k - m]
+        u[to, k] = (u[i, k] - total / k) / x
+    else:
+        for m in range(1, k + 1):
+            total += m * u[i, m] * u[j, k - m]
+            other += m * u[i, m] * u[to, k - m]
+        u[to, k], u[j, k] = total / k, -other / k
+
+
+@kernel
+def gradient_order(code: IntArray, u: FloatArray, k: int) -> None:
+    """Fill in order k of all operations."""
+    for n in range(code.shape[0]):
+        operation, to, i, j = code[n, 0], code[n, 1], code[n, 2], code[n, 3]
+        if operation == MULTIPLY:
+            u[to, k] = _product(u, i, j, k)
+        elif operation == SCALE:
+            u[to, k] = u[i, 0] * u[j, k]
+        elif operation == ADD:
+            u[to, k] = u[i, k] + u[j, k]
+        elif operation == SUBTRACT:
+            u[to, k] = u[i, k] - u[j, k]
+        elif operation == DIVIDE:
+            u[to, k] = 0.0
+            u[to, k] = (u[i, k] - _product(u, to, j, k)) / u[j, 0]
+        elif operation == SHARE:
+            u[to, k] = u[i, k] / u[j, 0]
+        elif operation == NEGATE:
+            u[to, k] = -u[i, k]
+        else:
+            _transcendental(operation, u, to, i, j, k)
+
+
+@kernel
+def take_series(code: IntArray, gradient: IntArray, moments: FloatArray, u: FloatArray) -> None:
+    """Fill in all orders of all registers from the state's of order 0.
+
+    ``gradient`` has the registers of V_1, V_2, V_3; ``moments`` are A, B, C, B − C, C − A, A − B.
+    """
+    A, B, C, along, across, about = moments
+    V1, V2, V3 = gradient
+    for k in range(ORDER):
+        gradient_order(code, u, k)
+        qr, pr, pq, rg2, qg3, pg3, rg1, qg1, pg2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        first, second, third, fourth, fifth, sixth = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for m in range(k + 1):
+            n = k - m
+            p, q, r, g1, g2, g3 = u[0, m], u[1, m], u[2, m], u[3, m], u[4, m], u[5, m]
+            a, b, c = u[V1, n], u[V2, n], u[V3, n]
+            qr += q * u[2, n]
+            pr += p * u[2, n]
+            pq += p * u[1, n]
+            rg2 += r * u[4, n]
+            qg3 += q * u[5, n]
+            pg3 += p * u[5, n]
+            rg1 += r * u[3, n]
+            qg1 += q * u[3, n]
+            pg2 += p * u[4, n]
+            first += g2 * c
+            second += g3 * b
+            third += g3 * a
+            fourth += g1 * c
+            fifth += g1 * b
+            sixth += g2 * a
+        by = 1.0 / (k + 1)
+        u[0, k + 1] = (along * qr + (first - second)) / A * by
+        u[1, k + 1] = (across * pr + (third - fourth)) / B * by
+        u[2, k + 1] = (about * pq + (fifth - sixth)) / C * by
+        u[3, k + 1] = (rg2 - qg3) * by
+        u[4, k + 1] = (pg3 - rg1) * by
+        u[5, k + 1] = (qg1 - pg2) * by
