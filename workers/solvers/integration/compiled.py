@@ -5,11 +5,9 @@ nothing is compiled for a potential or a body. Two runs, the difference of which
 against the equations by kernels too; what these do not settle goes through :mod:`.followed`.
 """
 
-import operator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from math import cos, exp, inf, log, sin, tan
-from math import pow as pow_of_floats
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -37,24 +35,13 @@ from workers.solvers.integration.interface import (
     too_many_steps,
     undefined_start,
 )
-from workers.solvers.integration.straight_line import gradient_line
+from workers.solvers.integration.programs import GradientProgram, gradient_program
 from workers.solvers.integration.twin import LOOSER, ROUNDING, SAFETY, Span
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _NONE = np.empty(0)
-_BINARY = {operator.add: operations.ADD, operator.sub: operations.SUBTRACT}
-_UNARY = {operator.neg: operations.NEGATE, exp: operations.EXP, log: operations.LOG}
-
-
-class GradientProgram(NamedTuple):
-    """The gradient of a potential as operations on power series; see :mod:`..compiled.general.series`."""
-
-    code: IntArray
-    constants: FloatArray
-    gradient: IntArray
-    registers: int
 
 
 class FormulaProgram(NamedTuple):
@@ -62,64 +49,6 @@ class FormulaProgram(NamedTuple):
 
     program: Program
     constants: FloatArray
-
-
-def gradient_program(potential: FormulaPotential, rounding: Rounding) -> GradientProgram:
-    """Return the gradient with constants made doubles by ``rounding``.
-
-    Raises
-    ------
-    UnsupportedFormulaError
-        The formula has a function without a Taylor series everywhere.
-    """
-    line = gradient_line(potential, rounding, longest_product=None)
-    first = operations.STATE + len(line.constants)
-    places = [3, 4, 5, *range(operations.STATE, first)]
-    varies = [True] * operations.STATE + [False] * len(line.constants)
-    waves = dict[int, tuple[int, int]]()
-    code = list[tuple[int, int, int, int]]()
-
-    def new(does_vary: bool) -> int:
-        varies.append(does_vary)
-        return len(varies) - 1
-
-    for operation, left, right in line.operations:
-        i, j = places[left], places[right] if right >= 0 else -1
-        does_vary = varies[i] or (j >= 0 and varies[j])
-        if operation in _BINARY:
-            code.append((_BINARY[operation], to := new(does_vary), i, j))
-        elif operation in _UNARY:
-            code.append((_UNARY[operation], to := new(does_vary), i, -1))
-        elif operation is operator.mul:
-            i, j = (i, j) if varies[j] and not varies[i] else (j, i)
-            kind = operations.MULTIPLY if varies[i] else operations.SCALE
-            code.append((kind, to := new(does_vary), i, j))
-        elif operation is operator.truediv:
-            kind = operations.DIVIDE if varies[j] else operations.SHARE
-            code.append((kind, to := new(does_vary), i, j))
-        elif operation is pow_of_floats:
-            code.append((operations.POWER, to := new(does_vary), i, j))
-        elif operation in (sin, cos, tan):
-            if i not in waves:
-                waves[i] = new(does_vary), new(does_vary)
-                code.append((operations.SINE, waves[i][0], i, waves[i][1]))
-            sine, cosine = waves[i]
-            if operation is tan:
-                code.append((operations.DIVIDE, to := new(does_vary), sine, cosine))
-            else:
-                to = sine if operation is sin else cosine
-        else:
-            raise UnsupportedFormulaError(
-                "a Taylor integrator has no abs and no sign; the Runge-Kutta integrator takes them",
-                pointer="/potential",
-            )
-        places.append(to)
-    return GradientProgram(
-        np.array(code, dtype=np.int64).reshape(-1, 4),
-        np.array(line.constants, dtype=np.float64),
-        np.array([places[result] for result in line.results], dtype=np.int64),
-        len(varies),
-    )
 
 
 def moments_of(body: RigidBody, rounding: Rounding) -> FloatArray:

@@ -26,18 +26,26 @@ ORDER = 24
 
 @kernel
 def _product(u: FloatArray, i: int, j: int, k: int) -> float:
-    """Return the coefficient of order k of a product; several sums do not wait for one another."""
+    """Return the coefficient of order k of a product.
+
+    Four sums do not wait for one another, and places that cannot be negative are not looked at for that.
+    """
+    x, y = u[np.uint64(i)], u[np.uint64(j)]
     first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
-    m = 0
-    while m + 3 <= k:
-        first += u[i, m] * u[j, k - m]
-        second += u[i, m + 1] * u[j, k - m - 1]
-        third += u[i, m + 2] * u[j, k - m - 2]
-        fourth += u[i, m + 3] * u[j, k - m - 3]
-        m += 4
-    while m <= k:
-        first += u[i, m] * u[j, k - m]
+    m, n = 0, k
+    while n >= m + 3:
+        first += x[np.uint64(m)] * y[np.uint64(n)]
+        second += x[np.uint64(n)] * y[np.uint64(m)]
+        third += x[np.uint64(m + 1)] * y[np.uint64(n - 1)]
+        fourth += x[np.uint64(n - 1)] * y[np.uint64(m + 1)]
+        m += 2
+        n -= 2
+    while m <= n:
+        first += x[np.uint64(m)] * y[np.uint64(n)]
+        if m < n:
+            second += x[np.uint64(n)] * y[np.uint64(m)]
         m += 1
+        n -= 1
     return (first + second) + (third + fourth)
 
 
@@ -101,40 +109,43 @@ def gradient_order(code: IntArray, u: FloatArray, k: int) -> None:
 
 
 @kernel
+def _times_gradient(u: FloatArray, i: int, part: int, is_constant: bool, k: int) -> float:
+    """Return the coefficient of order k of a variable's product with a part of the gradient."""
+    return u[i, k] * u[part, 0] if is_constant else _product(u, i, part, k)
+
+
+@kernel
 def take_series(code: IntArray, gradient: IntArray, moments: FloatArray, u: FloatArray) -> None:
     """Fill in all orders of all registers from the state's of order 0.
 
-    ``gradient`` has the registers of V_1, V_2, V_3; ``moments`` are A, B, C, B − C, C − A, A − B.
+    ``gradient`` has the registers of V_1, V_2, V_3 and for each whether it is a constant (1) or not (0);
+    ``moments`` are A, B, C, B − C, C − A, A − B.
     """
     A, B, C, along, across, about = moments
-    V1, V2, V3 = gradient
+    V1, V2, V3 = gradient[0], gradient[1], gradient[2]
+    first, second, third = gradient[3] == 1, gradient[4] == 1, gradient[5] == 1
+    p, q, r, g1, g2, g3 = u[0], u[1], u[2], u[3], u[4], u[5]
     for k in range(ORDER):
         gradient_order(code, u, k)
         qr, pr, pq, rg2, qg3, pg3, rg1, qg1, pg2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        first, second, third, fourth, fifth, sixth = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for m in range(k + 1):
-            n = k - m
-            p, q, r, g1, g2, g3 = u[0, m], u[1, m], u[2, m], u[3, m], u[4, m], u[5, m]
-            a, b, c = u[V1, n], u[V2, n], u[V3, n]
-            qr += q * u[2, n]
-            pr += p * u[2, n]
-            pq += p * u[1, n]
-            rg2 += r * u[4, n]
-            qg3 += q * u[5, n]
-            pg3 += p * u[5, n]
-            rg1 += r * u[3, n]
-            qg1 += q * u[3, n]
-            pg2 += p * u[4, n]
-            first += g2 * c
-            second += g3 * b
-            third += g3 * a
-            fourth += g1 * c
-            fifth += g1 * b
-            sixth += g2 * a
+            n = np.uint64(k - m)
+            qr += q[m] * r[n]
+            pr += p[m] * r[n]
+            pq += p[m] * q[n]
+            rg2 += r[m] * g2[n]
+            qg3 += q[m] * g3[n]
+            pg3 += p[m] * g3[n]
+            rg1 += r[m] * g1[n]
+            qg1 += q[m] * g1[n]
+            pg2 += p[m] * g2[n]
+        pull1 = _times_gradient(u, 4, V3, third, k) - _times_gradient(u, 5, V2, second, k)
+        pull2 = _times_gradient(u, 5, V1, first, k) - _times_gradient(u, 3, V3, third, k)
+        pull3 = _times_gradient(u, 3, V2, second, k) - _times_gradient(u, 4, V1, first, k)
         by = 1.0 / (k + 1)
-        u[0, k + 1] = (along * qr + (first - second)) / A * by
-        u[1, k + 1] = (across * pr + (third - fourth)) / B * by
-        u[2, k + 1] = (about * pq + (fifth - sixth)) / C * by
-        u[3, k + 1] = (rg2 - qg3) * by
-        u[4, k + 1] = (pg3 - rg1) * by
-        u[5, k + 1] = (qg1 - pg2) * by
+        p[k + 1] = (along * qr + pull1) / A * by
+        q[k + 1] = (across * pr + pull2) / B * by
+        r[k + 1] = (about * pq + pull3) / C * by
+        g1[k + 1] = (rg2 - qg3) * by
+        g2[k + 1] = (pg3 - rg1) * by
+        g3[k + 1] = (qg1 - pg2) * by

@@ -2,10 +2,10 @@ r"""Steps of a fixed high order along the power series of a motion, by compiled 
 
 The radius of convergence ρ is read off the last two coefficients. A step is
 
-.. math:: h = 0.95\, \rho\, \varepsilon^{1/N} ,
+.. math:: h = 0.98\, \rho\, \varepsilon^{1/(N+1)} ,
 
-so that the first coefficient that is left out adds ε of the largest variable. The states are summed with
-what rounding has lost of them.
+so that what is left out, a geometric series in h/ρ, is about ε of the largest variable. The states are summed
+with what rounding has lost of them.
 """
 
 import math
@@ -21,7 +21,7 @@ IntArray = NDArray[np.int64]
 
 ARRIVED, FAILED, TIRED = range(3)
 """How a run ends: at its end; by what is not finite, or a collapsed step; by its number of steps."""
-CAUTION = 0.95
+CAUTION = 0.98
 ROOM = 64
 """Steps for which there is memory at first."""
 INVISIBLE = 2.0**-54
@@ -45,7 +45,7 @@ def _conversion() -> FloatArray:
     )
 
 
-CONVERSION = _conversion()
+CONVERSION = np.ascontiguousarray(_conversion().T)
 
 
 @kernel
@@ -71,16 +71,23 @@ def _radius(u: FloatArray) -> float:
 @kernel
 def _put_piece(u: FloatArray, h: float, coefficients: FloatArray, work: FloatArray) -> None:
     """Put the Chebyshev series of the polynomials over [0, h] into ``coefficients``, shape (ORDER + 1, 6)."""
-    for a in range(STATE):
-        work[:] = 0.0
-        factor = 1.0
-        for k in range(ORDER + 1):
-            x = u[a, k] * factor
-            factor *= h
-            for j in range(ORDER + 1):
-                work[j] += CONVERSION[k, j] * x
-        for j in range(ORDER + 1):
-            coefficients[j, a] = work[j]
+    factor = 1.0
+    for k in range(ORDER + 1):
+        for a in range(STATE):
+            work[k, a] = u[a, k] * factor
+        factor *= h
+    for j in range(ORDER + 1):
+        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(j, ORDER + 1):
+            c = CONVERSION[j, k]
+            s0 += c * work[k, 0]
+            s1 += c * work[k, 1]
+            s2 += c * work[k, 2]
+            s3 += c * work[k, 3]
+            s4 += c * work[k, 4]
+            s5 += c * work[k, 5]
+        coefficients[j, 0], coefficients[j, 1], coefficients[j, 2] = s0, s1, s2
+        coefficients[j, 3], coefficients[j, 4], coefficients[j, 5] = s3, s4, s5
 
 
 @kernel
@@ -128,11 +135,11 @@ def take_steps(
     u = np.zeros((registers, ORDER + 1))
     for n in range(len(constants)):
         u[STATE + n, 0] = constants[n]
-    lost, work = np.zeros(STATE), np.zeros(ORDER + 1)
+    lost, work = np.zeros(STATE), np.zeros((ORDER + 1, STATE))
     breaks, pieces = np.zeros(ROOM + 1), np.zeros((ROOM, ORDER + 1, STATE))
     for a in range(STATE):
         u[a, 0] = state[a]
-    share = CAUTION * math.pow(tolerance, 1.0 / ORDER)
+    share = CAUTION * math.pow(tolerance, 1.0 / (ORDER + 1.0))
     count, time, longest_taken, total, status = 0, 0.0, 0.0, 0.0, ARRIVED
     while time != end:
         if count >= max_steps:

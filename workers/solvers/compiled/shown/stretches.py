@@ -120,8 +120,9 @@ def are_explained(
     """
     drift = 0.0
     centres, radii, found = np.empty(6), np.empty(6), np.empty((2, 3))
+    least = np.empty(3)
     for m in range(count):
-        least = np.zeros(3)
+        least[:] = 0.0
         for a in range(3):
             omega, gamma = abs(states[a, m]), abs(states[3 + a, m])
             least[0] += claim * omega * moments[a]
