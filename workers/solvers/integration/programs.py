@@ -3,19 +3,15 @@
 import operator
 from collections.abc import Sequence
 from math import cos, exp, log, nan, pow, sin, tan  # noqa: A004
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.compiled.general import series
+from workers.solvers.compiled.general.records import Gradient
 from workers.solvers.integration.errors import UnsupportedFormulaError
 from workers.solvers.integration.interface import Rounding
 from workers.solvers.integration.straight_line import Operation, gradient_line
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _SIMPLE = {
     operator.add: series.ADD,
@@ -30,18 +26,7 @@ _CONSTANT = -2
 """Constants are counted down from here, and variables and results up from 0, until all are known."""
 
 
-class GradientProgram(NamedTuple):
-    """The gradient of a potential; see :mod:`workers.solvers.compiled.general.series`."""
-
-    code: IntArray
-    """Shape (operations, 4)."""
-    constants: FloatArray
-    gradient: IntArray
-    """The registers of V_1, V_2, V_3, and for each whether it is a constant."""
-    registers: int
-
-
-def gradient_program(potential: Potential, rounding: Rounding) -> GradientProgram:
+def gradient_program(potential: Potential, rounding: Rounding) -> Gradient:
     """Return the gradient with constants made doubles by ``rounding``.
 
     Raises
@@ -99,7 +84,7 @@ class _Writer:
             return self._row(series.DIVIDE, sine, cosine)
         return sine if operation is sin else cosine
 
-    def program(self, results: Sequence[int]) -> GradientProgram:
+    def program(self, results: Sequence[int]) -> Gradient:
         """Return what was written, without what the results do not need."""
         needed, kept = set(results), list[tuple[int, int, int, int]]()
         for row in reversed(self._rows):
@@ -116,7 +101,7 @@ class _Writer:
 
         code = [(operation, *map(register, row)) for operation, *row in kept]
         are_constant = [place <= _CONSTANT for place in results]
-        return GradientProgram(
+        return Gradient(
             np.array(code, dtype=np.int64).reshape(-1, 4),
             np.array(self._constants, dtype=np.float64),
             np.array([*map(register, results), *are_constant], dtype=np.int64),

@@ -165,19 +165,17 @@ def _held(
     """Return what kernels settle alone: see :func:`.compiled.held_twin`."""
     if chosen.name != "taylor":
         return None
-    from workers.solvers.integration.compiled import CompiledIntegrator, held_twin  # noqa: PLC0415
+    from workers.solvers.integration.compiled import (  # noqa: PLC0415
+        CompiledIntegrator,
+        asked_of_twin,
+        held_twin,
+    )
 
     assert isinstance(chosen, CompiledIntegrator)
-    return held_twin(
-        chosen,
-        state,
-        neighbour,
-        span,
-        check,
-        local_tolerance=local_tolerance,
-        max_steps=MAX_STEPS,
-        tolerance=tolerance,
+    asked = asked_of_twin(
+        chosen, span, local_tolerance=local_tolerance, max_steps=MAX_STEPS, tolerance=tolerance
     )
+    return held_twin(chosen, state, neighbour, check, asked)
 
 
 def _held_motion(
