@@ -1,7 +1,7 @@
 """Integrates the six Euler-Poisson equations from any state, with a measured error."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
 
@@ -72,11 +72,11 @@ def integrate_state(
     start = (*omega, *gamma)
     state = np.array([float(number) for number in start])
     neighbour = np.array([neighbour_of(number) for number in start])
-    span = Span(min(0.0, float(times.min())), max(0.0, float(times.max())))
-    check = np.concatenate([times, span.uniform(CHECK_TIMES)])
+    quest = quest_of(times, tolerance)
+    span, check = quest.span, quest.check
     reached = np.inf
     for local_tolerance in tolerances(chosen, tolerance):
-        held = _held(chosen, state, neighbour, span, check, local_tolerance, tolerance)
+        held = quest.try_kernels(chosen, state, neighbour, local_tolerance)
         if isinstance(held, float):
             reached = min(reached, held)
             continue
@@ -102,6 +102,55 @@ def integrate_state(
             error = found.error
         reached = min(reached, error)
     raise AccuracyNotMetError(reached, tolerance)
+
+
+@dataclass(frozen=True, slots=True)
+class Quest:
+    """What is asked of the motions of one or many states: the times, and the largest error."""
+
+    span: Span
+    check: FloatArray
+    """Times of the comparison of two runs: those asked for, and others."""
+    tolerance: float
+
+    def try_kernels(
+        self, integrator: Integrator, state: FloatArray, neighbour: FloatArray, local_tolerance: float
+    ) -> "Held | float | None":
+        """Return what kernels settle alone: see :func:`.compiled.held_twin`."""
+        if integrator.name != "taylor":
+            return None
+        from workers.solvers.integration import compiled  # noqa: PLC0415
+
+        assert isinstance(integrator, compiled.CompiledIntegrator)
+        asked = compiled.asked_of_twin(
+            integrator,
+            self.span,
+            local_tolerance=local_tolerance,
+            max_steps=MAX_STEPS,
+            tolerance=self.tolerance,
+        )
+        return compiled.held_twin(integrator, state, neighbour, self.check, asked)
+
+    def by_kernels(
+        self, integrator: Integrator, state: FloatArray, neighbour: FloatArray
+    ) -> "Held | float | None":
+        """Return what :func:`integrate_state` finds where kernels settle all of it; None where not.
+
+        A number is the smallest error that was reached, where that is larger than the tolerance.
+        """
+        reached = np.inf
+        for local_tolerance in tolerances(integrator, self.tolerance):
+            held = self.try_kernels(integrator, state, neighbour, local_tolerance)
+            if not isinstance(held, float):
+                return held
+            reached = min(reached, held)
+        return reached
+
+
+def quest_of(times: FloatArray, tolerance: float) -> Quest:
+    """Return the quest for the motions at all ``times``."""
+    span = Span(min(0.0, float(times.min())), max(0.0, float(times.max())))
+    return Quest(span, np.concatenate([times, span.uniform(CHECK_TIMES)]), tolerance)
 
 
 def choose_integrator(body: RigidBody, potential: Potential, name: IntegratorName) -> Integrator:
@@ -151,31 +200,6 @@ def tolerances(integrator: Integrator, tolerance: float) -> list[float]:
     finest = integrator.finest * integrator.tightening
     first = FIRST_TRY * tolerance
     return [min(first, COARSEST), finest] if first > finest else [finest]
-
-
-def _held(
-    chosen: Integrator,
-    state: FloatArray,
-    neighbour: FloatArray,
-    span: Span,
-    check: FloatArray,
-    local_tolerance: float,
-    tolerance: float,
-) -> "Held | float | None":
-    """Return what kernels settle alone: see :func:`.compiled.held_twin`."""
-    if chosen.name != "taylor":
-        return None
-    from workers.solvers.integration.compiled import (  # noqa: PLC0415
-        CompiledIntegrator,
-        asked_of_twin,
-        held_twin,
-    )
-
-    assert isinstance(chosen, CompiledIntegrator)
-    asked = asked_of_twin(
-        chosen, span, local_tolerance=local_tolerance, max_steps=MAX_STEPS, tolerance=tolerance
-    )
-    return held_twin(chosen, state, neighbour, check, asked)
 
 
 def _held_motion(

@@ -52,19 +52,21 @@ def values_at(
         # One series beside the other: none waits for the one before.
         a0, a1, a2, a3, a4, a5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         b0, b1, b2, b3, b4, b5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for k in range(degree, 0, -1):
-            a0, b0 = (coefficients[piece, k, 0] + twice * a0) - b0, a0
-            a1, b1 = (coefficients[piece, k, 1] + twice * a1) - b1, a1
-            a2, b2 = (coefficients[piece, k, 2] + twice * a2) - b2, a2
-            a3, b3 = (coefficients[piece, k, 3] + twice * a3) - b3, a3
-            a4, b4 = (coefficients[piece, k, 4] + twice * a4) - b4, a4
-            a5, b5 = (coefficients[piece, k, 5] + twice * a5) - b5, a5
-        values[0, m] = (coefficients[piece, 0, 0] + x * a0) - b0
-        values[1, m] = (coefficients[piece, 0, 1] + x * a1) - b1
-        values[2, m] = (coefficients[piece, 0, 2] + x * a2) - b2
-        values[3, m] = (coefficients[piece, 0, 3] + x * a3) - b3
-        values[4, m] = (coefficients[piece, 0, 4] + x * a4) - b4
-        values[5, m] = (coefficients[piece, 0, 5] + x * a5) - b5
+        row = coefficients[np.uint64(piece)]
+        for k in range(degree):
+            n = np.uint64(degree - k)
+            a0, b0 = (row[n, 0] + twice * a0) - b0, a0
+            a1, b1 = (row[n, 1] + twice * a1) - b1, a1
+            a2, b2 = (row[n, 2] + twice * a2) - b2, a2
+            a3, b3 = (row[n, 3] + twice * a3) - b3, a3
+            a4, b4 = (row[n, 4] + twice * a4) - b4, a4
+            a5, b5 = (row[n, 5] + twice * a5) - b5, a5
+        values[0, m] = (row[0, 0] + x * a0) - b0
+        values[1, m] = (row[0, 1] + x * a1) - b1
+        values[2, m] = (row[0, 2] + x * a2) - b2
+        values[3, m] = (row[0, 3] + x * a3) - b3
+        values[4, m] = (row[0, 4] + x * a4) - b4
+        values[5, m] = (row[0, 5] + x * a5) - b5
 
 
 @kernel

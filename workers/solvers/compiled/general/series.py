@@ -85,12 +85,14 @@ def _transcendental(operation: int, u: FloatArray, to: int, i: int, j: int, k: i
 
 
 @kernel
-def gradient_order(code: IntArray, u: FloatArray, k: int) -> None:
-    """Fill in order k of all operations."""
+def gradient_order(code: IntArray, u: FloatArray, order: int) -> None:
+    """Fill in one order of all operations."""
+    k = np.uint64(order)
     for n in range(code.shape[0]):
-        operation, to, i, j = code[n, 0], code[n, 1], code[n, 2], code[n, 3]
+        operation, left, right = code[n, 0], code[n, 2], code[n, 3]
+        to, i, j = np.uint64(code[n, 1]), np.uint64(left), np.uint64(right)
         if operation == MULTIPLY:
-            u[to, k] = _product(u, i, j, k)
+            u[to, k] = _product(u, left, right, order)
         elif operation == SCALE:
             u[to, k] = u[i, 0] * u[j, k]
         elif operation == ADD:
@@ -99,13 +101,13 @@ def gradient_order(code: IntArray, u: FloatArray, k: int) -> None:
             u[to, k] = u[i, k] - u[j, k]
         elif operation == DIVIDE:
             u[to, k] = 0.0
-            u[to, k] = (u[i, k] - _product(u, to, j, k)) / u[j, 0]
+            u[to, k] = (u[i, k] - _product(u, code[n, 1], right, order)) / u[j, 0]
         elif operation == SHARE:
             u[to, k] = u[i, k] / u[j, 0]
         elif operation == NEGATE:
             u[to, k] = -u[i, k]
         else:
-            _transcendental(operation, u, to, i, j, k)
+            _transcendental(operation, u, code[n, 1], left, right, order)
 
 
 @kernel
