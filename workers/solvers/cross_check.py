@@ -26,8 +26,8 @@ MEANINGFUL = 1e-9
 """A witness whose own error is larger than this (and than the tolerance) has nothing to say."""
 CHECK_TIMES = 513
 """Equidistant times of the comparison, besides those asked for."""
-STEPS: dict[str, int] = {"heyoka": 20_000, "dop853": 4_000}
-"""What a check may cost: some seconds at most; hundreds of periods by heyoka, tens by DOP853."""
+STEPS: dict[str, int] = {"taylor": 20_000, "heyoka": 20_000, "dop853": 4_000}
+"""What a check may cost: some seconds at most; hundreds of periods by series, tens by DOP853."""
 
 
 def compare(

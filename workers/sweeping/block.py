@@ -1,7 +1,7 @@
 """Computes a block of points at once by compiled doubles with bounds; doubtful points are left out."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
@@ -32,7 +32,7 @@ MAX_PROGRAMS = 64
 
 @dataclass(frozen=True, slots=True)
 class SolvedBlock:
-    """Some neighbouring points; those neither ``solved`` nor ``empty`` are left to single jobs."""
+    """Some neighbouring points; those neither ``solved``, ``empty`` nor ``refused`` are left to single jobs."""
 
     solved: BoolArray
     """Shape (points,)."""
@@ -42,6 +42,8 @@ class SolvedBlock:
     """The kept numbers, each of shape (points,)."""
     series: Mapping[str, FloatArray]
     """The functions of time, each of shape (points, samples)."""
+    refused: Mapping[int, str] = field(default_factory=dict)
+    """Codes of the errors that other points end with, by their places."""
 
 
 class BlockSolver:

@@ -22,6 +22,7 @@ from workers.sweeping.pointwise import SweepPoint, solve_point
 if TYPE_CHECKING:
     from workers.sweeping.block import BlockSolver, SolvedBlock
     from workers.sweeping.slices import SlicedSolver
+    from workers.sweeping.states import StateSolver
 
 FloatArray = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ class ChunkSolver:
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._blocks: BlockSolver | SlicedSolver | None = None
+        self._blocks: BlockSolver | SlicedSolver | StateSolver | None = None
         self._slices: SlicedSolver | None = None
         if plan.quick is not None:
             keep_compiled_code()
@@ -67,6 +68,11 @@ class ChunkSolver:
             from workers.sweeping import block  # noqa: PLC0415
 
             self._blocks = block.BlockSolver(plan.sweep, plan.quick)
+        elif plan.states:
+            keep_compiled_code()
+            from workers.sweeping import states  # noqa: PLC0415
+
+            self._blocks = states.StateSolver(plan.sweep)
         elif not plan.is_judged and isinstance(plan.sweep.first_problem.motion, PlanarMotion):
             keep_compiled_code()
             from workers.sweeping import slices  # noqa: PLC0415
@@ -102,6 +108,7 @@ class ChunkSolver:
         if block is not None:
             found.add_block(block, count)
             open_points = ~(block.solved | block.empty)
+            open_points[list(block.refused)] = False
         for place in np.flatnonzero(open_points).tolist():
             if (found.count or place) and time.perf_counter() >= until:
                 found.count += place
@@ -111,14 +118,17 @@ class ChunkSolver:
         return True
 
     def _checked(self, block: "SolvedBlock", first: int) -> "SolvedBlock | None":
-        """Compare the first point that was solved, and the first found empty, with single jobs.
+        """Compare the first point of each outcome with single jobs.
 
         Return None, for this block and all later ones, if they differ.
         """
+        firsts = {outcome: place for place, outcome in sorted(block.refused.items(), reverse=True)}
         for outcome, points in ((SOLVED, block.solved), (NO_MOTION, block.empty)):
-            if outcome in self._compared or not points.any():
+            if points.any():
+                firsts[outcome] = int(np.flatnonzero(points)[0])
+        for outcome, place in firsts.items():
+            if outcome in self._compared:
                 continue
-            place = int(np.flatnonzero(points)[0])
             if not self._is_the_same(block, place, outcome, self._alone(first + place)):
                 self._blocks = None
                 return None
@@ -160,6 +170,8 @@ class _Chunk:
             self._series[name][here] = np.where(block.solved[:, None], rows, np.nan)
         for place in np.flatnonzero(block.empty).tolist():
             self._outcomes[self.count + place] = NO_MOTION
+        for place, code in block.refused.items():
+            self._outcomes[self.count + place] = code
 
     def set_point(self, place: int, point: SweepPoint) -> None:
         """Set the columns of one point."""

@@ -1,11 +1,11 @@
 """Finds once what holds for all points of a sweep."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.coefficients import Coefficients, coefficients_of
@@ -65,7 +65,9 @@ class Plan:
     is_judged: bool
     """All potentials of the sweep are proved admissible at once."""
     quick: Quick | None
-    """None if the points are solved one by one."""
+    """None if the points are solved one by one, or by :mod:`.states`."""
+    states: bool = False
+    """Whether they are motions from any state that kernels solve."""
 
 
 def make_plan(sweep: Sweep) -> Plan:
@@ -80,6 +82,8 @@ def make_plan(sweep: Sweep) -> Plan:
       tolerances, where the potential is rational and A = 2C (or C = 2A).
     """
     problem, potential = sweep.first_problem, sweep.base["potential"]
+    if are_states(sweep):
+        return Plan(sweep, is_judged=False, quick=None, states=True)
     if not isinstance(problem.motion, PlanarMotion) or not isinstance(potential, dict):
         return Plan(sweep, is_judged=False, quick=None)
     moves_body = any(axis.path[0] == "body" for axis in sweep.axes if axis.path != _MOMENT)
@@ -103,6 +107,33 @@ def make_plan(sweep: Sweep) -> Plan:
     poles = smooth_poles(problem.body, family, problem.motion)
     quick = Quick(problem, potential, paths, places, coefficients, curve, start, moment, sides, family, poles)
     return Plan(sweep, is_judged=True, quick=quick)
+
+
+def are_states(sweep: Sweep) -> bool:
+    """Tell whether a sweep's points are motions from any state that :mod:`.states` takes.
+
+    It varies nothing but states, moments and the potential's numbers, and asks for no outputs but period,
+    gamma and omega, by a tolerance or a tier of doubles.
+    """
+    problem = sweep.first_problem
+    return (
+        isinstance(problem.motion, StateMotion)
+        and not isinstance(problem.time, TimePeriods)
+        and problem.accuracy.tier != "certified"
+        and problem.accuracy.budget_seconds is None
+        and set(problem.outputs) <= _PLAIN_OUTPUTS - {"invariants"}
+        and all(place_in_state(axis.path) is not None or _is_of_potential(axis) for axis in sweep.axes)
+    )
+
+
+def place_in_state(path: Sequence[str]) -> int | None:
+    """Return which of p, q, r, g1, g2, g3, A, B, C an axis varies; None for what is none of them."""
+    match path:
+        case ("motion", ("omega" | "gamma") as vector, ("0" | "1" | "2") as place):
+            return 3 * ("omega", "gamma").index(vector) + int(place)
+        case ("body", ("A" | "B" | "C") as moment):
+            return 6 + "ABC".index(moment)
+    return None
 
 
 def _is_quick(sweep: Sweep, problem: Problem) -> bool:

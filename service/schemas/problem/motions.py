@@ -1,6 +1,6 @@
 """The `motion` of a problem document: planar on a curve, from any initial state, or a classical case."""
 
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Sequence, Set
 from decimal import Context, Decimal
 from fractions import Fraction
 from typing import Annotated, Literal, Self
@@ -159,6 +159,13 @@ def _length(square: Fraction) -> Decimal:
 Triple = Annotated[list[Exact], Field(min_length=3, max_length=3)]
 
 
+def is_unit(gamma: Sequence[Fraction]) -> bool:
+    """Tell whether a document may have this gamma: its length is 1 within the tolerance."""
+    square = sum((g * g for g in gamma), Fraction(0))
+    # |γ| = 1 ± e means γ² = 1 ± 2e + e²; the numbers are exact, so no rounding is allowed for.
+    return (1 - UNIT_TOLERANCE) ** 2 <= square <= (1 + UNIT_TOLERANCE) ** 2
+
+
 class StateMotionIn(WireModel):
     """The motion from any initial state."""
 
@@ -168,9 +175,8 @@ class StateMotionIn(WireModel):
 
     @model_validator(mode="after")
     def _unit_gamma(self) -> Self:
-        square = sum((g * g for g in self.gamma), Fraction(0))
-        # |γ| = 1 ± e means γ² = 1 ± 2e + e²; the numbers are exact, so no rounding is allowed for.
-        if not (1 - UNIT_TOLERANCE) ** 2 <= square <= (1 + UNIT_TOLERANCE) ** 2:
+        if not is_unit(self.gamma):
+            square = sum((g * g for g in self.gamma), Fraction(0))
             raise refuse(
                 "not_unit_gamma",
                 f"the length of gamma is {_length(square)}; 1 is accepted, within 1e-12",

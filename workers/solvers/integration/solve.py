@@ -1,9 +1,9 @@
 """Integrates the six Euler-Poisson equations from any state, with a measured error."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,19 +12,23 @@ from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
 from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import energy_integral
-from service.dynamics.motion import Estimate, Motion
+from service.dynamics.motion import COLUMNS, Estimate, Motion
 from service.dynamics.potentials.potential import FormulaPotential, Potential
+from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.evidence import with_claim_shown
+from workers.solvers.evidence import COVERED, DEFECT, DRIFT, with_claim_shown
 from workers.solvers.integration.errors import IntegratorMissingError, UnsupportedFormulaError
 from workers.solvers.integration.interface import Integrator, neighbour_of
 from workers.solvers.integration.twin import ROUNDING, Span, Twin, run_twin
 
+if TYPE_CHECKING:
+    from workers.solvers.integration.compiled import Held
+
 FloatArray = NDArray[np.float64]
-IntegratorName = Literal["auto", "heyoka", "dop853"]
+IntegratorName = Literal["auto", "taylor", "heyoka", "dop853"]
 
 MAX_STEPS = 200_000
-"""In one direction: some 0.1 GB of dense output, seconds for heyoka, a minute or more for DOP853."""
+"""In one direction: some 0.1 GB of dense output, a second or more by series, a minute or more by DOP853."""
 CHECK_TIMES = 257
 """Equidistant times, besides those asked for, at which the two runs are compared: with few times
 asked the difference may vanish there by chance."""
@@ -68,10 +72,16 @@ def integrate_state(
     start = (*omega, *gamma)
     state = np.array([float(number) for number in start])
     neighbour = np.array([neighbour_of(number) for number in start])
-    span = Span(min(0.0, float(times.min())), max(0.0, float(times.max())))
-    check = np.concatenate([times, span.uniform(CHECK_TIMES)])
+    quest = quest_of(times, tolerance)
+    span, check = quest.span, quest.check
     reached = np.inf
     for local_tolerance in tolerances(chosen, tolerance):
+        held = quest.try_kernels(chosen, state, neighbour, local_tolerance)
+        if isinstance(held, float):
+            reached = min(reached, held)
+            continue
+        if held is not None:
+            return _held_motion(held, times, rests, local_tolerance / chosen.tightening)
         twin = run_twin(
             chosen,
             equations,
@@ -94,32 +104,89 @@ def integrate_state(
     raise AccuracyNotMetError(reached, tolerance)
 
 
+@dataclass(frozen=True, slots=True)
+class Quest:
+    """What is asked of the motions of one or many states: the times, and the largest error."""
+
+    span: Span
+    check: FloatArray
+    """Times of the comparison of two runs: those asked for, and others."""
+    tolerance: float
+
+    def try_kernels(
+        self, integrator: Integrator, state: FloatArray, neighbour: FloatArray, local_tolerance: float
+    ) -> "Held | float | None":
+        """Return what kernels settle alone: see :func:`.compiled.held_twin`."""
+        if integrator.name != "taylor":
+            return None
+        from workers.solvers.integration import compiled  # noqa: PLC0415
+
+        assert isinstance(integrator, compiled.CompiledIntegrator)
+        asked = compiled.asked_of_twin(
+            integrator,
+            self.span,
+            local_tolerance=local_tolerance,
+            max_steps=MAX_STEPS,
+            tolerance=self.tolerance,
+        )
+        return compiled.held_twin(integrator, state, neighbour, self.check, asked)
+
+    def by_kernels(
+        self, integrator: Integrator, state: FloatArray, neighbour: FloatArray
+    ) -> "Held | float | None":
+        """Return what :func:`integrate_state` finds where kernels settle all of it; None where not.
+
+        A number is the smallest error that was reached, where that is larger than the tolerance.
+        """
+        reached = np.inf
+        for local_tolerance in tolerances(integrator, self.tolerance):
+            held = self.try_kernels(integrator, state, neighbour, local_tolerance)
+            if not isinstance(held, float):
+                return held
+            reached = min(reached, held)
+        return reached
+
+
+def quest_of(times: FloatArray, tolerance: float) -> Quest:
+    """Return the quest for the motions at all ``times``."""
+    span = Span(min(0.0, float(times.min())), max(0.0, float(times.max())))
+    return Quest(span, np.concatenate([times, span.uniform(CHECK_TIMES)]), tolerance)
+
+
 def choose_integrator(body: RigidBody, potential: Potential, name: IntegratorName) -> Integrator:
-    """Return the integrator called ``name``; ``auto`` is heyoka wherever it can be used.
+    """Return the integrator called ``name``; ``auto`` is the compiled one wherever it can be used.
 
     Raises
     ------
     MissingMomentError
         The body has no B.
     UnsupportedFormulaError, IntegratorMissingError
-        heyoka was asked for by name and cannot be used.
+        One by Taylor series was asked for by name and cannot be used.
     """
-    # Not at the top: heyoka and SciPy take most of the time that a solver needs to start, and motions by
-    # quadrature need neither.
-    from workers.solvers.integration import taylor  # noqa: PLC0415
-
-    if name == "dop853" or (name == "auto" and not taylor.AVAILABLE):
+    # Not at the top: heyoka, SciPy and the compiler take most of the time that a solver needs to start, and
+    # not every motion needs each of them.
+    if name == "heyoka":
+        return _by_heyoka(body, potential)
+    if name == "dop853":
         return _by_scipy(body, potential)
-    if not taylor.AVAILABLE:
-        raise IntegratorMissingError("heyoka is not installed here; ask for dop853, or for auto")
+    from workers.solvers.integration.compiled import integrator_of  # noqa: PLC0415
+
     try:
-        if isinstance(potential, FormulaPotential):
-            return taylor.taylor_integrator(body, potential)
-        return taylor.TaylorIntegrator(body, potential)
+        return integrator_of(body, potential)
     except UnsupportedFormulaError:
-        if name == "heyoka":
+        if name == "taylor":
             raise
         return _by_scipy(body, potential)
+
+
+def _by_heyoka(body: RigidBody, potential: Potential) -> Integrator:
+    from workers.solvers.integration import taylor  # noqa: PLC0415
+
+    if not taylor.AVAILABLE:
+        raise IntegratorMissingError("heyoka is not installed here; ask for taylor, dop853, or auto")
+    if isinstance(potential, FormulaPotential):
+        return taylor.taylor_integrator(body, potential)
+    return taylor.TaylorIntegrator(body, potential)
 
 
 def _by_scipy(body: RigidBody, potential: Potential) -> Integrator:
@@ -133,6 +200,37 @@ def tolerances(integrator: Integrator, tolerance: float) -> list[float]:
     finest = integrator.finest * integrator.tightening
     first = FIRST_TRY * tolerance
     return [min(first, COARSEST), finest] if first > finest else [finest]
+
+
+def _held_motion(
+    held: "Held", times: FloatArray, rests: FloatArray | None, local_tolerance: float
+) -> Motion:
+    from workers.solvers.integration.compiled import samples_of  # noqa: PLC0415
+
+    return Motion(
+        method="integration",
+        dense=DenseOutput(COLUMNS, held.breaks, held.coefficients, None, held.error),
+        times=times,
+        samples=samples_of(held, times, rests),
+        rests=rests,
+        error=held.error,
+        energy=Estimate(held.energy, held.energy_error),
+        window=None,
+        aperiodic=None,
+        past=None,
+        future=None,
+        cross_check=None,
+        conventions=(),
+        evidence={
+            "integrator": "taylor",
+            "steps": len(held.breaks) - 1,
+            "local_tolerance": local_tolerance,
+            "difference_of_runs": held.difference,
+            DEFECT: held.defect,
+            DRIFT: held.drift,
+            COVERED: 1.0,
+        },
+    )
 
 
 def _motion(

@@ -45,9 +45,14 @@ class StraightLine:
         return registers[first], registers[second], registers[third]
 
 
-def gradient_line(potential: Potential, rounding: Rounding) -> StraightLine:
-    """Return the gradient of ``potential`` as a straight line, its constants made doubles by ``rounding``."""
-    recorder = _Recorder(rounding)
+def gradient_line(
+    potential: Potential, rounding: Rounding, *, longest_product: int | None = _LONGEST_PRODUCT
+) -> StraightLine:
+    """Return the gradient of ``potential`` as a straight line, its constants made doubles by ``rounding``.
+
+    Integer powers up to ``longest_product`` are products; None: all of them.
+    """
+    recorder = _Recorder(rounding, longest_product)
     jets = FirstOrderJets(recorder, 3)
     inputs = [recorder.variable(axis) for axis in range(3)]
     parts = jets.gradient(potential.tape.evaluate(jets, jets.variables(inputs)))
@@ -65,8 +70,9 @@ class _Operand:
 class _Recorder:
     """An algebra that records; equal operations are recorded once, and 1·x and constants folded."""
 
-    def __init__(self, rounding: Rounding) -> None:
+    def __init__(self, rounding: Rounding, longest_product: int | None) -> None:
         self._rounding = rounding
+        self._longest_product = longest_product
         self._constants: dict[float, _Operand] = {}
         self._operations: dict[tuple[Operation, _Operand, _Operand | None], _Operand] = {}
 
@@ -115,7 +121,8 @@ class _Recorder:
         return self._record(operator.neg, operand)
 
     def power(self, base: _Operand, exponent: Fraction) -> _Operand:
-        if exponent.denominator != 1 or abs(exponent) > _LONGEST_PRODUCT:
+        longest = self._longest_product
+        if exponent.denominator != 1 or (longest is not None and abs(exponent) > longest):
             return self._record(math.pow, base, self.constant(exponent))
         product = self._number(1.0)
         for bit in f"{abs(exponent.numerator):b}":

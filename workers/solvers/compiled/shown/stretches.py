@@ -42,7 +42,7 @@ VANDER = np.ascontiguousarray(np.polynomial.chebyshev.chebvander(NODES, HIGHEST_
 
 
 @kernel
-def _disc(
+def disc_of(
     series: FloatArray, middle: float, half: float, centres: FloatArray, radii: FloatArray, T: FloatArray
 ) -> None:
     """Fill in discs that hold the six polynomials, shape (degree + 1, 6), on the ellipse of a stretch."""
@@ -120,8 +120,9 @@ def are_explained(
     """
     drift = 0.0
     centres, radii, found = np.empty(6), np.empty(6), np.empty((2, 3))
+    least = np.empty(3)
     for m in range(count):
-        least = np.zeros(3)
+        least[:] = 0.0
         for a in range(3):
             omega, gamma = abs(states[a, m]), abs(states[3 + a, m])
             least[0] += claim * omega * moments[a]
@@ -207,7 +208,7 @@ def defect_and_drift(
         while left > 0:
             left -= 1
             middle, half = waiting[left, 0], waiting[left, 1]
-            _disc(coefficients[n], middle, half, centres, radii, T)
+            disc_of(coefficients[n], middle, half, centres, radii, T)
             largest_rates(code, constants, result, moments, c, r, centres, radii, bounds)
             is_settled = True
             for a in range(6):

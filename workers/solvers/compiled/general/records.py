@@ -1,0 +1,54 @@
+"""What kernels know of a potential and of a body, in two records."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Gradient(NamedTuple):
+    """The gradient of a potential as operations on registers; see :mod:`.series`."""
+
+    code: IntArray
+    """Shape (operations, 4)."""
+    constants: FloatArray
+    gradient: IntArray
+    """The registers of V_1, V_2, V_3, and for each whether it is a constant."""
+    registers: int
+
+
+class Formula(NamedTuple):
+    """V as :class:`workers.solvers.compiled.evaluation.program.Program` has it, and its constants."""
+
+    code: IntArray
+    constants: FloatArray
+    result: int
+
+
+class Asked(NamedTuple):
+    """What is asked of two runs."""
+
+    first: float
+    last: float
+    """The times from ``first`` ≤ 0 to ``last`` ≥ 0."""
+    fine: float
+    coarse: float
+    """Local tolerances of the runs."""
+    max_steps: int
+    collapsed: float
+    """A step this much shorter than the longest one ends a run."""
+    tolerance: float
+    safety: float
+    """On the difference of the runs."""
+    rounding: float
+    """What they share, relative to the variables."""
+    fine_defect: float
+    coarse_defect: float
+    """What a step may leave of the equations, relative to the largest variable."""
+    goal: float
+    """Share of the error that the truncation of F may be."""
+    finest: float
+    """Least truncation asked for, beside variables of the size 1."""
