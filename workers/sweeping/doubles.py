@@ -85,7 +85,19 @@ def sweep_sets(
     frame = make_frame(body, motion)
     if frame is None:
         return None
-    loops = _loops(frame, lambdas_squared)
+    return sweep_loops(motion, program, rows, _loops(frame, lambdas_squared), sampling, tier, starts)
+
+
+def sweep_loops(
+    motion: PlanarMotion,
+    program: Program,
+    rows: FloatArray,
+    loops: Records,
+    sampling: Sampling,
+    tier: Tier,
+    starts: FloatArray | None = None,
+) -> Swept:
+    """Solve the program with each of the ``rows`` on its own loop, as :func:`sweep_sets` does."""
     if starts is not None:
         loops["size_of_g1"] = starts
     batch = Batch(program, rows, loops, tier, columns=sampling.columns)

@@ -1,6 +1,6 @@
 """Finds once what holds for all points of a sweep."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from workers.sweeping.integrals import keeps_further
 
 if TYPE_CHECKING:
     from workers.sweeping.by_roots import RationalFamily
+    from workers.sweeping.moving import Moving
 
 _CURVE_FIELDS = ("lambda", "nu")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
@@ -105,7 +106,7 @@ def make_plan(sweep: Sweep) -> Plan:
     return Plan(sweep, is_judged=True, quick=quick)
 
 
-def _is_quick(sweep: Sweep, problem: Problem) -> bool:
+def _is_quick(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("B",)) -> bool:
     return (
         problem.method == "auto"
         and set(problem.outputs) <= _PLAIN_OUTPUTS
@@ -114,7 +115,10 @@ def _is_quick(sweep: Sweep, problem: Problem) -> bool:
         and not (keeps_further(sweep.keep) and any(map(_is_of_moment, sweep.axes)))
         and (problem.wants_series or "invariants" not in problem.outputs)
         and all(
-            _is_of_curve(axis) or _is_of_potential(axis) or _is_of_start(axis) or _is_of_moment(axis)
+            _is_of_curve(axis)
+            or _is_of_potential(axis)
+            or _is_of_start(axis)
+            or (axis.path[0] == "body" and axis.path[1] in moments)
             for axis in sweep.axes
         )
     )
@@ -127,12 +131,9 @@ def _sides(
 
     None if energies are kept and have no formula there, or if compiled doubles cannot keep the tier.
     """
-    motions = [motion]
-    if motion.nu is not None and any(_is_of_curve(axis) for axis in sweep.axes):
-        motions = [replace(motion, nu=Fraction(sign)) for sign in (1, -1)]
     is_high = compiled_tier(problem) == "high"
     sides = dict[int, Side]()
-    for each in motions:
+    for each in _motions(sweep, motion):
         rational = _rational(problem, family, each) if is_high else None
         sides[each.sign_of_g1] = Side(each, energies_of(problem.body, family, each), rational)
     if is_high and any(side.rational is None for side in sides.values()):
@@ -140,6 +141,13 @@ def _sides(
     keeps_energy = any("energy" in name for name in sweep.keep)
     has_all = all(side.energies is not None for side in sides.values())
     return sides if has_all or not keeps_energy else None
+
+
+def _motions(sweep: Sweep, motion: PlanarMotion) -> list[PlanarMotion]:
+    """Return a motion for each sign of g1 that the sweep may have."""
+    if motion.nu is not None and any(_is_of_curve(axis) for axis in sweep.axes):
+        return [replace(motion, nu=Fraction(sign)) for sign in (1, -1)]
+    return [motion]
 
 
 def _rational(problem: Problem, family: SweepFamily, motion: PlanarMotion) -> "RationalFamily | None":
@@ -163,3 +171,39 @@ def _is_of_start(axis: SweepAxis) -> bool:
 
 def _is_of_moment(axis: SweepAxis) -> bool:
     return axis.path == _MOMENT
+
+
+def plan_moving(sweep: Sweep) -> "Moving | None":
+    """Return how points are solved in blocks whose bodies or exponents differ; None if they are not.
+
+    The sweep varies the moments, the potential's numbers, λ or nu, and g1 at the start; else it is like those
+    that :func:`make_plan` takes, but for the tier ``high`` and what is kept of the integrals.
+    """
+    problem, potential = sweep.first_problem, sweep.base["potential"]
+    motion, tier = problem.motion, compiled_tier(problem)
+    if not isinstance(motion, PlanarMotion) or not isinstance(potential, dict) or tier in (None, "high"):
+        return None
+    moments = {axis.path[1]: k for k, axis in enumerate(sweep.axes) if axis.path[0] == "body"}
+    keeps_integrals = any(name.startswith("invariants.") for name in sweep.keep)
+    if (
+        not _is_quick(sweep, problem, tuple(moments))
+        or keeps_integrals
+        or not set(moments) <= {"A", "B", "C"}
+    ):
+        return None
+    # The compiler is loaded only where it is needed.
+    from workers.sweeping.models import model_of  # noqa: PLC0415
+    from workers.sweeping.moving import Moving  # noqa: PLC0415
+
+    places = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
+    paths = tuple(sweep.axes[k].path[1:] for k in places)
+    model = model_of(potential, paths, frozenset(moments))
+    if model is None:
+        return None
+    curve, start = (
+        next((k for k, axis in enumerate(sweep.axes) if is_it(axis)), None)
+        for is_it in (_is_of_curve, _is_of_start)
+    )
+    motions: dict[int, PlanarMotion] = {each.sign_of_g1: each for each in _motions(sweep, motion)}
+    needs_double = motion.nu is not None or potential.get("type") == "rational"
+    return Moving(problem, tier, model, places, moments, curve, start, motions, needs_double)

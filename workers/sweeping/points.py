@@ -10,6 +10,7 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.problem import PlanarMotion
 from service.dynamics.sweep_axes import ListedAxis
 from service.schemas.reading.numbers import LARGEST
 from service.schemas.sweep.sweep import Sweep, SweepAxis
@@ -18,6 +19,7 @@ from workers.sweeping.programs import nearest_double
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
 
 class SweptPoints:
@@ -64,6 +66,21 @@ class SweptPoints:
         )
         moments = [self.exact(axis, place) for place in range(self.count)]
         return np.array([B > 0 and least <= B and (most is None or most >= B) for B in moments])
+
+
+def curves_of(
+    points: SweptPoints, axis: int | None, sign: int, motion: PlanarMotion
+) -> tuple[list[fmpq], IntArray]:
+    """Return λ² and the sign of g1 at every point; the sign is 0 where λ or nu is not one.
+
+    Without an ``axis`` they are those of ``motion``, which has the ``sign``.
+    """
+    if axis is None:
+        return [_ratio(motion.lambda_squared)] * points.count, np.full(points.count, sign)
+    values = [points.exact(axis, place) for place in range(points.count)]
+    if motion.nu is not None:
+        return [abs(value) for value in values], np.sign(points.doubles[axis]).astype(np.int64)
+    return [value * value for value in values], np.where(points.doubles[axis] > 0.0, sign, 0)
 
 
 class Parameters:

@@ -4,6 +4,7 @@ All points with the same A, C or exponent make a slice: a sweep over the other a
 whose points go in blocks. A point of a slice is the point of the whole sweep, and has the same document.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,9 +18,11 @@ from service.schemas.problem.problem import read_problem
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.reading.pointers import with_values
 from service.schemas.sweep.sweep import Sweep, SweepAxis, json_number
-from workers.sweeping.block import BlockSolver, SolvedBlock
+from workers.sweeping.block import BlockSolver
 from workers.sweeping.plan import make_plan
+from workers.sweeping.solved import SolvedBlock
 
+BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
 KEPT_SLICES = 512
@@ -56,7 +59,7 @@ class SlicedSolver:
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
         sweep = self._sweep
-        solved, empty = np.zeros((2, count), dtype=np.bool_)
+        solved, refused = np.zeros(count, dtype=np.bool_), dict[str, BoolArray]()
         numbers = {name: np.full(count, np.nan) for name in sweep.keep}
         series = {name: np.full((count, sweep.samples), np.nan) for name in sweep.series_columns}
         for outer, here, begin in self._parts(first, count):
@@ -65,12 +68,14 @@ class SlicedSolver:
                 continue
             # In the order of a grid the points of one slice follow each other.
             block = blocks.solve(begin, len(here))
-            solved[here], empty[here] = block.solved, block.empty
+            solved[here] = block.solved
+            for code, points in block.refused.items():
+                refused.setdefault(code, np.zeros(count, dtype=np.bool_))[here] = points
             for name, column in block.numbers.items():
                 numbers[name][here] = column
             for name, rows in block.series.items():
                 series[name][here] = rows
-        return SolvedBlock(solved, empty, numbers, series)
+        return SolvedBlock(solved, refused, numbers, series)
 
     def is_judged(self, index: int) -> bool:
         """Tell whether the potential at a point is proved to be admissible."""
@@ -104,8 +109,10 @@ class SlicedSolver:
         return _Slice(plan.is_judged, blocks)
 
 
-def outer_axes(sweep: Sweep) -> tuple[int, ...] | None:
+def outer_axes(sweep: Sweep, least: int = 1) -> tuple[int, ...] | None:
     """Return the axes whose numbers slices have in common; None if no slice would go in blocks.
+
+    Nor are there any if a slice has fewer than ``least`` points.
 
     They are those of the body, and those of the potential too if it takes that.
     """
@@ -114,6 +121,8 @@ def outer_axes(sweep: Sweep) -> tuple[int, ...] | None:
     of_body = tuple(k for k, each in enumerate(sweep.axes) if each.path[0] == "body" and each.path[1] != "B")
     others = tuple(k for k, each in enumerate(sweep.axes) if each.path[0] in ("body", "potential"))
     for outer in dict.fromkeys((of_body, others)):
+        if math.prod(each.axis.length for k, each in enumerate(sweep.axes) if k not in outer) < least:
+            continue
         first = slice_of(sweep, outer, (0,) * len(outer)) if outer else None
         if first is not None and make_plan(first).quick is not None:
             return outer
