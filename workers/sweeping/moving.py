@@ -25,16 +25,18 @@ from service.dynamics.verdict.proofs.power_sums import (
     Judgement,
     NotAPowerSumError,
     judge_power_sum,
+    number_of,
 )
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.frame import Bodies, loops_of
 from workers.sweeping.doubles import Sampling, Swept, logarithms_of, sweep_loops
+from workers.sweeping.empty_sums import have_no_motion
 from workers.sweeping.energies import rounded
 from workers.sweeping.near_poles import keep_their_sign
 from workers.sweeping.points import SweptPoints, are_numbers, curves_of, listed_exactly
 from workers.sweeping.programs import nearest_double
-from workers.sweeping.solved import INADMISSIBLE, INVALID, Found, SolvedBlock, numbers_of_motions
+from workers.sweeping.solved import INADMISSIBLE, INVALID, NO_MOTION, Found, SolvedBlock, numbers_of_motions
 from workers.sweeping.templates import Key, Model, Moments, Template, own_template, shared_template
 
 FloatArray = NDArray[np.float64]
@@ -76,6 +78,7 @@ class _Point:
     template: Template
     row: list[float]
     values: list[fmpq]
+    judgement: Judgement
     energy: CurveEnergy
 
 
@@ -135,7 +138,7 @@ class MovingSolver:
         template, row, values, judgement = known
         if judgement.energy is None:
             return INADMISSIBLE if judgement.is_refuted else None
-        return _Point(place, moments, numbers, template, row, values, judgement.energy)
+        return _Point(place, moments, numbers, template, row, values, judgement, judgement.energy)
 
     def _moments(self, points: SweptPoints, place: int) -> Moments:
         body, axes = self._moving.problem.body, self._moving.moments
@@ -225,6 +228,9 @@ class MovingSolver:
                 decided &= np.isfinite(numbers[name]) if name in ("energy", "energy.error") else True
         self._keep_smooth(decided, swept, motion, members)
         found.add(places, decided, numbers, swept)
+        rest = np.flatnonzero(~decided)
+        judged = [(members[n].moments, members[n].judgement) for n in rest.tolist()]
+        found.refuse(NO_MOTION, places[rest[have_no_motion(judged, loops[rest], motion)]])
 
     def _keep_smooth(
         self, decided: BoolArray, swept: Swept, motion: PlanarMotion, members: Sequence[_Point]
@@ -258,9 +264,7 @@ def _energy(each: _Point, square: fmpq, motion: PlanarMotion) -> tuple[float, fl
         for term in each.energy.terms:
             half = term.power / 2
             power = arb(square ** int(half.p)) if half.q == 1 else arb(square) ** arb(half)
-            value = arb(term.coefficient) * power
-            for (name, numerator, denominator), exponent in term.constants:
-                value = value * getattr(arb(fmpq(numerator, denominator)), name)() ** exponent
+            value = arb(term.coefficient) * power * number_of(term.constants)
             if (term.odd_first and motion.sign_of_g1 < 0) != (term.odd_third and motion.g3_sign < 0):
                 value = -value
             total, largest = total + value, largest.max(abs(value))

@@ -14,14 +14,15 @@ Exponents are not roots of anything here, as they are in the ring of :mod:`.proo
 matter. That of α = A/C has 16 digits for a moment that was drawn at random.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import product
 from math import comb
+from types import MappingProxyType
 from typing import NamedTuple
 
-from flint import fmpq
+from flint import arb, fmpq
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.limits import MAX_BITS
@@ -33,11 +34,13 @@ MOST_TERMS = 256
 """Of a sum, before equal ones are added."""
 HIGHEST = 64
 """Power of g2, or of a sum."""
-_NAMED = ("exp", "sin", "cos", "tan")
-"""Functions whose values at numbers stay as they are; log and the roots may be a number in disguise."""
+_NAMED: Mapping[str, Callable[[arb], arb]] = MappingProxyType(
+    {"exp": arb.exp, "sin": arb.sin, "cos": arb.cos}
+)
+"""Smooth functions, whose values at numbers stay as they are; a logarithm or root may be one in disguise."""
 
-Constant = tuple[str, int, int]
-"""A function of a ratio: its name, numerator and denominator."""
+Constant = tuple[str, tuple[tuple[int, int, int], ...]]
+"""A function of Σ (n/m) g2^k: its name, and the n, m and k. To H, which has no ∂V/∂g2, it is a constant."""
 
 
 class NotAPowerSumError(Exception):
@@ -109,6 +112,21 @@ class Judgement:
     energy: CurveEnergy | None
     is_refuted: bool
     """L(V) ≠ 0 somewhere, certainly."""
+    terms: PowerSum
+    """Those of V."""
+
+    def squared_momentum(self) -> PowerSum:
+        """Return the terms of A (A - C)/C · p², which are term · (d - a g3²/g1²) for each term of V."""
+        found: PowerSum = []
+        for each in self.terms:
+            if each.third:
+                found.append(each._replace(coefficient=each.coefficient * each.third))
+            if each.first:
+                coefficient = -each.coefficient * each.first
+                found.append(
+                    each._replace(coefficient=coefficient, first=each.first - 2, third=each.third + 2)
+                )
+        return _added(found, (True, True, True))
 
 
 def judge_power_sum(A: fmpq, C: fmpq, tape: Tape, numbers: Sequence[fmpq] | None = None) -> Judgement:
@@ -124,16 +142,19 @@ def judge_power_sum(A: fmpq, C: fmpq, tape: Tape, numbers: Sequence[fmpq] | None
     keeps = not reader.is_positive[0], not reader.is_positive[1], not reader.is_positive[2]
     # What belongs together is often 0 before g2² is replaced.
     left = _added(_reduced(_added(_energy(A, C, terms), keeps)), keeps)
-    if any(each.height or each.odd_height or each.first * A + each.third * C for each in left):
+    if any(
+        each.height or each.odd_height or each.first * A + each.third * C or not _are_numbers(each.constants)
+        for each in left
+    ):
         # Between functions of numbers, or fractional powers, may be relations that nobody has looked for.
         is_known = not any(each.constants or each.height.q != 1 for each in left)
-        return Judgement(None, is_refuted=is_known)
+        return Judgement(None, is_known, terms)
     scale = 2 * (A - C)
     found = tuple(
         EnergyTerm(each.coefficient / scale, each.third, each.odd_first, each.odd_third, each.constants)
         for each in left
     )
-    return Judgement(CurveEnergy(found, (not keeps[0], not keeps[1], not keeps[2])), is_refuted=False)
+    return Judgement(CurveEnergy(found, (not keeps[0], not keeps[1], not keeps[2])), False, terms)
 
 
 def prove_power_sum(body: RigidBody, tape: Tape) -> CurveEnergy | None:
@@ -270,14 +291,30 @@ class _Reader:
 
 
 def _called(name: str, argument: PowerSum) -> PowerSum:
-    if len(argument) != 1 or argument[0].height or argument[0].constants:
+    if any(each.constants for each in argument):
+        raise NotAPowerSumError
+    if name in _NAMED and all(not each.first and not each.third and each.height.q == 1 for each in argument):
+        heights = _added(argument, (True, True, True))
+        key = tuple((*_ratio(each.coefficient), int(each.height.p)) for each in heights)
+        return [Term(_ONE, _ZERO, _ZERO, _ZERO, 0, 0, 0, (((name, tuple(sorted(key))), 1),))]
+    if name != "abs" or len(argument) != 1 or argument[0].height:
         raise NotAPowerSumError
     (only,) = argument
-    if name == "abs":
-        return [only._replace(coefficient=abs(only.coefficient), odd_first=0, odd_third=0)]
-    if name in _NAMED and not only.first and not only.third:
-        return [Term(_ONE, _ZERO, _ZERO, _ZERO, 0, 0, 0, (((name, *_ratio(only.coefficient)), 1),))]
-    raise NotAPowerSumError
+    return [only._replace(coefficient=abs(only.coefficient), odd_first=0, odd_third=0)]
+
+
+def _are_numbers(constants: tuple[tuple[Constant, int], ...]) -> bool:
+    """Tell whether no g2 is in them."""
+    return not any(height for (_, argument), _ in constants for *_, height in argument)
+
+
+def number_of(constants: tuple[tuple[Constant, int], ...]) -> arb:
+    """Return the product of functions of numbers, at the current precision."""
+    found = arb(1)
+    for (name, argument), power in constants:
+        value = sum((arb(fmpq(numerator, denominator)) for numerator, denominator, _ in argument), arb(0))
+        found *= _NAMED[name](value) ** power
+    return found
 
 
 def _constant(number: fmpq) -> Term:
