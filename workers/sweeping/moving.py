@@ -161,7 +161,7 @@ class MovingSolver:
         self, moments: Moments, numbers: list[fmpq]
     ) -> tuple[Template, list[float], list[fmpq], Judgement] | None:
         values = self._moving.model.values(moments, numbers)
-        if values is None or any(max(_bits(value)) > MOST_BITS for value in values):
+        if values is None or any(value.height_bits() > MOST_BITS for value in values):
             return None
         found = self._template(moments, numbers, values)
         if found is None:
@@ -269,10 +269,6 @@ def _energy(each: _Point, square: fmpq, motion: PlanarMotion) -> tuple[float, fl
                 value = -value
             total, largest = total + value, largest.max(abs(value))
         return rounded(total, float(largest))
-
-
-def _bits(value: fmpq) -> tuple[int, int]:
-    return int(value.p).bit_length(), int(value.q).bit_length()
 
 
 def _double(value: fmpq) -> float:

@@ -5,7 +5,11 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
+from flint import fmpq
+
+from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.verdict.proofs.power_sums import NotAPowerSumError, judge_power_sum
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.coefficients import Coefficients, coefficients_of
@@ -173,6 +177,16 @@ def _is_of_moment(axis: SweepAxis) -> bool:
     return axis.path == _MOMENT
 
 
+def _is_judged_alone(problem: Problem) -> bool:
+    """Tell whether the potential of the first point is a sum of powers."""
+    body = problem.body
+    try:
+        judge_power_sum(*(fmpq(m.numerator, m.denominator) for m in (body.A, body.C)), problem.potential.tape)
+    except (NoClosedFormError, NotAPowerSumError):
+        return False
+    return True
+
+
 def plan_moving(sweep: Sweep) -> "Moving | None":
     """Return how points are solved in blocks whose bodies or exponents differ; None if they are not.
 
@@ -198,7 +212,7 @@ def plan_moving(sweep: Sweep) -> "Moving | None":
     places = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
     paths = tuple(sweep.axes[k].path[1:] for k in places)
     model = model_of(potential, paths, frozenset(moments))
-    if model is None:
+    if model is None or not _is_judged_alone(problem):
         return None
     curve, start = (
         next((k for k, axis in enumerate(sweep.axes) if is_it(axis)), None)

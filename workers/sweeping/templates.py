@@ -25,9 +25,6 @@ from workers.sweeping.programs import nearest_double, numbers_of
 FloatArray = NDArray[np.float64]
 Key = tuple[object, ...]
 
-MOST_BITS = 1000
-"""Of a numerator or denominator: nothing that is made of such numbers is beyond the limits of formulas."""
-
 
 class Moments(NamedTuple):
     """Those of a body, exactly."""

@@ -143,7 +143,10 @@ def judge_power_sum(A: fmpq, C: fmpq, tape: Tape, numbers: Sequence[fmpq] | None
     # What belongs together is often 0 before g2² is replaced.
     left = _added(_reduced(_added(_energy(A, C, terms), keeps)), keeps)
     if any(
-        each.height or each.odd_height or each.first * A + each.third * C or not _are_numbers(each.constants)
+        each.height
+        or each.odd_height
+        or each.first * A != -each.third * C
+        or not _are_numbers(each.constants)
         for each in left
     ):
         # Between functions of numbers, or fractional powers, may be relations that nobody has looked for.
@@ -169,26 +172,27 @@ def _energy(A: fmpq, C: fmpq, terms: PowerSum) -> PowerSum:
     """Return the terms of 2 (A - C) H."""
     found: PowerSum = []
     twice = 2 * (A - C)
-    for each in terms:
-        c, a, d = each.coefficient, each.first, each.third
-        found.append(each._replace(coefficient=c * (twice + C * d - A * a)))
+    # Terms are made from their parts: a million of them make a sweep.
+    for c, a, height, d, *odd, constants in terms:
+        one, two, three = odd
+        found.append(Term(c * (twice + C * d - A * a), a, height, d, one, two, three, constants))
         if d:
-            found.append(each._replace(coefficient=c * A * d, first=a + 2, third=d - 2))
+            found.append(Term(c * A * d, a + 2, height, d - 2, one, two, three, constants))
         if a:
-            found.append(each._replace(coefficient=-c * C * a, first=a - 2, third=d + 2))
+            found.append(Term(-c * C * a, a - 2, height, d + 2, one, two, three, constants))
     return found
 
 
 def _added(terms: PowerSum, keeps: tuple[bool, bool, bool]) -> PowerSum:
     """Return the terms with equal powers added, those that are not 0; signs are kept where both are met."""
     added: dict[tuple[object, ...], Term] = {}
-    for c, first, height, third, *odd, constants in terms:
-        one, two, three = (sign * kept for sign, kept in zip(odd, keeps, strict=True))
-        key = first.p, first.q, height.p, height.q, third.p, third.q, one, two, three, constants
+    first_kept, height_kept, third_kept = keeps
+    for c, a, height, d, one, two, three, constants in terms:
+        one, two, three = one * first_kept, two * height_kept, three * third_kept
+        key = a.p, a.q, height.p, height.q, d.p, d.q, one, two, three, constants
         known = added.get(key)
-        total = c if known is None else known.coefficient + c
-        added[key] = Term(total, first, height, third, one, two, three, constants)
-    return [each for each in added.values() if each.coefficient]
+        added[key] = Term(c if known is None else known[0] + c, a, height, d, one, two, three, constants)
+    return [each for each in added.values() if each[0]]
 
 
 def _reduced(terms: PowerSum) -> PowerSum:
@@ -305,7 +309,7 @@ def _called(name: str, argument: PowerSum) -> PowerSum:
 
 def _are_numbers(constants: tuple[tuple[Constant, int], ...]) -> bool:
     """Tell whether no g2 is in them."""
-    return not any(height for (_, argument), _ in constants for *_, height in argument)
+    return not constants or not any(height for (_, argument), _ in constants for *_, height in argument)
 
 
 def number_of(constants: tuple[tuple[Constant, int], ...]) -> arb:
