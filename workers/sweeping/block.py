@@ -8,6 +8,7 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.motion import COLUMNS
+from service.dynamics.problem import Times
 from service.schemas.reading.pointers import with_values
 from service.schemas.sweep.sweep import Sweep, json_number
 from workers.solvers.compiled.motion import ALL
@@ -19,7 +20,7 @@ from workers.sweeping.family import potential_of
 from workers.sweeping.integrals import KeptIntegrals
 from workers.sweeping.near_poles import keep_their_sign
 from workers.sweeping.plan import Quick, Side
-from workers.sweeping.points import Parameters, SweptPoints, are_numbers, curves_of, listed_exactly
+from workers.sweeping.points import Parameters, SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.programs import AffineProgram, Group, affine_program, grouped
 from workers.sweeping.solved import NO_MOTION, Found, SolvedBlock, numbers_of_motions
 
@@ -52,13 +53,19 @@ class BlockSolver:
 
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
+        return self.solve_some(np.arange(first, first + count))
+
+    def solve_some(self, indices: IntArray) -> SolvedBlock:
+        """Solve points of any indices."""
         quick = self._quick
-        points = SweptPoints(self._sweep, self._known, first, count)
-        found = Found(self._sweep, self._names, count)
+        points = SweptPoints(self._sweep, self._known, indices)
+        found = Found(self._sweep, self._names, len(indices))
         sign, side = next(iter(quick.sides.items()))
         squares, signs = curves_of(points, quick.curve_place, sign, side.motion)
         parameters = points.parameters(quick.coefficients, quick.places)
         usable = are_numbers(points.doubles.T) & are_numbers(parameters.doubles)
+        times = times_of(points, quick.time_places, quick.problem.time)
+        usable &= np.array([each is not None for each in times])
         if quick.moment_place is not None:
             usable &= points.have_moment(quick.problem.body, quick.moment_place)
         for sign, side in quick.sides.items():
@@ -66,7 +73,7 @@ class BlockSolver:
             if quick.start_place is not None:
                 is_here &= np.sign(points.doubles[quick.start_place]) == sign
             for group in self._groups(points, parameters, np.flatnonzero(is_here)):
-                self._solve_group(found, points, parameters, side, group, squares)
+                self._solve_group(found, points, parameters, side, group, squares, times)
         return found.block()
 
     def _solve_group(
@@ -77,10 +84,11 @@ class BlockSolver:
         side: Side,
         group: Group,
         squares: Sequence[fmpq],
+        times: Sequence[Times | None],
     ) -> None:
         problem, places = self._quick.problem, group.places
         chosen = [squares[place] for place in places.tolist()]
-        swept = self._swept(points, parameters, side, group, chosen)
+        swept = self._swept(points, parameters, side, group, chosen, times)
         if swept is None:
             return
         numbers = numbers_of_motions(swept, self._sampling.has_times)
@@ -107,7 +115,13 @@ class BlockSolver:
         found.refuse(NO_MOTION, places[rest[empty]])
 
     def _swept(
-        self, points: SweptPoints, parameters: Parameters, side: Side, group: Group, chosen: Sequence[fmpq]
+        self,
+        points: SweptPoints,
+        parameters: Parameters,
+        side: Side,
+        group: Group,
+        chosen: Sequence[fmpq],
+        times: Sequence[Times | None],
     ) -> Swept | None:
         body, at, places = self._quick.problem.body, self._quick.start_place, group.places
         if side.rational is not None:
@@ -116,8 +130,11 @@ class BlockSolver:
             begun = None if starts is None else [abs(_fraction(start)) for start in starts]
             return sweep_by_roots(side.rational, exact, chosen, self._sampling, begun)
         sizes = None if at is None else np.abs(points.doubles[at, places])
+        own = None
+        if self._quick.time_places:
+            own = [each for place in places.tolist() if (each := times[place]) is not None]
         return sweep_sets(
-            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, sizes
+            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, sizes, own
         )
 
     def _along(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import LARGEST_RATIO
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS
-from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.problem import PlanarMotion, Problem, Times
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import PRECISION
 from service.dynamics.verdict.proofs.power_sums import (
@@ -34,7 +34,7 @@ from workers.sweeping.doubles import Sampling, Swept, logarithms_of, sweep_loops
 from workers.sweeping.empty_sums import have_no_motion
 from workers.sweeping.energies import rounded
 from workers.sweeping.near_poles import keep_their_sign
-from workers.sweeping.points import SweptPoints, are_numbers, curves_of, listed_exactly
+from workers.sweeping.points import SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.programs import nearest_double
 from workers.sweeping.solved import INADMISSIBLE, INVALID, NO_MOTION, Found, SolvedBlock, numbers_of_motions
 from workers.sweeping.templates import Key, Model, Moments, Template, own_template, shared_template
@@ -62,6 +62,8 @@ class Moving:
     """Places of the axes of A, B and C."""
     curve_place: int | None
     start_place: int | None
+    time_places: Mapping[str, int]
+    """Of the axes of the times, by their names."""
     motions: Mapping[int, PlanarMotion]
     """By the sign of g1."""
     needs_double: bool
@@ -99,11 +101,13 @@ class MovingSolver:
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
         moving = self._moving
-        points = SweptPoints(self._sweep, self._known, first, count)
+        points = SweptPoints(self._sweep, self._known, np.arange(first, first + count))
         found = Found(self._sweep, self._names, count)
         base = next(iter(moving.motions.items()))
         squares, signs = curves_of(points, moving.curve_place, *base)
         usable = are_numbers(points.doubles.T) & (signs != 0)
+        times = times_of(points, moving.time_places, moving.problem.time)
+        usable &= np.array([each is not None for each in times])
         if moving.start_place is not None:
             usable &= np.sign(points.doubles[moving.start_place]) == signs
         groups: dict[tuple[int, int], list[_Point]] = {}
@@ -118,7 +122,8 @@ class MovingSolver:
             found.refuse(code, np.array(places, dtype=np.int64))
         for (_, sign), members in groups.items():
             chosen = [squares[each.place] for each in members]
-            self._solve_group(found, points, moving.motions[sign], members, chosen)
+            own = [each for member in members if (each := times[member.place]) is not None]
+            self._solve_group(found, points, moving.motions[sign], members, chosen, own)
         return found.block()
 
     def _stated(self, points: SweptPoints, place: int) -> "_Point | str | None":
@@ -201,6 +206,7 @@ class MovingSolver:
         motion: PlanarMotion,
         members: Sequence[_Point],
         squares: Sequence[fmpq],
+        times: Sequence[Times],
     ) -> None:
         moving, places = self._moving, np.array([each.place for each in members], dtype=np.int64)
         rows = np.array([each.row for each in members]).reshape(len(members), -1)
@@ -210,7 +216,8 @@ class MovingSolver:
             return
         at = moving.start_place
         starts = None if at is None else np.abs(points.doubles[at, places])
-        swept = sweep_loops(motion, program, rows, loops, self._sampling, moving.tier, starts)
+        own = times if moving.time_places else None
+        swept = sweep_loops(motion, program, rows, loops, self._sampling, moving.tier, starts, own)
         tolerance = moving.problem.tolerance
         numbers = numbers_of_motions(swept, self._sampling.has_times)
         decided = np.isfinite(swept.errors) & (swept.errors <= tolerance)

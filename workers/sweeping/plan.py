@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from workers.sweeping.moving import Moving
 
 _CURVE_FIELDS = ("lambda", "nu")
+_TIME_FIELDS = ("start", "stop", "periods")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
 
@@ -56,6 +57,8 @@ class Quick:
     """Of the axis of g1 at the start."""
     moment_place: int | None
     """Of the axis of B, on which planar motions do not depend."""
+    time_places: Mapping[str, int]
+    """Of the axes of the times, by their names."""
     sides: Mapping[int, Side]
     """By the sign of g1."""
     family: SweepFamily
@@ -79,7 +82,7 @@ def make_plan(sweep: Sweep) -> Plan:
     Verdicts are hoisted if no axis touches A or C, and the potential is linear in numbers
     that those on the axes make. Compiled doubles take the sweeps that besides
 
-    * vary nothing but the potential's numbers, λ or nu, B, and g1 at the start,
+    * vary nothing but the potential's numbers, λ or nu, B, g1 at the start, and the times,
     * ask, by method ``auto``, for no outputs but period, gamma, omega, and the integrals,
     * by the tiers ``draft`` and ``standard``, or a tolerance that ``standard`` keeps; by ``high`` and finer
       tolerances, where the potential is rational and A = 2C (or C = 2A).
@@ -106,7 +109,20 @@ def make_plan(sweep: Sweep) -> Plan:
         for is_it in (_is_of_curve, _is_of_start, _is_of_moment)
     )
     poles = smooth_poles(problem.body, family, problem.motion)
-    quick = Quick(problem, potential, paths, places, coefficients, curve, start, moment, sides, family, poles)
+    quick = Quick(
+        problem,
+        potential,
+        paths,
+        places,
+        coefficients,
+        curve,
+        start,
+        moment,
+        _times(sweep),
+        sides,
+        family,
+        poles,
+    )
     return Plan(sweep, is_judged=True, quick=quick)
 
 
@@ -123,6 +139,7 @@ def _is_quick(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("B",)) -
             or _is_of_potential(axis)
             or _is_of_start(axis)
             or (axis.path[0] == "body" and axis.path[1] in moments)
+            or (_is_of_time(axis) and compiled_tier(problem) != "high")
             for axis in sweep.axes
         )
     )
@@ -161,6 +178,14 @@ def _rational(problem: Problem, family: SweepFamily, motion: PlanarMotion) -> "R
     return rational_family(problem.body, family, motion)
 
 
+def _times(sweep: Sweep) -> dict[str, int]:
+    return {axis.path[1]: place for place, axis in enumerate(sweep.axes) if _is_of_time(axis)}
+
+
+def _is_of_time(axis: SweepAxis) -> bool:
+    return len(axis.path) == 2 and axis.path[0] == "time" and axis.path[1] in _TIME_FIELDS
+
+
 def _is_of_potential(axis: SweepAxis) -> bool:
     return axis.path[0] == "potential"
 
@@ -179,9 +204,9 @@ def _is_of_moment(axis: SweepAxis) -> bool:
 
 def _is_judged_alone(problem: Problem) -> bool:
     """Tell whether the potential of the first point is a sum of powers."""
-    body = problem.body
+    A, C = (fmpq(m.numerator, m.denominator) for m in (problem.body.A, problem.body.C))
     try:
-        judge_power_sum(*(fmpq(m.numerator, m.denominator) for m in (body.A, body.C)), problem.potential.tape)
+        judge_power_sum(A, C, problem.potential.tape)
     except (NoClosedFormError, NotAPowerSumError):
         return False
     return True
@@ -220,4 +245,4 @@ def plan_moving(sweep: Sweep) -> "Moving | None":
     )
     motions: dict[int, PlanarMotion] = {each.sign_of_g1: each for each in _motions(sweep, motion)}
     needs_double = motion.nu is not None or potential.get("type") == "rational"
-    return Moving(problem, tier, model, places, moments, curve, start, motions, needs_double)
+    return Moving(problem, tier, model, places, moments, curve, start, _times(sweep), motions, needs_double)

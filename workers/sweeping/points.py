@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 
@@ -10,9 +11,9 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.problem import PlanarMotion
+from service.dynamics.problem import PlanarMotion, TimePeriods, Times, TimeSpan
 from service.dynamics.sweep_axes import ListedAxis
-from service.schemas.reading.numbers import LARGEST
+from service.schemas.reading.numbers import LARGEST, LATEST
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.sweeping.coefficients import Coefficients
 from workers.sweeping.programs import nearest_double
@@ -23,16 +24,14 @@ IntArray = NDArray[np.int64]
 
 
 class SweptPoints:
-    """The numbers on the axes at neighbouring points, as doubles and exactly."""
+    """The numbers on the axes at some points, as doubles and exactly."""
 
-    def __init__(
-        self, sweep: Sweep, known: Sequence[Mapping[float, fmpq | None]], first: int, count: int
-    ) -> None:
-        self.count = count
-        self.doubles = np.stack(list(sweep.columns(first, count).values()))
+    def __init__(self, sweep: Sweep, known: Sequence[Mapping[float, fmpq | None]], indices: IntArray) -> None:
+        self.count = len(indices)
+        self.doubles = np.stack(list(sweep.columns_at(indices).values()))
         self._sweep = sweep
         self._known = known
-        self._first = first
+        self._indices = indices
 
     def exact(self, axis: int, place: int) -> fmpq:
         """Return the number on an axis at the ``place``-th point."""
@@ -42,7 +41,7 @@ class SweptPoints:
             # A double means its shortest decimal.
             return fmpq(*Decimal(repr(double)).as_integer_ratio())
         found = known[double]
-        return _ratio(self._sweep.values(self._first + place)[axis]) if found is None else found
+        return _ratio(self._sweep.values(int(self._indices[place]))[axis]) if found is None else found
 
     def exact_row(self, place: int, axes: Sequence[int]) -> list[fmpq]:
         """Return the numbers on several axes."""
@@ -83,6 +82,25 @@ def curves_of(
     return [value * value for value in values], np.where(points.doubles[axis] > 0.0, sign, 0)
 
 
+def times_of(points: SweptPoints, axes: Mapping[str, int], time: Times) -> list[Times | None]:
+    """Return the times of every point; None where they are none, or out of reach.
+
+    ``axes`` are the places of those numbers of ``time`` that vary, by their names.
+    """
+    if not axes:
+        return [time] * points.count
+    found: list[Times | None] = []
+    for place in range(points.count):
+        numbers = {name: _fraction(points.exact(axis, place)) for name, axis in axes.items()}
+        asked = replace(time, **numbers)  # type: ignore[arg-type,type-var,unused-ignore]
+        if isinstance(asked, TimeSpan):
+            is_usable = asked.start < asked.stop and max(-asked.start, asked.stop) <= LATEST
+        else:
+            is_usable = isinstance(asked, TimePeriods) and 0 < asked.periods <= LATEST
+        found.append(asked if is_usable else None)
+    return found
+
+
 class Parameters:
     """The numbers in which a potential is linear, at neighbouring points."""
 
@@ -118,3 +136,7 @@ def _double(value: fmpq) -> float:
 
 def _ratio(value: Fraction) -> fmpq:
     return fmpq(value.numerator, value.denominator)
+
+
+def _fraction(value: fmpq) -> Fraction:
+    return Fraction(int(value.p), int(value.q))
