@@ -15,7 +15,7 @@ from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
 from service.verdicts.kept import Kept
 from workers.computation.compiled_code import keep_compiled_code
-from workers.sweeping.plan import Plan, make_plan, plan_moving
+from workers.sweeping.plan import FEW, Plan, make_plan, plan_moving
 from workers.sweeping.pointwise import SweepPoint, solve_point
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class ChunkSolver:
             from workers.sweeping import block  # noqa: PLC0415
 
             self._blocks = block.BlockSolver(plan.sweep, plan.quick)
-        elif not plan.is_judged and isinstance(plan.sweep.first_problem.motion, PlanarMotion):
+        elif _may_be_cut(plan):
             keep_compiled_code()
             from workers.sweeping import moving, slices  # noqa: PLC0415
 
@@ -142,11 +142,17 @@ class ChunkSolver:
 
     def _alone(self, index: int) -> SweepPoint:
         slices = self._slices
-        is_judged = self._plan.is_judged if slices is None else slices.is_judged(index)
+        is_judged = self._plan.is_judged or (slices is not None and slices.is_judged(index))
         if not self._judged % MOST_VERDICTS:
             self._verdicts = Kept({})
         self._judged += 1
         return solve_point(self._plan.sweep, index, is_judged=is_judged, kept=self._verdicts)
+
+
+def _may_be_cut(plan: Plan) -> bool:
+    """Tell whether parts of a sweep may be quick where all of it is not."""
+    is_planar = isinstance(plan.sweep.first_problem.motion, PlanarMotion)
+    return is_planar and (not plan.is_judged or any(axis.path in FEW for axis in plan.sweep.axes))
 
 
 class _Chunk:

@@ -22,6 +22,14 @@ if TYPE_CHECKING:
     from workers.sweeping.moving import Moving
 
 _CURVE_FIELDS = ("lambda", "nu")
+FEW = (
+    ("motion", "window"),
+    ("motion", "g1_sign"),
+    ("motion", "g3_sign"),
+    ("motion", "start", "s_sign"),
+    ("motion", "start", "g2_sign"),
+)
+"""Numbers that have few values."""
 _TIME_FIELDS = ("start", "stop", "periods")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
