@@ -1,7 +1,6 @@
 """Computes a block of points at once by compiled doubles with bounds; doubtful points are left out."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -9,6 +8,7 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.motion import COLUMNS
+from service.dynamics.problem import Times
 from service.schemas.reading.pointers import with_values
 from service.schemas.sweep.sweep import Sweep, json_number
 from workers.solvers.compiled.motion import ALL
@@ -18,9 +18,11 @@ from workers.sweeping.doubles import Sampling, Swept, sweep_sets
 from workers.sweeping.emptiness import have_no_motion_at
 from workers.sweeping.family import potential_of
 from workers.sweeping.integrals import KeptIntegrals
+from workers.sweeping.near_poles import keep_their_sign
 from workers.sweeping.plan import Quick, Side
-from workers.sweeping.points import Parameters, SweptPoints, are_numbers, listed_exactly
+from workers.sweeping.points import Parameters, SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.programs import AffineProgram, Group, affine_program, grouped
+from workers.sweeping.solved import NO_MOTION, Found, SolvedBlock, numbers_of_motions
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -28,22 +30,6 @@ IntArray = NDArray[np.int64]
 
 MAX_PROGRAMS = 64
 """Of a family, by the signs of its coefficients."""
-
-
-@dataclass(frozen=True, slots=True)
-class SolvedBlock:
-    """Some neighbouring points; those neither ``solved``, ``empty`` nor ``refused`` are left to single jobs."""
-
-    solved: BoolArray
-    """Shape (points,)."""
-    empty: BoolArray
-    """Proved to have no motion, shape (points,)."""
-    numbers: Mapping[str, FloatArray]
-    """The kept numbers, each of shape (points,)."""
-    series: Mapping[str, FloatArray]
-    """The functions of time, each of shape (points, samples)."""
-    refused: Mapping[int, str] = field(default_factory=dict)
-    """Codes of the errors that other points end with, by their places."""
 
 
 class BlockSolver:
@@ -67,12 +53,19 @@ class BlockSolver:
 
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
+        return self.solve_some(np.arange(first, first + count))
+
+    def solve_some(self, indices: IntArray) -> SolvedBlock:
+        """Solve points of any indices."""
         quick = self._quick
-        points = SweptPoints(self._sweep, self._known, first, count)
-        found = _Found(self._sweep, self._names, count)
-        squares, signs = self._curves(points)
+        points = SweptPoints(self._sweep, self._known, indices)
+        found = Found(self._sweep, self._names, len(indices))
+        sign, side = next(iter(quick.sides.items()))
+        squares, signs = curves_of(points, quick.curve_place, sign, side.motion)
         parameters = points.parameters(quick.coefficients, quick.places)
         usable = are_numbers(points.doubles.T) & are_numbers(parameters.doubles)
+        times = times_of(points, quick.time_places, quick.problem.time)
+        usable &= np.array([each is not None for each in times])
         if quick.moment_place is not None:
             usable &= points.have_moment(quick.problem.body, quick.moment_place)
         for sign, side in quick.sides.items():
@@ -80,31 +73,33 @@ class BlockSolver:
             if quick.start_place is not None:
                 is_here &= np.sign(points.doubles[quick.start_place]) == sign
             for group in self._groups(points, parameters, np.flatnonzero(is_here)):
-                self._solve_group(found, points, parameters, side, group, squares)
-        return SolvedBlock(found.solved, found.empty, found.numbers, found.series)
+                self._solve_group(found, points, parameters, side, group, squares, times)
+        return found.block()
 
     def _solve_group(
         self,
-        found: "_Found",
+        found: Found,
         points: SweptPoints,
         parameters: Parameters,
         side: Side,
         group: Group,
         squares: Sequence[fmpq],
+        times: Sequence[Times | None],
     ) -> None:
         problem, places = self._quick.problem, group.places
         chosen = [squares[place] for place in places.tolist()]
-        swept = self._swept(points, parameters, side, group, chosen)
+        swept = self._swept(points, parameters, side, group, chosen, times)
         if swept is None:
             return
-        numbers, rows = self._numbers(swept), parameters.doubles[places]
+        numbers = numbers_of_motions(swept, self._sampling.has_times)
+        rows = parameters.doubles[places]
         decided = np.isfinite(swept.errors) & (swept.errors <= problem.tolerance)
         # If only the period is asked for, its own error alone decides whether it is accurate enough.
         decided &= swept.period_errors <= problem.tolerance * swept.periods
         decided &= np.isfinite(swept.samples).all(axis=(1, 2))
         decided &= ~swept.passes_pole | self._are_plain(rows)
         if swept.approaches is not None:
-            decided &= self._quick.family.keeps_its_sign(rows, swept.approaches)
+            decided &= keep_their_sign(group.program, group.rows, swept.approaches)
         if self._keeps_energy and side.energies is not None:
             exact = [parameters.exact(place) for place in places.tolist()]
             energies = np.array(side.energies.rounded(exact, chosen)).reshape(-1, 2)
@@ -116,10 +111,17 @@ class BlockSolver:
         found.add(places, decided, numbers, swept)
         rest = np.flatnonzero(~decided)
         curves = [chosen[place] for place in rest.tolist()]
-        found.empty[places[rest]] = have_no_motion_at(problem.body, side.motion, group, rest, curves)
+        empty = have_no_motion_at(problem.body, side.motion, group, rest, curves)
+        found.refuse(NO_MOTION, places[rest[empty]])
 
     def _swept(
-        self, points: SweptPoints, parameters: Parameters, side: Side, group: Group, chosen: Sequence[fmpq]
+        self,
+        points: SweptPoints,
+        parameters: Parameters,
+        side: Side,
+        group: Group,
+        chosen: Sequence[fmpq],
+        times: Sequence[Times | None],
     ) -> Swept | None:
         body, at, places = self._quick.problem.body, self._quick.start_place, group.places
         if side.rational is not None:
@@ -128,8 +130,11 @@ class BlockSolver:
             begun = None if starts is None else [abs(_fraction(start)) for start in starts]
             return sweep_by_roots(side.rational, exact, chosen, self._sampling, begun)
         sizes = None if at is None else np.abs(points.doubles[at, places])
+        own = None
+        if self._quick.time_places:
+            own = [each for place in places.tolist() if (each := times[place]) is not None]
         return sweep_sets(
-            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, sizes
+            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, sizes, own
         )
 
     def _along(
@@ -153,23 +158,6 @@ class BlockSolver:
             for name, column in columns.items():
                 column[n] = found.get(name, np.nan)
         return columns
-
-    def _numbers(self, swept: Swept) -> dict[str, FloatArray]:
-        # Without functions of time a job claims no error of them.
-        error = swept.errors if self._sampling.has_times else np.zeros(len(swept.errors))
-        period_errors = np.nextafter(swept.period_errors, np.inf)
-        return {"period": swept.periods, "period.error": period_errors, "error": error}
-
-    def _curves(self, points: SweptPoints) -> tuple[list[fmpq], IntArray]:
-        """Return λ² and the sign of g1 at every point; the sign is 0 where λ or nu is not one."""
-        place, count = self._quick.curve_place, points.count
-        sign, side = next(iter(self._quick.sides.items()))
-        if place is None:
-            return [_ratio(side.motion.lambda_squared)] * count, np.full(count, sign)
-        values = [points.exact(place, n) for n in range(count)]
-        if side.motion.nu is not None:
-            return [abs(value) for value in values], np.sign(points.doubles[place]).astype(np.int64)
-        return [value * value for value in values], np.where(points.doubles[place] > 0.0, sign, 0)
 
     def _are_plain(self, parameters: FloatArray) -> BoolArray:
         poles = self._quick.poles
@@ -214,35 +202,6 @@ class BlockSolver:
             for path, axis in zip(self._quick.paths, self._quick.places, strict=True)
         }
         return with_values(dict(self._quick.potential), dict(values))
-
-
-class _Found:
-    """The results of a block, filled in group by group."""
-
-    def __init__(self, sweep: Sweep, names: Sequence[str], count: int) -> None:
-        self.solved, self.empty = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_)
-        self.numbers = {name: np.full(count, np.nan) for name in sweep.keep}
-        shape = (count, sweep.samples)
-        self.series = {name: np.full(shape, np.nan) for name in sweep.series_columns}
-        self._names = names
-
-    def add(
-        self, places: IntArray, solved: BoolArray, numbers: Mapping[str, FloatArray], swept: Swept
-    ) -> None:
-        """Fill in the points of a group."""
-        self.solved[places] = solved
-        for name, column in self.numbers.items():
-            if name in numbers:
-                column[places] = numbers[name]
-        for k, name in enumerate(self._names):
-            at = COLUMNS.index(name) if swept.samples.shape[2] == len(COLUMNS) else k
-            self.series[name][places] = swept.samples[:, :, at]
-        if "t" in self.series:
-            self.series["t"][places] = swept.times
-
-
-def _ratio(value: Fraction) -> fmpq:
-    return fmpq(value.numerator, value.denominator)
 
 
 def _fraction(value: fmpq) -> Fraction:

@@ -9,24 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.windows import NoMotionError
 from service.jobs.outcome import ChunkOutcome
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
 from service.verdicts.kept import Kept
 from workers.computation.compiled_code import keep_compiled_code
-from workers.sweeping.plan import Plan, make_plan
+from workers.sweeping.plan import FEW, Plan, make_plan, plan_moving
 from workers.sweeping.pointwise import SweepPoint, solve_point
 
 if TYPE_CHECKING:
-    from workers.sweeping.block import BlockSolver, SolvedBlock
+    from workers.sweeping.block import BlockSolver
+    from workers.sweeping.moving import MovingSolver
     from workers.sweeping.slices import SlicedSolver
+    from workers.sweeping.solved import SolvedBlock
     from workers.sweeping.states import StateSolver
 
 FloatArray = NDArray[np.float64]
 
-NO_MOTION = NoMotionError.code
 ENOUGH_SECONDS = 2.0
 """Seconds after which a chunk ends with the points it has."""
 BLOCK_POINTS = 256
@@ -34,6 +34,9 @@ MOST_VERDICTS = 1000
 """Of points solved one by one, before all are forgotten."""
 BLOCK_NUMBERS = 400_000
 """Numbers of a block's series at most."""
+
+LARGE_SLICE = 100
+"""Points from which on a plan for those with the same body and exponents is cheaper than one for each."""
 
 _NOTHING = np.empty(0)
 
@@ -60,7 +63,7 @@ class ChunkSolver:
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
-        self._blocks: BlockSolver | SlicedSolver | StateSolver | None = None
+        self._blocks: BlockSolver | MovingSolver | SlicedSolver | StateSolver | None = None
         self._slices: SlicedSolver | None = None
         if plan.quick is not None:
             keep_compiled_code()
@@ -73,12 +76,16 @@ class ChunkSolver:
             from workers.sweeping import states  # noqa: PLC0415
 
             self._blocks = states.StateSolver(plan.sweep)
-        elif not plan.is_judged and isinstance(plan.sweep.first_problem.motion, PlanarMotion):
+        elif _may_be_cut(plan):
             keep_compiled_code()
-            from workers.sweeping import slices  # noqa: PLC0415
+            from workers.sweeping import moving, slices  # noqa: PLC0415
 
-            outer = slices.outer_axes(plan.sweep)
-            self._blocks = self._slices = None if outer is None else slices.SlicedSolver(plan.sweep, outer)
+            data = plan_moving(plan.sweep)
+            outer = slices.outer_axes(plan.sweep, 1 if data is None else LARGE_SLICE)
+            if outer is not None:
+                self._blocks = self._slices = slices.SlicedSolver(plan.sweep, outer)
+            elif data is not None:
+                self._blocks = moving.MovingSolver(plan.sweep, data)
         self._compared = set[str]()
         self._verdicts, self._judged = Kept({}), 0
 
@@ -107,8 +114,7 @@ class ChunkSolver:
         block = None if self._blocks is None else self._checked(self._blocks.solve(first, count), first)
         if block is not None:
             found.add_block(block, count)
-            open_points = ~(block.solved | block.empty)
-            open_points[list(block.refused)] = False
+            open_points = block.is_open
         for place in np.flatnonzero(open_points).tolist():
             if (found.count or place) and time.perf_counter() >= until:
                 found.count += place
@@ -118,17 +124,14 @@ class ChunkSolver:
         return True
 
     def _checked(self, block: "SolvedBlock", first: int) -> "SolvedBlock | None":
-        """Compare the first point of each outcome with single jobs.
+        """Compare the first point that was solved, and the first of each refusal, with single jobs.
 
         Return None, for this block and all later ones, if they differ.
         """
-        firsts = {outcome: place for place, outcome in sorted(block.refused.items(), reverse=True)}
-        for outcome, points in ((SOLVED, block.solved), (NO_MOTION, block.empty)):
-            if points.any():
-                firsts[outcome] = int(np.flatnonzero(points)[0])
-        for outcome, place in firsts.items():
-            if outcome in self._compared:
+        for outcome, points in ((SOLVED, block.solved), *block.refused.items()):
+            if outcome in self._compared or not points.any():
                 continue
+            place = int(np.flatnonzero(points)[0])
             if not self._is_the_same(block, place, outcome, self._alone(first + place)):
                 self._blocks = None
                 return None
@@ -145,11 +148,17 @@ class ChunkSolver:
 
     def _alone(self, index: int) -> SweepPoint:
         slices = self._slices
-        is_judged = self._plan.is_judged if slices is None else slices.is_judged(index)
+        is_judged = self._plan.is_judged or (slices is not None and slices.is_judged(index))
         if not self._judged % MOST_VERDICTS:
             self._verdicts = Kept({})
         self._judged += 1
         return solve_point(self._plan.sweep, index, is_judged=is_judged, kept=self._verdicts)
+
+
+def _may_be_cut(plan: Plan) -> bool:
+    """Tell whether parts of a sweep may be quick where all of it is not."""
+    is_planar = isinstance(plan.sweep.first_problem.motion, PlanarMotion)
+    return is_planar and (not plan.is_judged or any(axis.path in FEW for axis in plan.sweep.axes))
 
 
 class _Chunk:
@@ -168,10 +177,9 @@ class _Chunk:
             self._numbers[name][here] = np.where(block.solved, column, np.nan)
         for name, rows in block.series.items():
             self._series[name][here] = np.where(block.solved[:, None], rows, np.nan)
-        for place in np.flatnonzero(block.empty).tolist():
-            self._outcomes[self.count + place] = NO_MOTION
-        for place, code in block.refused.items():
-            self._outcomes[self.count + place] = code
+        for code, points in block.refused.items():
+            for place in np.flatnonzero(points).tolist():
+                self._outcomes[self.count + place] = code
 
     def set_point(self, place: int, point: SweepPoint) -> None:
         """Set the columns of one point."""

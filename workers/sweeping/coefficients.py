@@ -47,7 +47,7 @@ class Coefficients:
             return list(row)
         numbers = {**(self.fixed or {}), **dict(zip(self.names, row, strict=True))}
         try:
-            return [_value(tree, numbers) for tree in self.trees]
+            return [value_of(tree, numbers) for tree in self.trees]
         except ZeroDivisionError:
             return None
 
@@ -71,7 +71,7 @@ def coefficients_of(
         given = document.get("parameters")
         parameters = dict(given) if isinstance(given, dict) else {}
         fixed = {name: _ratio(exact_number(value)) for name, value in parameters.items() if name not in names}
-        found = _Split(names, {*parameters, *names})
+        found = Split(names, {*parameters, *names})
         linear = format_tree(fold_tree(tree, found.build)[0])
     except (FormulaError, ValueError):
         return None
@@ -94,7 +94,7 @@ def coefficients_of(
     return coefficients if is_same else None
 
 
-class _Split:
+class Split:
     """Replaces the largest parts that are made of parameters and numbers, of which one varies."""
 
     def __init__(self, varying: Sequence[str], known: set[str]) -> None:
@@ -153,7 +153,9 @@ def _with_operands(node: Tree, operands: Sequence[Tree]) -> Tree:
     return node
 
 
-def _value(tree: Tree, numbers: Mapping[str, fmpq]) -> fmpq:
+def value_of(tree: Tree, numbers: Mapping[str, fmpq]) -> fmpq:
+    """Return the value of a part that is made of these numbers; raises ZeroDivisionError."""
+
     def value(_: int, node: Tree, below: Sequence[fmpq]) -> fmpq:
         match node:
             case Number():

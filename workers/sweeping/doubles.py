@@ -9,7 +9,7 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods, Times
+from service.dynamics.problem import PlanarMotion, StartAtPoint, TimeList, TimePeriods, Times
 from service.dynamics.sampling import SampleTimes, sample_times, sample_times_of_each
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.batch import NO_TIMES, Batch, Tier, bounds_of, solve_batch
@@ -17,7 +17,7 @@ from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.evaluation.program import Program
 from workers.solvers.compiled.frame import Frame, make_frame
 from workers.solvers.compiled.motion import ALL
-from workers.solvers.compiled.records import FOUND, Records, copied, new_records
+from workers.solvers.compiled.records import FOUND, Found, Records, copied, new_records
 from workers.solvers.compiled.solve import START_ULPS
 from workers.solvers.compiled.time_map.sampling import sample_one
 
@@ -76,6 +76,7 @@ def sweep_sets(
     sampling: Sampling,
     tier: Tier,
     starts: FloatArray | None = None,
+    times: Sequence[Times] | None = None,
 ) -> Swept | None:
     """Solve the program with each of the ``rows`` of constants, on the curve of the same place's λ².
 
@@ -86,16 +87,35 @@ def sweep_sets(
     if frame is None:
         return None
     loops = _loops(frame, lambdas_squared)
+    return sweep_loops(motion, program, rows, loops, sampling, tier, starts, times)
+
+
+def sweep_loops(
+    motion: PlanarMotion,
+    program: Program,
+    rows: FloatArray,
+    loops: Records,
+    sampling: Sampling,
+    tier: Tier,
+    starts: FloatArray | None = None,
+    times: Sequence[Times] | None = None,
+) -> Swept:
+    """Solve the program with each of the ``rows`` on its own loop, as :func:`sweep_sets` does.
+
+    With ``times`` each has its own; else those of ``sampling`` are those of all.
+    """
     if starts is not None:
         loops["size_of_g1"] = starts
     batch = Batch(program, rows, loops, tier, columns=sampling.columns)
     late = _lateness(batch) if isinstance(motion.start, StartAtPoint) else np.zeros(len(loops))
-    if isinstance(sampling.time, TimePeriods) and len(sampling.columns):
-        return _each_with_its_times(batch, sampling.time, late)
-    shared = not isinstance(sampling.time, TimePeriods) and sampling.has_times
+    if times is None and isinstance(sampling.time, TimePeriods):
+        times = [sampling.time] * len(loops)
+    if times is not None and len(sampling.columns):
+        return _each_with_its_times(batch, times, late)
+    shared = times is None and sampling.has_times
     asked = sample_times(sampling.time, None) if shared else NO_TIMES
     run = solve_batch(replace(batch, times=asked if len(sampling.columns) else NO_TIMES))
-    latest = np.abs(asked.doubles).max() if shared else _latest(sampling, run.found["period"])
+    latest = np.abs(asked.doubles).max() if shared else _latest(sampling, times, run.found)
     return _swept(run.loops, run.found, _errors(run.found, latest, late), asked.doubles, run.samples)
 
 
@@ -129,10 +149,11 @@ def _errors(found: Records, latest: FloatArray | float, late: FloatArray) -> Flo
     return np.where((found["panels"] > 0) & ~np.isnan(errors), errors, np.inf)
 
 
-def _each_with_its_times(batch: Batch, time: TimePeriods, late: FloatArray) -> Swept:
-    """Solve one after the other: in periods each motion has times of its own."""
-    sets = len(batch.loops)
-    times = np.full((sets, time.samples), np.nan)
+def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArray) -> Swept:
+    """Solve one after the other: each motion has times of its own, as it has in periods."""
+    sets, first = len(batch.loops), asked_of[0]
+    assert not isinstance(first, TimeList)
+    times = np.full((sets, first.samples), np.nan)
     samples = np.full((*times.shape, len(batch.columns)), np.nan)
     loops, found, desk = copied(batch.loops), new_records(FOUND, sets), new_records(DESK)
     for n in range(sets):
@@ -141,7 +162,7 @@ def _each_with_its_times(batch: Batch, time: TimePeriods, late: FloatArray) -> S
         loops[one], found[one] = run.loops, run.found
         about = run.found[0]
         if about.panels:
-            asked = sample_times(time, Period(float(about.period), 0.0, float(about.period_error)))
+            asked = sample_times(asked_of[n], _period(about))
             times[n] = asked.doubles
             sample_one(run.loops, run.panels, times[n], asked.rests, batch.columns, desk, samples[n])
     return _swept(loops, found, _errors(found, np.abs(times).max(axis=1), late), times, samples)
@@ -154,12 +175,24 @@ def _swept(
     return Swept(found["period"], found["period_error"], errors, times, samples, passes_pole, approaches)
 
 
-def _latest(sampling: Sampling, periods: FloatArray) -> FloatArray:
-    """Return the largest |t| of each motion whose times depend on its period."""
-    if not isinstance(sampling.time, TimePeriods) or not sampling.has_times:
+def _latest(sampling: Sampling, times: Sequence[Times] | None, found: Records) -> FloatArray:
+    """Return the largest |t| of each motion, which has times of its own; without times that is its period."""
+    periods: FloatArray = found["period"]
+    if times is None or not sampling.has_times:
         return periods
-    latest: FloatArray = np.abs(sample_times_of_each(sampling.time, periods).doubles).max(axis=1)
-    return latest
+    first = times[0]
+    if isinstance(first, TimePeriods) and all(each is first for each in times):
+        latest: FloatArray = np.abs(sample_times_of_each(first, periods).doubles).max(axis=1)
+        return latest
+    ends = [
+        np.abs(sample_times(asked, _period(about)).doubles).max()
+        for asked, about in zip(times, found, strict=True)
+    ]
+    return np.array(ends)
+
+
+def _period(about: Found) -> Period:
+    return Period(float(about.period), 0.0, float(about.period_error))
 
 
 def pass_a_pole(loops: Records, found: Records) -> BoolArray:

@@ -59,7 +59,7 @@ class Energies:
                 total = terms[0]
                 for p, term in zip(row, terms[1:], strict=True):
                     total = total + arb(p) * term
-                found.append(_rounded(total, max(map(abs, row), default=fmpq(0))))
+                found.append(rounded(total, float(arb(max(map(abs, row), default=fmpq(0))))))
         return found
 
 
@@ -87,14 +87,18 @@ def _formula(verdict: Verdict, quadrant: Quadrant) -> str | None:
     return verdict.energy_formulas.get(quadrant)
 
 
-def _rounded(energy: arb, scale: fmpq) -> tuple[float, float]:
+def rounded(energy: arb, scale: float) -> tuple[float, float]:
+    """Return an energy and the bound of its error as a job has them; NaN if in doubt.
+
+    ``scale`` is the size of what it is the rest of.
+    """
     if energy.is_zero():
         # A job's ball has 0 in it; how wide it is, is told by no formula.
         return 0.0, math.nan
     if not energy.is_finite() or energy.rel_accuracy_bits() < KNOWN_BITS:
         return math.nan, math.nan
     value = _one_double(energy)
-    if not abs(value) > TINY * float(arb(scale)):
+    if not abs(value) > TINY * scale:
         return math.nan, math.nan
     # Of an exact double only the rest of the job's own ball is left.
     return value, math.nextafter(_one_double(abs(energy - value)), math.inf)

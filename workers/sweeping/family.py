@@ -63,24 +63,6 @@ class SweepFamily:
         """Return all that were proved."""
         return (self.origin, *self.units)
 
-    def keeps_its_sign(self, parameters: FloatArray, approaches: FloatArray) -> NDArray[np.bool_]:
-        """Say for each row of parameters (points, k) whether p² has one sign all the way to each pole.
-
-        ``approaches`` (points, 2, depths, 3) are the way, begun where a solver
-        in doubles stops looking. On it g1 and g3 keep their signs, hence p² has
-        that of D up to a factor. Where a term is beyond the doubles nothing is said.
-        """
-        g1, g2, g3 = (approaches[..., k] for k in range(3))
-        with np.errstate(all="ignore"):
-            origin, *units = (member.potential.D_real(g1, g2, g3) for member in self.members)
-            D = origin.copy()
-            for k, unit in enumerate(units):
-                D += parameters[:, k, None, None] * (unit - origin)
-            signs = np.sign(D)
-        begun = signs[..., :1]
-        same: NDArray[np.bool_] = ((signs == begun) | np.isnan(signs)).all(axis=(1, 2))
-        return same & np.abs(begun).all(axis=(1, 2)) & ~np.isnan(begun).any(axis=(1, 2))
-
 
 def prove_family(
     body: RigidBody, document: Mapping[str, object], paths: Sequence[Path]

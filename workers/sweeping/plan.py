@@ -5,7 +5,11 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
+from flint import fmpq
+
+from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
+from service.dynamics.verdict.proofs.power_sums import NotAPowerSumError, judge_power_sum
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.coefficients import Coefficients, coefficients_of
@@ -15,8 +19,18 @@ from workers.sweeping.integrals import keeps_further
 
 if TYPE_CHECKING:
     from workers.sweeping.by_roots import RationalFamily
+    from workers.sweeping.moving import Moving
 
 _CURVE_FIELDS = ("lambda", "nu")
+FEW = (
+    ("motion", "window"),
+    ("motion", "g1_sign"),
+    ("motion", "g3_sign"),
+    ("motion", "start", "s_sign"),
+    ("motion", "start", "g2_sign"),
+)
+"""Numbers that have few values."""
+_TIME_FIELDS = ("start", "stop", "periods")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
 
@@ -51,6 +65,8 @@ class Quick:
     """Of the axis of g1 at the start."""
     moment_place: int | None
     """Of the axis of B, on which planar motions do not depend."""
+    time_places: Mapping[str, int]
+    """Of the axes of the times, by their names."""
     sides: Mapping[int, Side]
     """By the sign of g1."""
     family: SweepFamily
@@ -76,7 +92,7 @@ def make_plan(sweep: Sweep) -> Plan:
     Verdicts are hoisted if no axis touches A or C, and the potential is linear in numbers
     that those on the axes make. Compiled doubles take the sweeps that besides
 
-    * vary nothing but the potential's numbers, λ or nu, B, and g1 at the start,
+    * vary nothing but the potential's numbers, λ or nu, B, g1 at the start, and the times,
     * ask, by method ``auto``, for no outputs but period, gamma, omega, and the integrals,
     * by the tiers ``draft`` and ``standard``, or a tolerance that ``standard`` keeps; by ``high`` and finer
       tolerances, where the potential is rational and A = 2C (or C = 2A).
@@ -105,7 +121,20 @@ def make_plan(sweep: Sweep) -> Plan:
         for is_it in (_is_of_curve, _is_of_start, _is_of_moment)
     )
     poles = smooth_poles(problem.body, family, problem.motion)
-    quick = Quick(problem, potential, paths, places, coefficients, curve, start, moment, sides, family, poles)
+    quick = Quick(
+        problem,
+        potential,
+        paths,
+        places,
+        coefficients,
+        curve,
+        start,
+        moment,
+        _times(sweep),
+        sides,
+        family,
+        poles,
+    )
     return Plan(sweep, is_judged=True, quick=quick)
 
 
@@ -136,7 +165,7 @@ def place_in_state(path: Sequence[str]) -> int | None:
     return None
 
 
-def _is_quick(sweep: Sweep, problem: Problem) -> bool:
+def _is_quick(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("B",)) -> bool:
     return (
         problem.method == "auto"
         and set(problem.outputs) <= _PLAIN_OUTPUTS
@@ -145,7 +174,11 @@ def _is_quick(sweep: Sweep, problem: Problem) -> bool:
         and not (keeps_further(sweep.keep) and any(map(_is_of_moment, sweep.axes)))
         and (problem.wants_series or "invariants" not in problem.outputs)
         and all(
-            _is_of_curve(axis) or _is_of_potential(axis) or _is_of_start(axis) or _is_of_moment(axis)
+            _is_of_curve(axis)
+            or _is_of_potential(axis)
+            or _is_of_start(axis)
+            or (axis.path[0] == "body" and axis.path[1] in moments)
+            or (_is_of_time(axis) and compiled_tier(problem) != "high")
             for axis in sweep.axes
         )
     )
@@ -158,12 +191,9 @@ def _sides(
 
     None if energies are kept and have no formula there, or if compiled doubles cannot keep the tier.
     """
-    motions = [motion]
-    if motion.nu is not None and any(_is_of_curve(axis) for axis in sweep.axes):
-        motions = [replace(motion, nu=Fraction(sign)) for sign in (1, -1)]
     is_high = compiled_tier(problem) == "high"
     sides = dict[int, Side]()
-    for each in motions:
+    for each in _motions(sweep, motion):
         rational = _rational(problem, family, each) if is_high else None
         sides[each.sign_of_g1] = Side(each, energies_of(problem.body, family, each), rational)
     if is_high and any(side.rational is None for side in sides.values()):
@@ -173,11 +203,26 @@ def _sides(
     return sides if has_all or not keeps_energy else None
 
 
+def _motions(sweep: Sweep, motion: PlanarMotion) -> list[PlanarMotion]:
+    """Return a motion for each sign of g1 that the sweep may have."""
+    if motion.nu is not None and any(_is_of_curve(axis) for axis in sweep.axes):
+        return [replace(motion, nu=Fraction(sign)) for sign in (1, -1)]
+    return [motion]
+
+
 def _rational(problem: Problem, family: SweepFamily, motion: PlanarMotion) -> "RationalFamily | None":
     # The compiler is loaded only where it is needed.
     from workers.sweeping.by_roots import rational_family  # noqa: PLC0415
 
     return rational_family(problem.body, family, motion)
+
+
+def _times(sweep: Sweep) -> dict[str, int]:
+    return {axis.path[1]: place for place, axis in enumerate(sweep.axes) if _is_of_time(axis)}
+
+
+def _is_of_time(axis: SweepAxis) -> bool:
+    return len(axis.path) == 2 and axis.path[0] == "time" and axis.path[1] in _TIME_FIELDS
 
 
 def _is_of_potential(axis: SweepAxis) -> bool:
@@ -194,3 +239,49 @@ def _is_of_start(axis: SweepAxis) -> bool:
 
 def _is_of_moment(axis: SweepAxis) -> bool:
     return axis.path == _MOMENT
+
+
+def _is_judged_alone(problem: Problem) -> bool:
+    """Tell whether the potential of the first point is a sum of powers."""
+    A, C = (fmpq(m.numerator, m.denominator) for m in (problem.body.A, problem.body.C))
+    try:
+        judge_power_sum(A, C, problem.potential.tape)
+    except (NoClosedFormError, NotAPowerSumError):
+        return False
+    return True
+
+
+def plan_moving(sweep: Sweep) -> "Moving | None":
+    """Return how points are solved in blocks whose bodies or exponents differ; None if they are not.
+
+    The sweep varies the moments, the potential's numbers, λ or nu, and g1 at the start; else it is like those
+    that :func:`make_plan` takes, but for the tier ``high`` and what is kept of the integrals.
+    """
+    problem, potential = sweep.first_problem, sweep.base["potential"]
+    motion, tier = problem.motion, compiled_tier(problem)
+    if not isinstance(motion, PlanarMotion) or not isinstance(potential, dict) or tier in (None, "high"):
+        return None
+    moments = {axis.path[1]: k for k, axis in enumerate(sweep.axes) if axis.path[0] == "body"}
+    keeps_integrals = any(name.startswith("invariants.") for name in sweep.keep)
+    if (
+        not _is_quick(sweep, problem, tuple(moments))
+        or keeps_integrals
+        or not set(moments) <= {"A", "B", "C"}
+    ):
+        return None
+    # The compiler is loaded only where it is needed.
+    from workers.sweeping.models import model_of  # noqa: PLC0415
+    from workers.sweeping.moving import Moving  # noqa: PLC0415
+
+    places = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
+    paths = tuple(sweep.axes[k].path[1:] for k in places)
+    model = model_of(potential, paths, frozenset(moments))
+    if model is None or not _is_judged_alone(problem):
+        return None
+    curve, start = (
+        next((k for k, axis in enumerate(sweep.axes) if is_it(axis)), None)
+        for is_it in (_is_of_curve, _is_of_start)
+    )
+    motions: dict[int, PlanarMotion] = {each.sign_of_g1: each for each in _motions(sweep, motion)}
+    needs_double = motion.nu is not None or potential.get("type") == "rational"
+    return Moving(problem, tier, model, places, moments, curve, start, _times(sweep), motions, needs_double)

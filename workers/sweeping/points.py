@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 
@@ -10,27 +11,27 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.problem import PlanarMotion, TimePeriods, Times, TimeSpan
 from service.dynamics.sweep_axes import ListedAxis
-from service.schemas.reading.numbers import LARGEST
+from service.schemas.reading.numbers import LARGEST, LATEST
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.sweeping.coefficients import Coefficients
 from workers.sweeping.programs import nearest_double
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
 
 class SweptPoints:
-    """The numbers on the axes at neighbouring points, as doubles and exactly."""
+    """The numbers on the axes at some points, as doubles and exactly."""
 
-    def __init__(
-        self, sweep: Sweep, known: Sequence[Mapping[float, fmpq | None]], first: int, count: int
-    ) -> None:
-        self.count = count
-        self.doubles = np.stack(list(sweep.columns(first, count).values()))
+    def __init__(self, sweep: Sweep, known: Sequence[Mapping[float, fmpq | None]], indices: IntArray) -> None:
+        self.count = len(indices)
+        self.doubles = np.stack(list(sweep.columns_at(indices).values()))
         self._sweep = sweep
         self._known = known
-        self._first = first
+        self._indices = indices
 
     def exact(self, axis: int, place: int) -> fmpq:
         """Return the number on an axis at the ``place``-th point."""
@@ -40,7 +41,7 @@ class SweptPoints:
             # A double means its shortest decimal.
             return fmpq(*Decimal(repr(double)).as_integer_ratio())
         found = known[double]
-        return _ratio(self._sweep.values(self._first + place)[axis]) if found is None else found
+        return _ratio(self._sweep.values(int(self._indices[place]))[axis]) if found is None else found
 
     def exact_row(self, place: int, axes: Sequence[int]) -> list[fmpq]:
         """Return the numbers on several axes."""
@@ -64,6 +65,40 @@ class SweptPoints:
         )
         moments = [self.exact(axis, place) for place in range(self.count)]
         return np.array([B > 0 and least <= B and (most is None or most >= B) for B in moments])
+
+
+def curves_of(
+    points: SweptPoints, axis: int | None, sign: int, motion: PlanarMotion
+) -> tuple[list[fmpq], IntArray]:
+    """Return λ² and the sign of g1 at every point; the sign is 0 where λ or nu is not one.
+
+    Without an ``axis`` they are those of ``motion``, which has the ``sign``.
+    """
+    if axis is None:
+        return [_ratio(motion.lambda_squared)] * points.count, np.full(points.count, sign)
+    values = [points.exact(axis, place) for place in range(points.count)]
+    if motion.nu is not None:
+        return [abs(value) for value in values], np.sign(points.doubles[axis]).astype(np.int64)
+    return [value * value for value in values], np.where(points.doubles[axis] > 0.0, sign, 0)
+
+
+def times_of(points: SweptPoints, axes: Mapping[str, int], time: Times) -> list[Times | None]:
+    """Return the times of every point; None where they are none, or out of reach.
+
+    ``axes`` are the places of those numbers of ``time`` that vary, by their names.
+    """
+    if not axes:
+        return [time] * points.count
+    found: list[Times | None] = []
+    for place in range(points.count):
+        numbers = {name: _fraction(points.exact(axis, place)) for name, axis in axes.items()}
+        asked = replace(time, **numbers)  # type: ignore[arg-type,type-var,unused-ignore]
+        if isinstance(asked, TimeSpan):
+            is_usable = asked.start < asked.stop and max(-asked.start, asked.stop) <= LATEST
+        else:
+            is_usable = isinstance(asked, TimePeriods) and 0 < asked.periods <= LATEST
+        found.append(asked if is_usable else None)
+    return found
 
 
 class Parameters:
@@ -101,3 +136,7 @@ def _double(value: fmpq) -> float:
 
 def _ratio(value: Fraction) -> fmpq:
     return fmpq(value.numerator, value.denominator)
+
+
+def _fraction(value: fmpq) -> Fraction:
+    return Fraction(int(value.p), int(value.q))

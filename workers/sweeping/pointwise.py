@@ -18,8 +18,6 @@ from workers.computation.compute import solve_checked, solve_document
 
 FloatArray = NDArray[np.float64]
 
-INVALID = "invalid_problem"
-
 
 @dataclass(frozen=True, slots=True)
 class SweepPoint:
@@ -45,7 +43,7 @@ def solve_point(sweep: Sweep, index: int, *, is_judged: bool, kept: Kept | None 
             solve_document(document) if is_judged else solve_checked(document, explains=False, kept=kept)
         )
     except InvalidProblemError:
-        return _refused(sweep, INVALID)
+        return _refused(sweep, "invalid_problem")
     return _kept(sweep, outcome)
 
 

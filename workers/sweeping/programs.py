@@ -130,9 +130,9 @@ def affine_program(
     program, constants = make_program(origin)
     if any(make_program(tape)[0].key != program.key for tape in (*steps, witness)):
         return None
-    numbers, moved = _numbers(origin), [_numbers(tape) for tape in steps]
+    numbers, moved = numbers_of(origin), [numbers_of(tape) for tape in steps]
     varying: dict[int, Affine] = {}
-    for slot, (number, seen) in enumerate(zip(numbers, _numbers(witness), strict=True)):
+    for slot, (number, seen) in enumerate(zip(numbers, numbers_of(witness), strict=True)):
         if number is None:
             continue
         slopes = tuple(((each[slot] or number) - number) / _STEP for each in moved)
@@ -185,7 +185,7 @@ def grouped(body: RigidBody, documents: Mapping[int, object]) -> list[Group]:
 
 def _group(members: Sequence[tuple[int, Tape, Program, FloatArray]]) -> Group:
     places, tapes, programs, rows = zip(*members, strict=True)
-    columns = zip(*map(_numbers, tapes), strict=True)
+    columns = zip(*map(numbers_of, tapes), strict=True)
     varying = tuple(slot for slot, column in enumerate(columns) if any(n != column[0] for n in column))
     return Group(programs[0], np.array(rows), np.array(places, dtype=np.int64), tapes[0], varying)
 
@@ -197,7 +197,7 @@ def _tape(
     return potential_of(body, with_values(document, values)).tape
 
 
-def _numbers(tape: Tape) -> list[Fraction | None]:
+def numbers_of(tape: Tape) -> list[Fraction | None]:
     """Return the constants of a tape in the order of :func:`make_program`, None for π."""
     return [instruction.number for instruction in tape.instructions if _has_number(instruction)]
 

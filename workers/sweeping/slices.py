@@ -1,11 +1,13 @@
-"""Cuts a sweep over the body, or over numbers in which the potential is not linear, into sweeps that are not.
+"""Cuts a sweep over windows, bodies, or numbers in which no potential is linear, into sweeps that are not.
 
-All points with the same A, C or exponent make a slice: a sweep over the other axes with a verdict of its own,
-whose points go in blocks. A point of a slice is the point of the whole sweep, and has the same document.
+All points with the same window, A, C or exponent make a slice: a sweep over the other axes with a verdict of
+its own, whose points go in blocks. A point of a slice is the point of the whole sweep, and has its document.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +19,15 @@ from service.schemas.problem.problem import read_problem
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.reading.pointers import with_values
 from service.schemas.sweep.sweep import Sweep, SweepAxis, json_number
-from workers.sweeping.block import BlockSolver, SolvedBlock
-from workers.sweeping.plan import make_plan
+from workers.sweeping.block import BlockSolver
+from workers.sweeping.plan import FEW, make_plan
+from workers.sweeping.solved import SolvedBlock
 
+BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
+_Numbers = tuple[Fraction, ...]
+KEPT_NUMBERS = 100_000
 KEPT_SLICES = 512
 """Plans at hand, for sweeps whose slices take turns."""
 NEW_SLICES = 8
@@ -46,7 +52,8 @@ class SlicedSolver:
         self._outer = tuple(outer)
         self._inner = tuple(k for k in range(len(sweep.axes)) if k not in self._outer)
         self._lengths = tuple(each.axis.length for each in sweep.axes)
-        self._slices: dict[tuple[int, ...], _Slice] = {}
+        self._slices: dict[_Numbers, _Slice] = {}
+        self._known: list[dict[int, Fraction]] = [{} for _ in self._outer]
 
     def points_together(self, first: int, most: int) -> int:
         """Return how many points from ``first`` on, at most ``most``, have not too many new slices."""
@@ -56,38 +63,52 @@ class SlicedSolver:
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
         sweep = self._sweep
-        solved, empty = np.zeros((2, count), dtype=np.bool_)
+        solved, refused = np.zeros(count, dtype=np.bool_), dict[str, BoolArray]()
         numbers = {name: np.full(count, np.nan) for name in sweep.keep}
         series = {name: np.full((count, sweep.samples), np.nan) for name in sweep.series_columns}
-        for outer, here, begin in self._parts(first, count):
+        for outer, here, inner in self._parts(first, count):
             blocks = self._slice(outer).blocks
             if blocks is None:
                 continue
-            # In the order of a grid the points of one slice follow each other.
-            block = blocks.solve(begin, len(here))
-            solved[here], empty[here] = block.solved, block.empty
+            block = blocks.solve_some(inner)
+            solved[here] = block.solved
+            for code, points in block.refused.items():
+                refused.setdefault(code, np.zeros(count, dtype=np.bool_))[here] = points
             for name, column in block.numbers.items():
                 numbers[name][here] = column
             for name, rows in block.series.items():
                 series[name][here] = rows
-        return SolvedBlock(solved, empty, numbers, series)
+        return SolvedBlock(solved, refused, numbers, series)
 
     def is_judged(self, index: int) -> bool:
         """Tell whether the potential at a point is proved to be admissible."""
         ((outer, _, _),) = self._parts(index, 1)
         return self._slice(outer).is_judged
 
-    def _parts(self, first: int, count: int) -> list[tuple[tuple[int, ...], IntArray, int]]:
-        """Return the slices of neighbouring points: their places on the outer axes, points, first indices."""
-        at = np.unravel_index(np.arange(first, first + count), self._lengths)
-        shape = tuple(self._lengths[k] for k in self._inner)
-        inner = np.ravel_multi_index([at[k] for k in self._inner], shape) if shape else np.zeros(count, int)
-        parts: dict[tuple[int, ...], list[int]] = {}
+    def _parts(self, first: int, count: int) -> list[tuple[_Numbers, IntArray, IntArray]]:
+        """Return the slices of neighbouring points: outer numbers, points, and their indices in the slice."""
+        indices = np.arange(first, first + count)
+        at = [indices] * len(self._lengths)
+        inner = indices if self._inner else 0 * indices
+        if self._sweep.combine == "grid":
+            at = list(np.unravel_index(indices, self._lengths))
+            shape = tuple(self._lengths[k] for k in self._inner)
+            inner = np.ravel_multi_index([at[k] for k in self._inner], shape) if shape else 0 * indices
+        parts: dict[_Numbers, list[int]] = {}
         for place, outer in enumerate(zip(*(at[k].tolist() for k in self._outer), strict=True)):
-            parts.setdefault(outer, []).append(place)
-        return [(outer, np.array(here), int(inner[here[0]])) for outer, here in parts.items()]
+            parts.setdefault(self._numbers(outer), []).append(place)
+        return [(outer, np.array(here), inner[here]) for outer, here in parts.items()]
 
-    def _slice(self, outer: tuple[int, ...]) -> _Slice:
+    def _numbers(self, outer: Sequence[int]) -> _Numbers:
+        """Return the numbers at these places on the outer axes."""
+        for known, axis, place in zip(self._known, self._outer, outer, strict=True):
+            if place not in known:
+                if len(known) >= KEPT_NUMBERS:
+                    known.clear()
+                known[place] = self._sweep.axes[axis].axis.value(place)
+        return tuple(known[place] for known, place in zip(self._known, outer, strict=True))
+
+    def _slice(self, outer: _Numbers) -> _Slice:
         found = self._slices.get(outer)
         if found is None:
             if len(self._slices) >= KEPT_SLICES:
@@ -95,7 +116,7 @@ class SlicedSolver:
             found = self._slices[outer] = self._make_slice(outer)
         return found
 
-    def _make_slice(self, outer: tuple[int, ...]) -> _Slice:
+    def _make_slice(self, outer: _Numbers) -> _Slice:
         sweep = slice_of(self._sweep, self._outer, outer)
         plan = None if sweep is None else make_plan(sweep)
         if plan is None:
@@ -104,36 +125,43 @@ class SlicedSolver:
         return _Slice(plan.is_judged, blocks)
 
 
-def outer_axes(sweep: Sweep) -> tuple[int, ...] | None:
+def outer_axes(sweep: Sweep, least: int = 1) -> tuple[int, ...] | None:
     """Return the axes whose numbers slices have in common; None if no slice would go in blocks.
 
-    They are those of the body, and those of the potential too if it takes that.
+    They are those of windows and signs, which have few values, those of the body, and those of the potential
+    too if it takes that: but not those where a slice of a grid has fewer than ``least`` points.
     """
-    if sweep.combine != "grid":
-        return None
+    few = tuple(k for k, each in enumerate(sweep.axes) if each.path in FEW)
+    is_grid = sweep.combine == "grid"
     of_body = tuple(k for k, each in enumerate(sweep.axes) if each.path[0] == "body" and each.path[1] != "B")
     others = tuple(k for k, each in enumerate(sweep.axes) if each.path[0] in ("body", "potential"))
-    for outer in dict.fromkeys((of_body, others)):
-        first = slice_of(sweep, outer, (0,) * len(outer)) if outer else None
+    for more in dict.fromkeys(((), of_body, others) if is_grid else ((),)):
+        outer = (*few, *more)
+        if (
+            more
+            and math.prod(each.axis.length for k, each in enumerate(sweep.axes) if k not in outer) < least
+        ):
+            continue
+        first = slice_of(sweep, outer, [sweep.axes[k].axis.value(0) for k in outer]) if outer else None
         if first is not None and make_plan(first).quick is not None:
             return outer
     return None
 
 
-def slice_of(sweep: Sweep, outer: Sequence[int], at: Sequence[int]) -> Sweep | None:
-    """Return the points at these places on the ``outer`` axes; None if the first of them is no problem."""
-    fixed = {
-        sweep.axes[k].path: json_number(sweep.axes[k].axis.value(n)) for k, n in zip(outer, at, strict=True)
-    }
+def slice_of(sweep: Sweep, outer: Sequence[int], numbers: Sequence[Fraction]) -> Sweep | None:
+    """Return the points with these numbers on the ``outer`` axes; None if the first of them is no problem."""
+    fixed = {sweep.axes[k].path: json_number(number) for k, number in zip(outer, numbers, strict=True)}
     base = with_values(dict(sweep.base), dict(fixed))
     assert isinstance(base, dict)
     axes = tuple(each for k, each in enumerate(sweep.axes) if k not in outer)
+    combine = sweep.combine
     if not axes:
         curve = _own_curve(base)
         if curve is None:
             return None
-        axes = (curve,)
-    found = replace(sweep, base=base, axes=axes)
+        # It has one point, which stands for all of them.
+        axes, combine = (curve,), "grid"
+    found = replace(sweep, base=base, axes=axes, combine=combine)
     try:
         return replace(found, first_problem=read_problem(found.document(0)))
     except (DynamicsError, InvalidProblemError):

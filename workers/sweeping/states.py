@@ -25,10 +25,10 @@ from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.compiled import CompiledIntegrator, Held, integrator_of, samples_of
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.solve import Quest, quest_of
-from workers.sweeping.block import SolvedBlock
 from workers.sweeping.family import has_symbol
 from workers.sweeping.plan import place_in_state
 from workers.sweeping.points import SweptPoints, are_numbers, listed_exactly
+from workers.sweeping.solved import SolvedBlock
 
 FloatArray = NDArray[np.float64]
 
@@ -64,17 +64,16 @@ class StateSolver:
         """Solve the points ``first`` to ``first + count - 1``."""
         sweep = self._sweep
         points = SweptPoints(sweep, self._known, first, count)
-        solved, empty = np.zeros((2, count), dtype=np.bool_)
+        solved, missed = np.zeros((2, count), dtype=np.bool_)
         numbers = {name: np.full(count, np.nan) for name in sweep.keep}
         series = {name: np.full((count, sweep.samples), np.nan) for name in sweep.series_columns}
-        refused = dict[int, str]()
         # Numbers that documents may refuse are theirs to refuse.
         for place in np.flatnonzero(are_numbers(points.doubles.T)).tolist():
             found = self._point(points, first, place)
             if found is None:
                 continue
-            if isinstance(found, str):
-                refused[place] = found
+            if isinstance(found, AccuracyNotMetError):
+                missed[place] = True
                 continue
             solved[place] = True
             told = _told(found)
@@ -82,7 +81,7 @@ class StateSolver:
                 column[place] = told.get(name, np.nan)
             if series:
                 self._put_series(series, place, found)
-        return SolvedBlock(solved, empty, numbers, series, refused)
+        return SolvedBlock(solved, {AccuracyNotMetError.code: missed}, numbers, series)
 
     def _put_series(self, series: Mapping[str, FloatArray], place: int, found: Held) -> None:
         samples = samples_of(found, self._times.doubles, self._times.rests)
@@ -90,8 +89,8 @@ class StateSolver:
         for name, column in zip(self._names, self._columns, strict=True):
             series[name][place] = samples[:, column]
 
-    def _point(self, points: SweptPoints, first: int, place: int) -> Held | str | None:
-        """Return what is found, the code of a refusal, or None for a point that is left to its job."""
+    def _point(self, points: SweptPoints, first: int, place: int) -> Held | AccuracyNotMetError | None:
+        """Return what is found, an error, or None for a point that is left to its job."""
         start, state, neighbour = self._start, self._doubles.copy(), self._neighbours.copy()
         moments = dict[str, Fraction]()
         exact = list[Fraction]()
@@ -111,7 +110,7 @@ class StateSolver:
         if integrator is None:
             return None
         found = self._quest.by_kernels(integrator, state, neighbour)
-        return AccuracyNotMetError.code if isinstance(found, float) else found
+        return AccuracyNotMetError(found, self._problem.tolerance) if isinstance(found, float) else found
 
     def _integrator(
         self, exact: tuple[Fraction, ...], moments: Mapping[str, Fraction], index: int

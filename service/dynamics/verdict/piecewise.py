@@ -39,11 +39,11 @@ class PiecewiseFindings:
 
 
 def examine_pieces(
-    body: RigidBody, tape: Tape, whole: Proof | None, is_late: Callable[[], bool]
+    body: RigidBody, tape: Tape, is_proved: bool, is_late: Callable[[], bool]
 ) -> PiecewiseFindings | None:
     """Return what is found on the pieces of a formula, None if there is one piece, with no lines in it.
 
-    ``whole`` is a proof that L(V) = 0 on all pieces at once, if there is one.
+    With ``is_proved`` there is a proof that L(V) = 0 on all pieces at once.
     """
     switches = find_switches(tape)
     if not switches.absolutes:
@@ -57,7 +57,7 @@ def examine_pieces(
     if counterexample is not None:
         return PiecewiseFindings(counterexample=counterexample, points=points)
     proofs: list[Proof] = []
-    if whole is None:
+    if not is_proved:
         for signs in pieces.all:
             proof = None if is_late() else prove(body, switches.on_piece(signs))
             if proof is None:
@@ -65,7 +65,7 @@ def examine_pieces(
                 return PiecewiseFindings(doubt=doubt, points=points)
             proofs.append(proof)
     jump, unproved = examine_lines(body, switches, pieces, is_late)
-    terms = None if whole is not None else _common_terms(body, proofs)
+    terms = None if is_proved else _common_terms(body, proofs)
     return PiecewiseFindings(jump=jump, doubt=unproved, terms=terms, points=points)
 
 

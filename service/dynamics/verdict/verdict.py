@@ -12,7 +12,7 @@ from service.dynamics.equations.compatibility import residual_of
 from service.dynamics.potentials.families.general_solution import GeneralPotential, Quadrant
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.verdict.definedness import UndefinedPotentialError, defined_points, require_all_parts
-from service.dynamics.verdict.piecewise import examine_pieces, lines_of
+from service.dynamics.verdict.piecewise import PiecewiseFindings, examine_pieces, lines_of
 from service.dynamics.verdict.proofs.energy_formula import (
     OctantTerms,
     formula_of,
@@ -20,7 +20,8 @@ from service.dynamics.verdict.proofs.energy_formula import (
 )
 from service.dynamics.verdict.proofs.energy_terms import energy_terms
 from service.dynamics.verdict.proofs.general_energy import energy_defect, energy_formulas
-from service.dynamics.verdict.proofs.proof import prove
+from service.dynamics.verdict.proofs.power_sums import CurveEnergy, prove_power_sum
+from service.dynamics.verdict.proofs.proof import Proof, prove
 from service.dynamics.verdict.refutations.counterexample import Counterexample, Survey, decimal_ball, survey
 from service.dynamics.verdict.refutations.jumps import Jump
 from service.dynamics.verdict.sphere.points import Point, fine_sphere_points, sphere_points
@@ -99,10 +100,11 @@ def decide(body: RigidBody, potential: Potential, is_late: Callable[[], bool] = 
     if first.counterexample is not None:
         return _refuted(first.counterexample)
     proof = prove(body, potential.tape)
-    found = examine_pieces(body, potential.tape, proof, is_late)
+    sums = prove_power_sum(body, potential.tape) if proof is None else None
+    found = examine_pieces(body, potential.tape, proof is not None or sums is not None, is_late)
     if found is not None and found.is_refuted:
         return Verdict("inadmissible", "counterexample", counterexample=found.counterexample, jump=found.jump)
-    terms = energy_terms(body, proof) if proof is not None else found.terms if found is not None else None
+    terms = _terms(body, proof, sums, found)
     if terms is not None and (found is None or found.doubt is None):
         if not first.defined:
             defined_points(body, potential.tape, PRECISIONS, is_late)
@@ -111,6 +113,17 @@ def decide(body: RigidBody, potential: Potential, is_late: Callable[[], bool] = 
     if found is not None:
         points, doubt = (*points, *found.points), found.doubt or doubt
     return _decide_numerically(body, potential, points, doubt, is_late)
+
+
+def _terms(
+    body: RigidBody, proof: Proof | None, sums: CurveEnergy | None, found: PiecewiseFindings | None
+) -> OctantTerms | None:
+    """Return the terms of the energy by what has proved L(V) = 0, None if nothing has."""
+    if proof is not None:
+        return energy_terms(body, proof)
+    if sums is not None:
+        return sums.by_octant()
+    return None if found is None else found.terms
 
 
 def _proved(body: RigidBody, potential: Potential, terms: OctantTerms) -> Verdict:

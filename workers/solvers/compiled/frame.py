@@ -42,6 +42,38 @@ class Frame:
         return loops
 
 
+@dataclass(frozen=True, slots=True)
+class Bodies:
+    """What kernels know of the bodies of many motions, each number rounded once, shape (sets,)."""
+
+    alpha: FloatArray
+    """The larger of A/C and C/A."""
+    factor: FloatArray
+    """C/((A − C) A) for A > C, else the same with both exchanged."""
+    mirrored: NDArray[np.bool_]
+    """A < C."""
+
+
+def loops_of(bodies: Bodies, motion: PlanarMotion, logarithms: Sequence[float]) -> Records | None:
+    """Return the loop of each body on its curve, λ of the client having these logarithms; A ≠ C.
+
+    ``motion`` gives everything but λ. They are what :meth:`Frame.loops` has of each body alone.
+    """
+    start = _start(motion)
+    window = -1 if motion.window is None else motion.window
+    if window < -1 or start is None:
+        return None
+    loops = copied(_EMPTY, len(logarithms))
+    mirrored, plain = bodies.mirrored, np.array(logarithms)
+    loops["alpha"], loops["factor"], loops["mirrored"] = bodies.alpha, bodies.factor, mirrored
+    loops["sign1"] = np.where(mirrored, motion.g3_sign, motion.sign_of_g1)
+    loops["half"] = np.where(mirrored, motion.sign_of_g1, motion.g3_sign)
+    loops["window"] = window
+    loops["kind"], loops["s_sign"], loops["g2_sign"], loops["size_of_g1"] = start
+    loops["log_lambda"] = np.where(mirrored, -plain / bodies.alpha, plain)
+    return loops
+
+
 def make_frame(body: RigidBody, motion: PlanarMotion) -> Frame | None:
     """Return the frame, None where the curve does not exist or the start is on the other side."""
     if body.A == body.C or (motion.nu is not None and body.A != 2 * body.C) or not motion.lambda_squared:

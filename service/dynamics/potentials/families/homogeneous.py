@@ -17,6 +17,9 @@ at 1/α. The logarithmic solution with the same index fills the gap.
 from collections.abc import Iterator
 from fractions import Fraction
 from math import comb
+from typing import TypeVar
+
+from flint import fmpq
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
@@ -42,6 +45,8 @@ from service.dynamics.potentials.terms.powers import (
 from service.dynamics.potentials.warning import Notice
 
 FAMILY = "homogeneous"
+Ratio = TypeVar("Ratio", Fraction, fmpq)
+"""Exact numbers of either library."""
 
 
 class UndefinedTermError(DynamicsError):
@@ -133,7 +138,7 @@ def C_term(alpha: Fraction, n: int) -> PowerSum:
     return weighted_sum([(Fraction((-1) ** n), exchanged(B_term(1 / alpha, n)))])
 
 
-def B_coefficients(alpha: Fraction, n: int) -> list[Fraction]:
+def B_coefficients(alpha: Ratio, n: int) -> list[Ratio]:
     """Return the coefficients of (g3/g1)^0, (g3/g1)², …, (g3/g1)^(2n) in B_n / |g1|^(2(α-1)(n+1)/α)."""
     b, c = (1 - alpha) * (n + 1) / alpha, 1 - n + (n + 1) / alpha
     series = [alpha / alpha]

@@ -41,7 +41,7 @@ def log_sine_real(sine: FloatArray, square: FloatArray) -> FloatArray:
     return np.where(square < FAR, 0.5 * np.log1p(-np.minimum(square, FAR)), np.log(np.abs(sine)))
 
 
-def numerator_real(alpha: float, log_sine: FloatArray) -> FloatArray:
+def numerator_real(alpha: float | FloatArray, log_sine: FloatArray) -> FloatArray:
     """Return 1 − s^{2α} in doubles."""
     found: FloatArray = -np.expm1(2.0 * alpha * log_sine)
     return found

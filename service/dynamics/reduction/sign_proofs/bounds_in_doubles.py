@@ -185,15 +185,33 @@ def have_no_motion(
     Cells of a loop are not halved below the relative width ``narrowest``. False is no claim: there
     may be a motion, the bounds do not decide, or it was stopped.
     """
-    count = len(loops.Z[0])
-    narrowest = np.full(count, NARROWEST) if narrowest is None else narrowest
-    open_loops = ~np.isnan(loops.Z[0]) & ~np.isnan(loops.G[0])
+    narrowest = np.full(len(loops.Z[0]), NARROWEST) if narrowest is None else narrowest
+    is_known = ~np.isnan(loops.Z[0]) & ~np.isnan(loops.G[0])
+
+    def signs(cells: Cells) -> IntArray:
+        return radicand_signs(tape, loops, cells)
+
+    return all_negative(signs, is_known, narrowest, most_cells, should_stop)
+
+
+def all_negative(
+    signs_of: Callable[[Cells], IntArray],
+    asked: BoolArray,
+    narrowest: FloatArray,
+    most_cells: int = MOST_CELLS,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> BoolArray:
+    """Tell for which of the loops ``asked`` a sign is -1 all over the half; see :func:`have_no_motion`.
+
+    ``signs_of`` returns for each cell the sign that there certainly is, 0 if that is not known.
+    """
+    count, open_loops = len(asked), asked.copy()
     cells = _quarters(np.flatnonzero(open_loops))
     while len(cells.owner):
         if should_stop():
             open_loops[cells.owner] = False
             break
-        signs = radicand_signs(tape, loops, cells)
+        signs = signs_of(cells)
         undecided = signs == 0
         given_up = undecided & np.where(
             cells.low > 0.0,
@@ -214,14 +232,15 @@ def _quarters(owners: IntArray) -> Cells:
     return Cells(both, hemisphere, np.zeros(len(both)), np.full(len(both), QUARTER))
 
 
-def _sines(cells: Cells) -> Bounds:
+def sines(cells: Cells) -> Bounds:
+    """Return bounds of |sin v| on every cell."""
     low = np.sin(cells.low) * (1.0 - ULPS)
     return low, np.where(cells.high >= QUARTER, 1.0, np.minimum(np.sin(cells.high) * (1.0 + ULPS), 1.0))
 
 
 def scales(loops: Loops, cells: Cells) -> list[Bounds]:
     """Return what the powers of an algebra are to be of: s, and λ where a loop stands for a stretch of it."""
-    found, of = [_sines(cells)], cells.owner
+    found, of = [sines(cells)], cells.owner
     if loops.scaled is not None:
         found.append((loops.scaled.scale[0][of], loops.scaled.scale[1][of]))
     return found
@@ -246,18 +265,22 @@ def axes(algebra: IntervalAlgebra, loops: Loops, cells: Cells) -> tuple[Interval
 
 def heights(loops: Loops, cells: Cells) -> Bounds:
     """Return bounds of g2: |g2| = cos v √(Z² + G² R), R = (1 − s^2α)/cos² v, falls as v grows."""
-    alpha = float(loops.shape.alpha)
+    return heights_of(float(loops.shape.alpha), loops.Z, loops.G, cells)
+
+
+def heights_of(alpha: float | FloatArray, Z: Bounds, G: Bounds, cells: Cells) -> Bounds:
+    """Return what :func:`heights` does; α is that of all loops, or of each cell."""
     of = cells.owner
     with np.errstate(all="ignore"):
-        low = _height(alpha, loops.Z[0][of], loops.G[0][of], cells.high) * (1.0 - HEIGHTS)
-        high = _height(alpha, loops.Z[1][of], loops.G[1][of], cells.low) * (1.0 + HEIGHTS)
+        low = _height(alpha, Z[0][of], G[0][of], cells.high) * (1.0 - HEIGHTS)
+        high = _height(alpha, Z[1][of], G[1][of], cells.low) * (1.0 + HEIGHTS)
     low = np.where(cells.high >= QUARTER, 0.0, np.maximum(low, 0.0))
     high = np.where(cells.low == 0.0, 1.0, np.minimum(high, 1.0))
     north = cells.hemisphere > 0.0
     return np.where(north, low, -high), np.where(north, high, -low)
 
 
-def _height(alpha: float, Z: FloatArray, G: FloatArray, v: FloatArray) -> FloatArray:
+def _height(alpha: float | FloatArray, Z: FloatArray, G: FloatArray, v: FloatArray) -> FloatArray:
     sine, cosine = np.sin(v), np.cos(v)
     square = cosine * cosine
     found: FloatArray = np.sqrt(Z * Z * square + G * G * numerator_real(alpha, log_sine_real(sine, square)))

@@ -11,9 +11,10 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, Scal
 FloatArray = NDArray[np.float64]
 
 
-def equators(alpha: Fraction, low: FloatArray, high: FloatArray) -> tuple[Bounds, Bounds]:
+def equators(alpha: Fraction | FloatArray, low: FloatArray, high: FloatArray) -> tuple[Bounds, Bounds]:
     """Return bounds of Z and G for every λ (primed) with ``low`` ≤ log λ ≤ ``high``; NaN if not found.
 
+    α is the same for all, or there is the double nearest to that of each.
     F(u) = e^{2u} + e^{2α(u − log λ)} − 1 grows with u = log Z: its signs on both sides of a zero
     that Newton's steps found enclose it.
     """
@@ -50,9 +51,9 @@ def _powers(bounds: Bounds, exponent: Fraction) -> Bounds:
     return np.maximum(low, 0.0), np.minimum(high, 1.0)
 
 
-def _equator(alpha: Fraction, logarithm: FloatArray) -> tuple[Bounds, Bounds]:
+def _equator(alpha: Fraction | FloatArray, logarithm: FloatArray) -> tuple[Bounds, Bounds]:
     """Return bounds of Z and of G for one λ each."""
-    a = float(alpha)
+    a = float(alpha) if isinstance(alpha, Fraction) else alpha
     with np.errstate(all="ignore"):
         u = np.minimum(0.0, logarithm)
         for _ in range(100):
@@ -78,7 +79,7 @@ def _equator(alpha: Fraction, logarithm: FloatArray) -> tuple[Bounds, Bounds]:
     return (Z[0] + unknown, Z[1] + unknown), (G[0] + unknown, G[1] + unknown)
 
 
-def _defect(alpha: float, u: FloatArray, logarithm: FloatArray, side: float) -> FloatArray:
+def _defect(alpha: float | FloatArray, u: FloatArray, logarithm: FloatArray, side: float) -> FloatArray:
     """Return an upper (side 1) or lower (-1) bound of e^{2u} + e^{2α(u − log λ)} − 1."""
     one = 2.0**-49 * (1.0 + np.abs(u))
     two = 2.0**-49 * (1.0 + 2.0 * alpha * (np.abs(u) + np.abs(logarithm)))

@@ -1,0 +1,80 @@
+"""What is found of a block of neighbouring points."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.dynamics.motion import COLUMNS
+from service.dynamics.reduction.windows import NoMotionError
+from service.schemas.sweep.sweep import Sweep
+from workers.sweeping.doubles import Swept
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
+
+NO_MOTION, INVALID, INADMISSIBLE = NoMotionError.code, "invalid_problem", "inadmissible_potential"
+
+
+@dataclass(frozen=True, slots=True)
+class SolvedBlock:
+    """Some neighbouring points; those neither ``solved`` nor ``refused`` are left to single jobs."""
+
+    solved: BoolArray
+    """Shape (points,)."""
+    refused: Mapping[str, BoolArray]
+    """Those that certainly end with the error of this code, shape (points,)."""
+    numbers: Mapping[str, FloatArray]
+    """The kept numbers, each of shape (points,)."""
+    series: Mapping[str, FloatArray]
+    """The functions of time, each of shape (points, samples)."""
+
+    @property
+    def is_open(self) -> BoolArray:
+        """Tell which are left."""
+        found: BoolArray = ~np.logical_or.reduce([self.solved, *self.refused.values()])
+        return found
+
+
+class Found:
+    """The results of a block, filled in group by group."""
+
+    def __init__(self, sweep: Sweep, names: Sequence[str], count: int) -> None:
+        self.solved, self.refused = np.zeros(count, dtype=np.bool_), dict[str, BoolArray]()
+        self.numbers = {name: np.full(count, np.nan) for name in sweep.keep}
+        shape = (count, sweep.samples)
+        self.series = {name: np.full(shape, np.nan) for name in sweep.series_columns}
+        self._names = names
+
+    def refuse(self, code: str, places: IntArray) -> None:
+        """Note that these points end with an error."""
+        if len(places):
+            self.refused.setdefault(code, np.zeros(len(self.solved), dtype=np.bool_))[places] = True
+
+    def block(self) -> SolvedBlock:
+        """Return all of it."""
+        return SolvedBlock(self.solved, self.refused, self.numbers, self.series)
+
+    def add(
+        self, places: IntArray, solved: BoolArray, numbers: Mapping[str, FloatArray], swept: Swept
+    ) -> None:
+        """Fill in the points of a group."""
+        self.solved[places] = solved
+        for name, column in self.numbers.items():
+            if name in numbers:
+                column[places] = numbers[name]
+        for k, name in enumerate(self._names):
+            at = COLUMNS.index(name) if swept.samples.shape[2] == len(COLUMNS) else k
+            self.series[name][places] = swept.samples[:, :, at]
+        if "t" in self.series:
+            self.series["t"][places] = swept.times
+
+
+def numbers_of_motions(swept: Swept, has_times: bool) -> dict[str, FloatArray]:
+    """Return period and errors as a job tells them."""
+    # Without functions of time a job claims no error of them.
+    error = swept.errors if has_times else np.zeros(len(swept.errors))
+    period_errors = np.nextafter(swept.period_errors, np.inf)
+    return {"period": swept.periods, "period.error": period_errors, "error": error}

@@ -1,0 +1,171 @@
+"""Potentials whose moments or exponents vary, as one program whose constants and exponents are data.
+
+What a formula compiles to depends on the numbers in it by their signs, by which of them are 0, 1 or -1, and
+by which are equal. Points that agree in that share a template: it is compiled at numbers that are like
+theirs, twice, and tells for each constant of the program which number of the potential it is.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from flint import fmpq
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.limits import MAX_EXPONENT
+from service.dynamics.formula.tape import Tape
+from service.dynamics.potentials.potential import Potential
+from workers.solvers.compiled.evaluation.program import Program, make_program
+from workers.sweeping.programs import nearest_double, numbers_of
+
+FloatArray = NDArray[np.float64]
+Key = tuple[object, ...]
+
+
+class Moments(NamedTuple):
+    """Those of a body, exactly."""
+
+    A: fmpq
+    B: fmpq | None
+    C: fmpq
+
+    def body(self) -> RigidBody:
+        """Return the body; whether there is one is known already."""
+        B = None if self.B is None else _fraction(self.B)
+        return RigidBody(_fraction(self.A), B, _fraction(self.C), allow_unphysical=True)
+
+
+class Model(Protocol):
+    """A potential with numbers that follow from those on the axes."""
+
+    def values(self, moments: Moments, numbers: Sequence[fmpq]) -> list[fmpq] | None:
+        """Return the numbers in the potential at those on its axes; None: left to single jobs."""
+
+    def key(self, values: Sequence[fmpq]) -> Key:
+        """Return what the structure of the potential depends on."""
+
+    def probes(self, moments: Moments, numbers: Sequence[fmpq]) -> list[tuple[list[fmpq], Tape]] | None:
+        """Return two sets of other values of the same key, and the tape of each; None: there are none."""
+
+    def potential(self, moments: Moments, numbers: Sequence[fmpq]) -> Potential:
+        """Return the potential at a point itself; raises what its family raises."""
+
+
+@dataclass(frozen=True, slots=True)
+class Template:
+    """A program and where its numbers come from."""
+
+    program: Program
+    tape: Tape
+    """Of one point."""
+    constants: FloatArray
+    """Of the program; those that vary are replaced."""
+    fixed: tuple[fmpq | None, ...]
+    """The same exactly, None for π."""
+    varying: Mapping[int, tuple[int, int]]
+    """The others by their places: which value, and its sign."""
+    exponents: tuple[int, ...]
+    """The places of exponents."""
+    distinct: tuple[int, int]
+    """How many different constants, and exponents, there are."""
+
+    def numbers(self, values: Sequence[fmpq]) -> list[fmpq | None]:
+        """Return the numbers of the tape at a point, None for π."""
+        found = list(self.fixed)
+        for slot, (place, sign) in self.varying.items():
+            found[slot] = values[place] if sign > 0 else -values[place]
+        return found
+
+    def row(self, numbers: Sequence[fmpq | None]) -> list[float]:
+        """Return the constants of the program at a point, each rounded once."""
+        row: list[float] = self.constants.tolist()
+        for slot in self.varying:
+            number = numbers[slot]
+            assert number is not None
+            row[slot] = nearest_double(int(number.p), int(number.q))
+        return row
+
+    def is_of(self, row: Sequence[float]) -> bool:
+        """Tell whether numbers that differ at the probes differ here too."""
+        return self.distinct == _distinct(row, self.exponents) and all(
+            abs(row[slot]) <= MAX_EXPONENT for slot in self.exponents
+        )
+
+
+def shared_template(model: Model, moments: Moments, numbers: Sequence[fmpq]) -> Template | None:
+    """Return the template of all points like this one; None if it is not found."""
+    try:
+        probes = model.probes(moments, numbers)
+    except (DynamicsError, ValueError):
+        return None
+    if probes is None:
+        return None
+    (values, tape), (others, other) = probes
+    program, constants = make_program(tape)
+    if make_program(other)[0].key != program.key:
+        return None
+    varying: dict[int, tuple[int, int]] = {}
+    fixed = [None if number is None else _ratio(number) for number in numbers_of(tape)]
+    for slot, (number, seen) in enumerate(zip(fixed, numbers_of(other), strict=True)):
+        if number is None or seen is None or number == _ratio(seen):
+            continue
+        found = _source(number, _ratio(seen), values, others)
+        if found is None:
+            return None
+        varying[slot] = found
+    return _template(program, tape, constants, fixed, varying)
+
+
+def own_template(tape: Tape) -> Template:
+    """Return the template of one point."""
+    program, constants = make_program(tape)
+    fixed = [None if number is None else _ratio(number) for number in numbers_of(tape)]
+    return _template(program, tape, constants, fixed, {})
+
+
+def kind_of(value: fmpq) -> object:
+    """Return what the structure of a formula depends on in one of its numbers."""
+    return int(value.p) if value.q == 1 and abs(value) <= 1 else 2 if value > 0 else -2
+
+
+def _template(
+    program: Program,
+    tape: Tape,
+    constants: FloatArray,
+    fixed: Sequence[fmpq | None],
+    varying: Mapping[int, tuple[int, int]],
+) -> Template:
+    numbered = [at for at in tape.instructions if at.operation == "pi" or at.number is not None]
+    exponents = tuple(slot for slot, at in enumerate(numbered) if at.operation == "power")
+    distinct = _distinct(constants.tolist(), exponents)
+    return Template(program, tape, constants, tuple(fixed), varying, exponents, distinct)
+
+
+def _distinct(row: Sequence[float], exponents: Sequence[int]) -> tuple[int, int]:
+    powers = {row[slot] for slot in exponents}
+    if len(exponents) == len(row):
+        return 0, len(powers)
+    return len({number for slot, number in enumerate(row) if slot not in exponents}), len(powers)
+
+
+def _source(
+    number: fmpq, seen: fmpq, values: Sequence[fmpq], others: Sequence[fmpq]
+) -> tuple[int, int] | None:
+    """Return the value that a number is, or is the opposite of, at both probes."""
+    for place, (value, other) in enumerate(zip(values, others, strict=True)):
+        for sign in (1, -1):
+            if number == sign * value and seen == sign * other:
+                return place, sign
+    return None
+
+
+def _ratio(value: Fraction) -> fmpq:
+    return fmpq(value.numerator, value.denominator)
+
+
+def _fraction(value: fmpq) -> Fraction:
+    return Fraction(int(value.p), int(value.q))
