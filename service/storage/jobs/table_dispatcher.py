@@ -77,7 +77,6 @@ def take_in_order(
     together: int,
 ) -> Sequence[str] | None:
     """Lock jobs by one of the statements: first of each lane that is owed one, then the head of the queue."""
-
     ids: list[str] = []
 
     def add(number: int, lane: Lane | None) -> bool:
