@@ -102,7 +102,7 @@ def test_the_parent_of_a_child_that_solves_loads_no_solver(tmp_path):
 def test_a_worker_loads_of_its_database_what_it_uses(tmp_path):
     """It starts beside the children and the service, and each takes processor time from the others."""
     loaded = modules_of(
-        "import workers.cli.main, workers.process.tasks, workers.process.worker, workers.process.database_work",
+        "import workers.cli.main, workers.process.worker\nfrom workers.process import database_work, tasks",
         tmp_path,
     )
     assert loaded & (SOLVERS | WEB | ARRAYS | (STORE - {"sqlalchemy"})) == set()

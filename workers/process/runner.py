@@ -10,8 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
-from dataclasses import dataclass
-from typing import Any, TypedDict  # Any: an outcome, or those of a batch
+from typing import Any  # Any: an outcome, or those of a batch
 
 from service.jobs.batching import BATCH_SECONDS, BatchSize
 from service.jobs.job import Claim, Taken
@@ -20,9 +19,10 @@ from service.jobs.outcome import Outcome, SolveOutcome
 from service.jobs.states import JobKind
 from service.jobs.store import JobStore
 from service.logs import about, call_about
-from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
-from service.storage.database.availability import is_away
+from service.sandbox import Sandbox, SandboxCrashError, SandboxTimeoutError, result_of
 from workers.process.batches import Call, Ledger, compute_in_turn
+from workers.process.limits import JobLimits
+from workers.process.results import Results, Terms, fields_of
 from workers.process.runs import Run, shared_out
 
 logger = logging.getLogger(__name__)
@@ -40,26 +40,6 @@ WATCH_SECONDS = 0.2
 """How often to look for cancellations while a job runs."""
 RECONCILE_SECONDS = 1.0
 """How often to look for expired leases."""
-
-
-class _Retries(TypedDict):
-    max_attempts: int
-    retry_seconds: float
-
-
-@dataclass(frozen=True, slots=True)
-class JobLimits:
-    """Limits of one job, and the length of a lease."""
-
-    lease_seconds: float
-    job_seconds: float
-    memory_mb: int
-    max_attempts: int
-    retry_seconds: float
-
-    def retries(self) -> _Retries:
-        """Return the limits for lost jobs, for the store."""
-        return {"max_attempts": self.max_attempts, "retry_seconds": self.retry_seconds}
 
 
 class Runner:
@@ -102,6 +82,7 @@ class Runner:
         """Ids of those that made trouble in a batch: each is computed alone."""
         self._heartbeats: dict[str, float] = {}
         """When the leases of claimed jobs are to be prolonged."""
+        self._results = Results(store, limits)
         self._size = BatchSize()
         self._shares = LaneShares()
         self._reconcile_at = self._watch_at = 0.0
@@ -119,13 +100,7 @@ class Runner:
                 self._start(self._next_waiting())
                 continue
             owed = self._shares.owed()[:free]
-            taken = self._store.take(
-                self._name,
-                free,
-                lease_seconds=self._limits.lease_seconds,
-                owed=owed,
-                together=self._size.most,
-            )
+            taken = self._store.take(self._name, free, **self._terms(owed))
             finished += self._begin(taken, owed, free)
             if taken == Taken():
                 break
@@ -250,8 +225,15 @@ class Runner:
 
         future.add_done_callback(ended)
 
+    def _terms(self, owed: Sequence[Lane]) -> Terms:
+        return {
+            "lease_seconds": self._limits.lease_seconds,
+            "owed": owed,
+            "together": self._size.most,
+        }
+
     def _told(self, claim: Claim) -> Mapping[str, object]:
-        return {**_fields(claim), "worker": self._name}
+        return {**fields_of(claim), "worker": self._name}
 
     def _next_heartbeat(self) -> float:
         return time.monotonic() + self._limits.lease_seconds / 3
@@ -313,10 +295,10 @@ class Runner:
 
     def _finish_alone(self, run: Run, then_take: int, owed: Sequence[Lane]) -> Taken:
         (claim,) = run.claims
-        with about(**_fields(claim)):
+        with about(**fields_of(claim)):
             if claim.kind is JobKind.SOLVE:
                 self._size.learn(1, (run.ended_at or time.monotonic()) - run.began_at)
-            return self._finish(claim, lambda: result_of(run.future), then_take, owed)
+            return self._results.store(claim, lambda: result_of(run.future), then_take, self._terms(owed))
 
     def _finish_batch(self, run: Run, then_take: int, owed: Sequence[Lane]) -> Taken:
         try:
@@ -328,7 +310,10 @@ class Runner:
         ended = [(claim, o) for claim, o in computed if o is not None and claim.job_id not in run.lost]
         done = {claim.job_id for claim, _ in ended}
         again = [claim for claim in run.held if claim.job_id not in done]
-        taken = self._store_batch(ended, 0 if again else then_take, owed) if ended else Taken()
+        taken = Taken()
+        if ended:
+            terms = self._terms(owed)
+            taken = self._results.store_all(ended, 0 if again else then_take, terms)
         suspects = [c for c, o in zip(run.claims, outcomes, strict=False) if o is None]
         self._suspects |= {claim.job_id for claim in suspects}
         self._waiting.extend(again)
@@ -336,29 +321,6 @@ class Runner:
             self._size.reset()
         elif outcomes:
             self._size.learn(len(outcomes), (run.ended_at or time.monotonic()) - run.began_at)
-        return taken
-
-    def _store_batch(
-        self, ended: Sequence[tuple[Claim, SolveOutcome]], then_take: int, owed: Sequence[Lane]
-    ) -> Taken:
-        try:
-            held, taken = self._store.finish_problems(
-                ended,
-                then_take=then_take,
-                lease_seconds=self._limits.lease_seconds,
-                owed=owed,
-                together=self._size.most,
-            )
-        except Exception as fault:
-            if is_away(fault):
-                raise  # the results wait here until the database is back
-            # One of them cannot be stored. Alone each tells whether it is the one.
-            for claim, outcome in ended:
-                self._finish(claim, lambda outcome=outcome: outcome, 0, ())  # type: ignore[misc]
-            return Taken()
-        for claim, _ in ended:
-            if claim.job_id not in held:
-                _tell_too_late(claim)
         return taken
 
     def _break_up(self, run: Run, fault: BaseException) -> None:
@@ -370,54 +332,12 @@ class Runner:
         else:
             blamed = [claim for claim in run.held if is_known and claim is current]
         for claim in blamed:
-            self._record(claim, fault)
+            self._results.record(claim, fault)
         again = [claim for claim in run.held if claim not in blamed]
         if not is_known:
             self._suspects |= {claim.job_id for claim in again}
         self._size.reset()
         self._waiting.extend(again)
-
-    def _finish(
-        self, claim: Claim, outcome_of: Callable[[], Outcome], then_take: int, owed: Sequence[Lane]
-    ) -> Taken:
-        try:
-            kept, taken = self._store.finish(
-                claim,
-                outcome_of(),
-                then_take=then_take,
-                lease_seconds=self._limits.lease_seconds,
-                owed=owed,
-                together=self._size.most,
-            )
-        except (Exception, CancelledError) as fault:
-            self._record(claim, fault)
-            return Taken()
-        if not kept:
-            _tell_too_late(claim)
-        return taken
-
-    def _record(self, claim: Claim, fault: BaseException) -> None:
-        """Write why an attempt has no result."""
-        if isinstance(fault, SandboxCrashError):
-            logger.warning("job %s attempt %d: %s", claim.job_id, claim.attempt, fault)
-            self._store.lose(claim, str(fault), **self._limits.retries())
-        elif isinstance(fault, SandboxTimeoutError):
-            detail = f"not finished after {self._limits.job_seconds:g} s, the limit for one job"
-            self._fail(claim, "time_limit", detail)
-        elif isinstance(fault, SandboxMemoryError):
-            detail = f"needed more than {self._limits.memory_mb} MiB of memory, the limit for one job"
-            self._fail(claim, "memory_limit", detail)
-        elif isinstance(fault, CancelledError):
-            logger.info("job %s attempt %d: stopped", claim.job_id, claim.attempt)
-        elif is_away(fault):
-            raise fault  # the result waits here until the database is back
-        else:
-            # A bug: it would only repeat itself, so there is no other attempt.
-            logger.error("job %s attempt %d", claim.job_id, claim.attempt, exc_info=fault)
-            self._fail(claim, "internal_error", f"{type(fault).__name__}: {fault}")
-
-    def _fail(self, claim: Claim, code: str, detail: str) -> None:
-        self._store.finish_failure(claim, {"code": code, "detail": detail})
 
 
 def _arguments(claim: Claim) -> tuple[object, ...]:
@@ -426,15 +346,5 @@ def _arguments(claim: Claim) -> tuple[object, ...]:
     return json.dumps(claim.payload), *([claim.windows] if claim.windows or audited else ()), *audited
 
 
-def _tell_too_late(claim: Claim) -> None:
-    detail = "finished too late, discarded"
-    logger.info("job %s attempt %d: %s", claim.job_id, claim.attempt, detail)
-
-
-def _fields(claim: Claim) -> dict[str, object]:
-    """Return the log fields of a claim."""
-    return {"job": claim.job_id, "attempt": claim.attempt}
-
-
 def _extra(claim: Claim) -> dict[str, object]:
-    return {"fields": _fields(claim)}
+    return {"fields": fields_of(claim)}

@@ -43,11 +43,12 @@ from service.jobs.dispatch import Delivery
 from service.jobs.lanes import Lane
 from service.storage.jobs.table_dispatcher import (
     EACH,
+    SHOWN,
+    Chosen,
     Which,
     first_jobs,
     in_order,
     is_ready,
-    take_in_order,
 )
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
@@ -92,7 +93,11 @@ class ProcrastinateDispatcher:
         self, connection: Connection, count: int, owed: Sequence[Lane] = (), together: int = 1
     ) -> Sequence[str] | None:
         """Return the first jobs of the queue that are ready, and finish their deliveries."""
-        return take_in_order(connection, _TAKE, count, owed, together)
+        chosen = Chosen(connection, _TAKE)
+        chosen.choose(count, owed, together)
+        # Their deliveries were finished with the others.
+        self.dispatch(connection, chosen.passed_over)
+        return chosen.ids or None
 
     def repair(self, connection: Connection) -> int:
         """Deliver the jobs at the head of our queue that Procrastinate's queue lacks.
@@ -127,7 +132,7 @@ def _lock_of(jobs: Any) -> ColumnElement[str]:  # noqa: ANN401
 
 def _with_deliveries(which: Which) -> Select[*tuple[Any, ...]]:
     """Return the statement that locks jobs and finishes their deliveries, by Procrastinate's own function."""
-    columns = _JOBS.c.attempt, _JOBS.c.lane, _JOBS.c.turn, _JOBS.c.key_id
+    columns = _JOBS.c.lane, _JOBS.c.turn, _JOBS.c.key_id
     chosen = first_jobs(*columns, which=which).cte("chosen")
     # Locked first: of a delivery that somebody else removes meanwhile the function would make an error.
     there = (
@@ -139,7 +144,7 @@ def _with_deliveries(which: Which) -> Select[*tuple[Any, ...]]:
     )
     finish = func.procrastinate_finish_job_v1(there.c.id, text("'succeeded'"), text("true"))
     finished = select(sql_cast(finish, String)).select_from(there).correlate(chosen)
-    shown = chosen.c.id, chosen.c.kind, chosen.c.priority
+    shown = [chosen.c[name] for name in SHOWN]
     return select(*shown, finished.scalar_subquery()).order_by(*in_order(chosen.c))
 
 

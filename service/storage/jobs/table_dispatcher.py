@@ -8,6 +8,7 @@ from sqlalchemy import (
     ColumnElement,
     Connection,
     Integer,
+    Row,
     Select,
     SmallInteger,
     bindparam,
@@ -48,11 +49,12 @@ class Which:
     """Problems of ``priority`` only: neither chunks of sweeps nor atlases."""
 
 
+SHOWN = "id", "kind", "priority", "digest", "attempt", "ready_at"
 EACH = tuple(Which(of_lane, problems) for of_lane in (False, True) for problems in (False, True))
 
 
 def first_jobs(*columns: ColumnElement[Any], which: Which) -> Select[*tuple[Any, ...]]:
-    """Return the statement that locks the first ``count`` jobs; its rows have id, kind and priority."""
+    """Return the statement that locks the first ``count`` jobs; its rows have :data:`SHOWN`."""
     ready, order = is_ready(), in_order(_JOBS.c)
     if which.of_lane:
         ready = *ready, _JOBS.c.lane == bindparam("lane", type_=SmallInteger)
@@ -60,7 +62,7 @@ def first_jobs(*columns: ColumnElement[Any], which: Which) -> Select[*tuple[Any,
     if which.problems:
         ready = *ready, _JOBS.c.priority == bindparam("of_priority", type_=Integer), _JOBS.c.kind == _PROBLEM
     return (
-        select(_JOBS.c.id, _JOBS.c.kind, _JOBS.c.priority, *columns)
+        select(*(_JOBS.c[name] for name in SHOWN), *columns)
         .where(*ready)
         .order_by(*order)
         .limit(bindparam("count", type_=Integer))
@@ -69,40 +71,49 @@ def first_jobs(*columns: ColumnElement[Any], which: Which) -> Select[*tuple[Any,
     )
 
 
-def take_in_order(
-    connection: Connection,
-    statements: Mapping[Which, Select[Any]],
-    count: int,
-    owed: Sequence[Lane],
-    together: int,
-) -> Sequence[str] | None:
-    """Lock jobs by one of the statements: first of each lane that is owed one, then the head of the queue."""
-    ids: list[str] = []
+class Chosen:
+    """The jobs that one claim chooses by its statements, within the caller's transaction."""
 
-    def add(number: int, lane: Lane | None) -> bool:
-        """Add ``number`` jobs, or batches of problems in their place; say whether there is any."""
-        given: dict[str, object] = {} if lane is None else {"lane": int(lane)}
+    def __init__(self, connection: Connection, statements: Mapping[Which, Select[Any]]) -> None:
+        self._connection, self._statements = connection, statements
+        self.ids: list[str] = []
+        self.passed_over: list[Delivery] = []
+        """Problems that equal a chosen one: when that is solved, they share its solution."""
+        self._digests: set[str] = set()
+
+    def choose(self, count: int, owed: Sequence[Lane], together: int) -> None:
+        """Lock first a job of each lane that is owed one, then the head of the queue."""
+        places = sum(self._add(1, 1, lane, together) for lane in owed[:count])
+        if places < count:
+            self._add(count - places, count, None, together)
+
+    def _add(self, number: int, among: int, lane: Lane | None, together: int) -> bool:
+        """Choose ``number`` jobs, or batches of problems in their place; say whether there is any."""
+        given: dict[str, object] = {"count": among} if lane is None else {"count": among, "lane": int(lane)}
         which = Which(of_lane=lane is not None)
-        # The statements find the rows that this transaction has already locked once more.
-        asked = number if lane is not None else count
-        head = [
-            row
-            for row in connection.execute(statements[which], {**given, "count": asked})
-            if row.id not in ids
-        ]
-        head = head[:number]
-        ids.extend(row.id for row in head)
-        kinds = {(row.kind, row.priority) for row in head}
-        if together > 1 and len(kinds) == 1 and head[0].kind == JobKind.SOLVE.value:
+        # The statements find the rows that this transaction has locked already once more.
+        head = [row for row in self._rows(which, given) if row.id not in self.ids][:number]
+        for row in head:
+            self._take(row)
+        if together > 1 and len({row.priority for row in head}) == 1 and all(map(_is_problem, head)):
             given |= {"of_priority": head[0].priority, "count": number * together}
-            more = connection.execute(statements[replace(which, problems=True)], given)
-            ids.extend(row.id for row in more if row.id not in ids)
+            for row in self._rows(replace(which, problems=True), given):
+                if row.digest in self._digests and row.id not in self.ids:
+                    self.passed_over.append(Delivery(row.id, row.attempt, row.priority, row.ready_at))
+                elif row.id not in self.ids:
+                    self._take(row)
         return bool(head)
 
-    places = sum(add(1, lane) for lane in owed[:count])
-    if places < count:
-        add(count - places, None)
-    return ids or None
+    def _rows(self, which: Which, given: Mapping[str, object]) -> Sequence[Row[*tuple[Any, ...]]]:
+        return self._connection.execute(self._statements[which], given).all()
+
+    def _take(self, row: Row[*tuple[Any, ...]]) -> None:
+        self.ids.append(row.id)
+        self._digests.add(row.digest)
+
+
+def _is_problem(row: Row[*tuple[Any, ...]]) -> bool:
+    return bool(row.kind == JobKind.SOLVE.value)
 
 
 _STATEMENTS = {which: first_jobs(which=which) for which in EACH}
@@ -118,7 +129,9 @@ class TableDispatcher:
         self, connection: Connection, count: int, owed: Sequence[Lane] = (), together: int = 1
     ) -> Sequence[str] | None:
         """Return the first jobs of the queue that are ready."""
-        return take_in_order(connection, _STATEMENTS, count, owed, together)
+        chosen = Chosen(connection, _STATEMENTS)
+        chosen.choose(count, owed, together)
+        return chosen.ids or None
 
     def repair(self, connection: Connection) -> int:
         """Do nothing: what is in the table is delivered."""

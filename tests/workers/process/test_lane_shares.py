@@ -9,7 +9,8 @@ from service.jobs.lanes import Lane
 from service.jobs.outcome import Solved
 from service.jobs.states import JobKind
 from workers.process import runner as runner_module
-from workers.process.runner import JobLimits, Runner
+from workers.process.limits import JobLimits
+from workers.process.runner import Runner
 
 LIMITS = JobLimits(lease_seconds=1e6, job_seconds=1e6, memory_mb=1000, max_attempts=3, retry_seconds=0.0)
 OUTCOME = Solved({"method": "quadrature"}, b"", b"")
