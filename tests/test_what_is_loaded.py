@@ -99,6 +99,15 @@ def test_the_parent_of_a_child_that_solves_loads_no_solver(tmp_path):
     assert loaded & (SOLVERS | WEB | STORE) == set()
 
 
+def test_a_worker_loads_of_its_database_what_it_uses(tmp_path):
+    """It starts beside the children and the service, and each takes processor time from the others."""
+    loaded = modules_of(
+        "import workers.cli.main, workers.process.worker\nfrom workers.process import database_work, tasks",
+        tmp_path,
+    )
+    assert loaded & (SOLVERS | WEB | ARRAYS | (STORE - {"sqlalchemy"})) == set()
+
+
 def test_the_children_of_a_worker_load_no_database(tmp_path):
     loaded = modules_of(
         "from workers.process import tasks\nfor name in tasks.PRELOAD: __import__(name)", tmp_path

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from service.dynamics.methods import SolvedBy
 from service.dynamics.reduction.window import Window
 from service.dynamics.solution.dense_output import DenseOutput, FloatArray
 
@@ -13,7 +14,6 @@ COLUMNS: tuple[str, ...] = ("p", "q", "r", "g1", "g2", "g3")
 NO_CROSS_CHECK = "no_cross_check"
 """Code of the warning that the second method could not follow the motion, so that nothing was compared."""
 
-SolvedBy = Literal["quadrature", "integration"]
 EnclosureMethod = Literal["elliptic", "integral"]
 """Ways to an enclosure: elliptic functions, for potentials of three terms; the integral, for any formula."""
 

@@ -5,11 +5,10 @@ from fractions import Fraction
 from typing import Literal
 
 from service.dynamics.body import RigidBody
+from service.dynamics.methods import Tier as Tier  # re-exported for users of problems
 from service.dynamics.potentials.potential import Potential
 
 Sign = Literal[-1, 1]
-Tier = Literal["draft", "standard", "high", "certified"]
-"""Grades of accuracy, see :mod:`service.dynamics.accuracy`."""
 Method = Literal["auto", "quadrature", "integration", "both"]
 Accept = Literal["proved", "undecided"]
 """Potentials accepted for planar motions: proved ones, or also undecided ones proved on the own curve."""

@@ -37,10 +37,13 @@ class Dispatcher(Protocol[Transaction]):
         """Deliver jobs that this transaction has queued."""
         ...
 
-    def take(self, transaction: Transaction, count: int, owed: Sequence[Lane] = ()) -> Sequence[str] | None:
+    def take(
+        self, transaction: Transaction, count: int, owed: Sequence[Lane] = (), together: int = 1
+    ) -> Sequence[str] | None:
         """Return the ids of at most ``count`` jobs, to be claimed in this transaction, in that order.
 
-        None if there are none.
+        Where these are problems, ``together`` of them may take the place of one: the next ones of the same
+        priority (and of the same lane, if that is owed one). None if there are none.
         """
         ...
 

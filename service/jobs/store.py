@@ -11,7 +11,7 @@ from typing import Protocol
 from service.jobs.idempotency import Receipt
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
-from service.jobs.outcome import Outcome
+from service.jobs.outcome import Outcome, SolveOutcome
 from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
 from service.verdicts.entries import Entry, Examination
@@ -92,10 +92,18 @@ class JobStore(Protocol):
         """
         ...
 
-    def take(self, worker: str, count: int, *, lease_seconds: float, owed: Sequence[Lane] = ()) -> Taken:
+    def take(
+        self,
+        worker: str,
+        count: int,
+        *,
+        lease_seconds: float,
+        owed: Sequence[Lane] = (),
+        together: int = 1,
+    ) -> Taken:
         """Take up to ``count`` queued jobs, in the order of :class:`~service.jobs.dispatch.Dispatcher`.
 
-        No two workers get the same job.
+        In place of one problem there may be up to ``together``. No two workers get the same job.
         """
         ...
 
@@ -115,11 +123,27 @@ class JobStore(Protocol):
         then_take: int = 0,
         lease_seconds: float = 0.0,
         owed: Sequence[Lane] = (),
+        together: int = 1,
     ) -> tuple[bool, Taken]:
         """Store the result of a job, mark it finished and take ``count`` others, in one transaction.
 
         The points that a chunk did not compute are queued again. Returns whether
         the claim held, and the taken jobs.
+        """
+        ...
+
+    def finish_problems(
+        self,
+        ended: Sequence[tuple[Claim, SolveOutcome]],
+        *,
+        then_take: int = 0,
+        lease_seconds: float = 0.0,
+        owed: Sequence[Lane] = (),
+        together: int = 1,
+    ) -> tuple[frozenset[str], Taken]:
+        """Do the same for several problems of one worker, in one transaction.
+
+        Returns the ids of those whose claims held; the others change nothing.
         """
         ...
 
@@ -138,8 +162,8 @@ class JobStore(Protocol):
         """
         ...
 
-    def give_back(self, claim: Claim) -> bool:
-        """Queue the job again because its worker stops; this is not counted as a loss."""
+    def give_back(self, claim: Claim, why: str = "the worker stopped") -> bool:
+        """Queue the job again because its worker does not compute it; this is not counted as a loss."""
         ...
 
     def repair(self) -> int:

@@ -12,7 +12,8 @@ from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until
-from workers.process.runner import JobLimits, Runner
+from workers.process.limits import JobLimits
+from workers.process.runner import Runner
 
 HOUR = 3600.0
 LIMITS = JobLimits(lease_seconds=10.0, job_seconds=60.0, memory_mb=500, max_attempts=99, retry_seconds=0.0)

@@ -18,7 +18,7 @@ from sqlalchemy.orm import configure_mappers
 
 from service.jobs.idempotency import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.jobs.job import Claim
-from service.jobs.outcome import Drawn, Solved
+from service.jobs.outcome import Drawn, Refused, Solved
 from service.schemas.reading.marks import Marks
 from service.storage.codecs.documents import encode_document
 from service.storage.database.database import Database
@@ -178,6 +178,15 @@ def succeed_and_reuse(stores: Stores) -> None:
     assert len(taken.reused) == 1
 
 
+def end_several_and_take(stores: Stores) -> None:
+    stores.jobs.submit_many([(PROBLEM, new_id()) for _ in range(8)], marks=[MARKS] * 8)
+    claims = stores.jobs.take("victim", 1, lease_seconds=OVER, together=4).claims
+    ended = [(claim, SOLVED) for claim in claims[:3]] + [(claims[3], Refused(ERROR))]
+    kept, taken = stores.jobs.finish_problems(ended, then_take=1, lease_seconds=OVER, together=3)
+    assert len(kept) == 4
+    assert len(taken.claims) == 3
+
+
 def fail(stores: Stores) -> None:
     stores.submitted()
     assert stores.jobs.finish_failure(stores.claim(), ERROR)
@@ -319,6 +328,7 @@ def delete_sweep(stores: Stores) -> None:
 
 
 DEEDS: tuple[Callable[[Stores], None], ...] = (
+    end_several_and_take,
     submit, submit_many, submit_once, submit_sweep_once, submit_taken, submit_marked, succeed_marked,
     change_marks, change_marks_of_sweep,
     claim, claim_many, cancel_queued, cancel_running, heartbeat, succeed, reuse,

@@ -15,9 +15,10 @@ from service.storage.database.revisions import refuse_newer
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import WorkerRegistry
+from workers.process.limits import JobLimits
 from workers.process.loop import EngineLoop
 from workers.process.presence import Presence
-from workers.process.runner import Computations, JobLimits, Runner
+from workers.process.runner import Computations, Runner
 from workers.process.waker import Waker
 from workers.process.warming import Warming
 

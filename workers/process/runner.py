@@ -7,19 +7,23 @@ may have happened. No transaction is open while a child computes.
 import json
 import logging
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
-from dataclasses import dataclass
-from typing import TypedDict
+from typing import Any  # Any: an outcome, or those of a batch
 
+from service.jobs.batching import BATCH_SECONDS, BatchSize
 from service.jobs.job import Claim, Taken
 from service.jobs.lanes import Lane, LaneShares
-from service.jobs.outcome import Outcome
+from service.jobs.outcome import Outcome, SolveOutcome
 from service.jobs.states import JobKind
 from service.jobs.store import JobStore
 from service.logs import about, call_about
-from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
-from service.storage.database.availability import is_away
+from service.sandbox import Sandbox, SandboxCrashError, SandboxTimeoutError, result_of
+from workers.process.batches import Call, Ledger, compute_in_turn
+from workers.process.limits import JobLimits
+from workers.process.results import Results, Terms, fields_of
+from workers.process.runs import Run, shared_out
 
 logger = logging.getLogger(__name__)
 
@@ -36,40 +40,6 @@ WATCH_SECONDS = 0.2
 """How often to look for cancellations while a job runs."""
 RECONCILE_SECONDS = 1.0
 """How often to look for expired leases."""
-
-
-class _Retries(TypedDict):
-    max_attempts: int
-    retry_seconds: float
-
-
-@dataclass(frozen=True, slots=True)
-class JobLimits:
-    """Limits of one job, and the length of a lease."""
-
-    lease_seconds: float
-    job_seconds: float
-    memory_mb: int
-    max_attempts: int
-    retry_seconds: float
-
-    def retries(self) -> _Retries:
-        """Return the limits for lost jobs, for the store."""
-        return {"max_attempts": self.max_attempts, "retry_seconds": self.retry_seconds}
-
-
-@dataclass(slots=True)
-class _Run:
-    """A claimed job that runs in a child."""
-
-    claim: Claim
-    was_owed: bool
-    """It was taken out of order, since its lane was owed a job."""
-    future: Future[Outcome]
-    heartbeat_at: float
-    began_at: float
-    started_by: float
-    """Latest time for a child to take it."""
 
 
 class Runner:
@@ -105,22 +75,33 @@ class Runner:
         self._slots = slots
         self._limits = limits
         self._wake = wake
-        self._runs: dict[str, _Run] = {}
+        self._runs: list[Run] = []
+        self._waiting: deque[Claim] = deque()
+        """Claimed jobs of batches that were not computed to their end."""
+        self._suspects: set[str] = set()
+        """Ids of those that made trouble in a batch: each is computed alone."""
+        self._heartbeats: dict[str, float] = {}
+        """When the leases of claimed jobs are to be prolonged."""
+        self._results = Results(store, limits)
+        self._size = BatchSize()
         self._shares = LaneShares()
         self._reconcile_at = self._watch_at = 0.0
 
     @property
     def is_busy(self) -> bool:
         """Some job is claimed."""
-        return bool(self._runs)
+        return bool(self._runs or self._waiting)
 
     def fill(self) -> list[str]:
         """Take jobs for the free slots; return the ids of those that are solved already."""
         finished: list[str] = []
         while free := self._slots - len(self._runs):
+            if self._waiting:
+                self._start(self._next_waiting())
+                continue
             owed = self._shares.owed()[:free]
-            taken = self._store.take(self._name, free, lease_seconds=self._limits.lease_seconds, owed=owed)
-            finished += self._begin(taken, owed)
+            taken = self._store.take(self._name, free, **self._terms(owed))
+            finished += self._begin(taken, owed, free)
             if taken == Taken():
                 break
         return finished
@@ -128,18 +109,24 @@ class Runner:
     def collect(self, *, refill: bool) -> list[str]:
         """Store the results of finished jobs; return their ids.
 
-        With ``refill`` the same transaction claims another job for each child.
+        With ``refill`` the same transaction claims other jobs for each child.
         """
-        done = [job_id for job_id, run in self._runs.items() if run.future.done()]
-        finished = list(done)
-        for job_id in done:
-            # Removed only after the commit: during an outage of the database the result is kept here.
-            owed = self._shares.owed()[: int(refill)]
-            with about(**_fields(self._runs[job_id].claim)):
-                taken = self._finish(self._runs[job_id], int(refill), owed)
-            self._remove(job_id)
+        if not refill:
+            self._return_waiting()
+        finished: list[str] = []
+        for run in [run for run in self._runs if run.future.done()]:
+            # Removed only after the commit: during an outage of the database the results are kept here.
+            then_take = int(refill and not self._waiting)
+            owed = self._shares.owed()[:then_take]
+            if run.ledger is None:
+                taken = self._finish_alone(run, then_take, owed)
+            else:
+                taken = self._finish_batch(run, then_take, owed)
+            self._remove(run)
+            waiting = {claim.job_id for claim in self._waiting}
+            finished += (claim.job_id for claim in run.claims if claim.job_id not in waiting)
             # No job came, perhaps because none was asked for.
-            finished += self._begin(taken, owed if taken != Taken() else ())
+            finished += self._begin(taken, owed if taken != Taken() else (), 1)
         return finished
 
     def keep_leases(self) -> None:
@@ -147,27 +134,26 @@ class Runner:
         if time.monotonic() < self._watch_at:
             return
         self._watch_at = time.monotonic() + WATCH_SECONDS
-        held = self._store.held([run.claim for run in self._runs.values()])
-        for job_id, run in list(self._runs.items()):
-            holds = job_id in held
-            if holds and time.monotonic() >= run.heartbeat_at:
-                holds = self._store.heartbeat(run.claim, lease_seconds=self._limits.lease_seconds)
-                run.heartbeat_at = self._next_heartbeat()
-            if not holds:
-                extra = {"fields": _fields(run.claim)}
-                logger.info(
-                    "job %s attempt %d: the claim was lost, stopping", job_id, run.claim.attempt, extra=extra
-                )
-                run.future.cancel()
-                self._remove(job_id)
-            elif not run.future.running() and not run.future.done() and time.monotonic() > run.started_by:
-                extra = {"fields": _fields(run.claim)}
-                logger.warning(
-                    "job %s attempt %d: no child has taken it", job_id, run.claim.attempt, extra=extra
-                )
+        claims = [*self._waiting, *(claim for run in self._runs for claim in run.held)]
+        held = self._store.held(claims)
+        self._waiting = deque(claim for claim in self._waiting if self._still_holds(claim, held))
+        for run in list(self._runs):
+            run.lost |= {claim.job_id for claim in run.held if not self._still_holds(claim, held)}
+            if run.is_in_vain:
+                self._drop(run)
+            elif run.is_untaken and time.monotonic() > run.started_by:
                 self._sandbox.renew(run.future)
-                self._store.lose(run.claim, "no child took it", **self._limits.retries())
-                self._remove(job_id)
+                for claim in run.held:
+                    logger.warning(
+                        "job %s attempt %d: no child has taken it",
+                        claim.job_id,
+                        claim.attempt,
+                        extra=_extra(claim),
+                    )
+                    self._store.lose(claim, "no child took it", **self._limits.retries())
+                self._remove(run)
+            elif run.is_slow(time.monotonic() - WATCH_SECONDS - BATCH_SECONDS):
+                self._take_back(run)
 
     def reconcile(self) -> None:
         """At intervals, requeue the jobs of workers that are gone."""
@@ -182,78 +168,183 @@ class Runner:
 
     def give_back(self) -> None:
         """Kill the children and queue their jobs again."""
-        for run in self._runs.values():
+        for run in self._runs:
             run.future.cancel()
-            self._store.give_back(run.claim)
+            for claim in run.held:
+                self._store.give_back(claim)
+            run.close()
         self._runs.clear()
+        self._return_waiting()
 
-    def _start(self, claim: Claim, *, was_owed: bool) -> None:
-        compute = self._computations[claim.kind]
-        audited = () if claim.audited is None else (claim.audited,)
-        given = [json.dumps(claim.payload), *([claim.windows] if claim.windows or audited else ()), *audited]
-        fields = {**_fields(claim), "worker": self._name}
-        future = self._sandbox.submit(call_about, fields, compute, *given, seconds=self._limits.job_seconds)
+    def _return_waiting(self) -> None:
+        while self._waiting:
+            self._store.give_back(self._waiting[0])
+            self._forget(self._waiting.popleft())
+
+    def _still_holds(self, claim: Claim, held: frozenset[str]) -> bool:
+        """Send a due heartbeat; say whether the claim holds."""
+        holds = claim.job_id in held
+        if holds and time.monotonic() >= self._heartbeats[claim.job_id]:
+            holds = self._store.heartbeat(claim, lease_seconds=self._limits.lease_seconds)
+            self._heartbeats[claim.job_id] = self._next_heartbeat()
+        if not holds:
+            self._forget(claim)
+            logger.info(
+                "job %s attempt %d: the claim was lost, stopping",
+                claim.job_id,
+                claim.attempt,
+                extra=_extra(claim),
+            )
+        return holds
+
+    def _start(self, claims: tuple[Claim, ...], owed: Sequence[Lane] = ()) -> None:
+        compute = self._computations[claims[0].kind]
+        seconds = self._limits.job_seconds
+        ledger = None if len(claims) == 1 else Ledger()
+        if ledger is None:
+            (claim,) = claims
+            future: Future[Any] = self._sandbox.submit(
+                call_about, self._told(claim), compute, *_arguments(claim), seconds=seconds
+            )
+        else:
+            calls: Sequence[Call] = [(self._told(claim), _arguments(claim)) for claim in claims]
+            # The last job of a batch begins within that time, and may take as long as one that is alone.
+            future = self._sandbox.submit(
+                compute_in_turn, ledger.path, BATCH_SECONDS, compute, calls, seconds=seconds + BATCH_SECONDS
+            )
         now = time.monotonic()
-        self._runs[claim.job_id] = _Run(
-            claim, was_owed, future, self._next_heartbeat(), now, now + START_SECONDS
-        )
-        self._shares.begin(claim.lane)
-        future.add_done_callback(lambda _: self._wake())
+        run = Run(claims, tuple(owed), future, ledger, now, now + START_SECONDS)
+        self._runs.append(run)
+        for claim in claims:
+            self._heartbeats.setdefault(claim.job_id, self._next_heartbeat())
+            self._shares.begin(claim.lane)
+
+        def ended(_: Future[Any]) -> None:
+            run.ended_at = time.monotonic()
+            self._wake()
+
+        future.add_done_callback(ended)
+
+    def _terms(self, owed: Sequence[Lane]) -> Terms:
+        return {
+            "lease_seconds": self._limits.lease_seconds,
+            "owed": owed,
+            "together": self._size.most,
+        }
+
+    def _told(self, claim: Claim) -> Mapping[str, object]:
+        return {**fields_of(claim), "worker": self._name}
 
     def _next_heartbeat(self) -> float:
         return time.monotonic() + self._limits.lease_seconds / 3
 
-    def _remove(self, job_id: str) -> None:
-        """Remove a run that has ended."""
-        run = self._runs.pop(job_id)
-        self._shares.end(run.claim.lane, time.monotonic() - run.began_at, was_owed=run.was_owed)
+    def _remove(self, run: Run) -> None:
+        """Remove a run that has ended; those of its jobs that wait again keep their claims."""
+        self._runs.remove(run)
+        run.close()
+        seconds = (time.monotonic() - run.began_at) / len(run.claims)
+        for claim in run.claims:
+            self._shares.end(claim.lane, seconds, was_owed=claim.lane in run.owed)
+        waiting = {claim.job_id for claim in self._waiting}
+        for claim in run.claims:
+            if claim.job_id not in waiting:
+                self._forget(claim)
 
-    def _begin(self, taken: Taken, owed: Sequence[Lane]) -> tuple[str, ...]:
+    def _forget(self, claim: Claim) -> None:
+        self._heartbeats.pop(claim.job_id, None)
+        self._suspects.discard(claim.job_id)
+
+    def _begin(self, taken: Taken, owed: Sequence[Lane], places: int) -> tuple[str, ...]:
         """Start the jobs to compute; return the ids of those solved already. ``owed`` lanes came first."""
-        for claim in taken.claims:
-            self._start(claim, was_owed=claim.lane in owed)
+        for claims in shared_out(taken.claims, places):
+            self._start(claims, owed)
         for lane in owed:
             if all(claim.lane is not lane for claim in taken.claims):
                 self._shares.forget(lane)
         return taken.reused
 
-    def _finish(self, run: _Run, then_take: int, owed: Sequence[Lane]) -> Taken:
+    def _next_waiting(self) -> tuple[Claim, ...]:
+        """Return jobs that are claimed already: one that made trouble in a batch alone, others together."""
+        first = self._waiting.popleft()
+        claims = [first]
+        if first.job_id not in self._suspects:
+            while self._waiting and len(claims) < self._size.most:
+                if self._waiting[0].job_id in self._suspects:
+                    break
+                claims.append(self._waiting.popleft())
+        return tuple(claims)
+
+    def _drop(self, run: Run) -> None:
+        """Kill a child that computes what nobody waits for; its other jobs are computed again."""
+        run.future.cancel()
+        self._waiting.extend(run.held)
+        self._remove(run)
+
+    def _take_back(self, run: Run) -> None:
+        """Queue the jobs again that wait behind a long one of their batch: others may compute them."""
+        assert run.ledger is not None
+        begun = run.ledger.stop()
+        self._size.reset()
+        while len(run.claims) > begun:
+            claim = run.claims[-1]
+            if claim.job_id not in run.lost:
+                self._store.give_back(claim, "a job before it took long")
+            run.claims = run.claims[:-1]
+            self._forget(claim)
+            self._shares.end(claim.lane, 0.0, was_owed=claim.lane in run.owed)
+
+    def _finish_alone(self, run: Run, then_take: int, owed: Sequence[Lane]) -> Taken:
+        (claim,) = run.claims
+        with about(**fields_of(claim)):
+            if claim.kind is JobKind.SOLVE:
+                self._size.learn(1, (run.ended_at or time.monotonic()) - run.began_at)
+            return self._results.store(claim, lambda: result_of(run.future), then_take, self._terms(owed))
+
+    def _finish_batch(self, run: Run, then_take: int, owed: Sequence[Lane]) -> Taken:
         try:
-            outcome = result_of(run.future)
-            kept, taken = self._store.finish(
-                run.claim,
-                outcome,
-                then_take=then_take,
-                lease_seconds=self._limits.lease_seconds,
-                owed=owed,
-            )
-            if not kept:
-                detail = "finished too late, discarded"
-                logger.info("job %s attempt %d: %s", run.claim.job_id, run.claim.attempt, detail)
-            return taken
-        except SandboxCrashError as fault:
-            logger.warning("job %s attempt %d: %s", run.claim.job_id, run.claim.attempt, fault)
-            self._store.lose(run.claim, str(fault), **self._limits.retries())
-        except SandboxTimeoutError:
-            detail = f"not finished after {self._limits.job_seconds:g} s, the limit for one job"
-            self._fail(run.claim, "time_limit", detail)
-        except SandboxMemoryError:
-            detail = f"needed more than {self._limits.memory_mb} MiB of memory, the limit for one job"
-            self._fail(run.claim, "memory_limit", detail)
-        except CancelledError:
-            logger.info("job %s attempt %d: stopped", run.claim.job_id, run.claim.attempt)
-        except Exception as fault:
-            if is_away(fault):
-                raise  # the result waits here until the database is back
-            # A bug: it would only repeat itself, so there is no other attempt.
-            logger.exception("job %s attempt %d", run.claim.job_id, run.claim.attempt)
-            self._fail(run.claim, "internal_error", f"{type(fault).__name__}: {fault}")
-        return Taken()
+            outcomes: list[SolveOutcome | None] = result_of(run.future)
+        except (Exception, CancelledError) as fault:
+            self._break_up(run, fault)
+            return Taken()
+        computed = zip(run.claims, outcomes, strict=False)
+        ended = [(claim, o) for claim, o in computed if o is not None and claim.job_id not in run.lost]
+        done = {claim.job_id for claim, _ in ended}
+        again = [claim for claim in run.held if claim.job_id not in done]
+        taken = Taken()
+        if ended:
+            terms = self._terms(owed)
+            taken = self._results.store_all(ended, 0 if again else then_take, terms)
+        suspects = [c for c, o in zip(run.claims, outcomes, strict=False) if o is None]
+        self._suspects |= {claim.job_id for claim in suspects}
+        self._waiting.extend(again)
+        if suspects:
+            self._size.reset()
+        elif outcomes:
+            self._size.learn(len(outcomes), (run.ended_at or time.monotonic()) - run.began_at)
+        return taken
 
-    def _fail(self, claim: Claim, code: str, detail: str) -> None:
-        self._store.finish_failure(claim, {"code": code, "detail": detail})
+    def _break_up(self, run: Run, fault: BaseException) -> None:
+        """Blame the job that its child was computing, and compute the others of the batch again."""
+        current = run.current
+        is_known = isinstance(fault, SandboxCrashError | SandboxTimeoutError)
+        if is_known and run.begun == 0:
+            blamed = run.held
+        else:
+            blamed = [claim for claim in run.held if is_known and claim is current]
+        for claim in blamed:
+            self._results.record(claim, fault)
+        again = [claim for claim in run.held if claim not in blamed]
+        if not is_known:
+            self._suspects |= {claim.job_id for claim in again}
+        self._size.reset()
+        self._waiting.extend(again)
 
 
-def _fields(claim: Claim) -> dict[str, object]:
-    """Return the log fields of a claim."""
-    return {"job": claim.job_id, "attempt": claim.attempt}
+def _arguments(claim: Claim) -> tuple[object, ...]:
+    """Return what the computation of a job gets."""
+    audited = () if claim.audited is None else (claim.audited,)
+    return json.dumps(claim.payload), *([claim.windows] if claim.windows or audited else ()), *audited
+
+
+def _extra(claim: Claim) -> dict[str, object]:
+    return {"fields": fields_of(claim)}

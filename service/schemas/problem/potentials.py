@@ -184,7 +184,6 @@ class HomogeneousIn(PotentialModel):
             yield from map(fault_of, homogeneous.refusals(body, **lists))
 
 
-FamilyName = Literal["expression", "gravity", "rational", "homogeneous", "general"]
 MODELS: dict[str, type[PotentialModel]] = {
     "expression": ExpressionIn,
     "gravity": GravityIn,

@@ -14,9 +14,8 @@ from urllib.parse import quote
 
 from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number
-from service.dynamics.motion import SolvedBy
-from service.dynamics.problem import Tier
-from service.schemas.problem.potentials import MODELS
+from service.dynamics.methods import SolvedBy, Tier
+from service.schemas.problem.family_names import FamilyName
 from service.schemas.query.kinds import Kind
 from service.schemas.reading.faults import pointer_to
 from service.schemas.replies.job import StateName
@@ -44,7 +43,8 @@ def _number(meaning: str) -> Fact:
     return Fact(Kind.NUMBER, meaning)
 
 
-_FAMILY = Fact(Kind.WORD, "the potential's `type`", tuple(MODELS))
+_FAMILIES: tuple[str, ...] = get_args(FamilyName)
+_FAMILY = Fact(Kind.WORD, "the potential's `type`", _FAMILIES)
 _STATE = Fact(Kind.WORD, "where it is in its life", get_args(StateName))
 _CREATED = Fact(Kind.INSTANT, "when it was stored")
 _ATTEMPT = _number("how often a worker has taken the job")
@@ -113,7 +113,7 @@ def facts_of(problem: Mapping[str, object]) -> dict[str, float | str]:
     found: dict[str, float | str] = {}
     potential = problem.get("potential")
     family = potential.get("type") if isinstance(potential, Mapping) else None
-    if isinstance(family, str) and family in MODELS:
+    if isinstance(family, str) and family in _FAMILIES:
         found["family"] = family
     for pointer, number in _numbers(problem, ()):
         if len(found) > MOST_NUMBERS:

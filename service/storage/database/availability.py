@@ -6,9 +6,14 @@ keeps its result and retries. A programming error would only repeat itself. Both
 """
 
 import sqlite3
+from typing import TYPE_CHECKING
 
-import psycopg
 from sqlalchemy import exc
+
+from service.storage.database.postgres_errors import is_postgres_error
+
+if TYPE_CHECKING:
+    import psycopg
 
 _SQLITE_AWAY = frozenset(
     {
@@ -46,9 +51,7 @@ def is_away(error: BaseException) -> bool:
             return True
         case sqlite3.Error():
             return _sqlite_is_away(error)
-        case psycopg.Error():
-            return _postgres_is_away(error)
-    return False
+    return is_postgres_error(error) and _postgres_is_away(error)
 
 
 def _sqlite_is_away(error: sqlite3.Error) -> bool:
@@ -57,8 +60,10 @@ def _sqlite_is_away(error: sqlite3.Error) -> bool:
     return code is not None and code & 0xFF in _SQLITE_AWAY
 
 
-def _postgres_is_away(error: psycopg.Error) -> bool:
+def _postgres_is_away(error: "psycopg.Error") -> bool:
     if error.sqlstate is not None:
         return error.sqlstate.startswith(_POSTGRES_AWAY)
     # No code: the server was not reached, or the connection to it was lost.
+    import psycopg  # noqa: PLC0415  # loaded already, since this is one of its errors
+
     return isinstance(error, psycopg.OperationalError)

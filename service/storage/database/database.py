@@ -14,14 +14,17 @@ import json
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from sqlite3 import Connection as SqliteConnection
+from typing import TYPE_CHECKING
 
-from psycopg import Connection as PostgresConnection
 from sqlalchemy import Connection, Engine, create_engine, event, exc, make_url
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from service.storage.database.faults import chosen_fault
 from service.storage.database.sqlite_file import DatabaseFile, DatabaseFileError, file_of
+
+if TYPE_CHECKING:  # SQLAlchemy loads the driver of the database that is used, and no other
+    from psycopg import Connection as PostgresConnection
 
 _BEGIN = "sqlite_begin"
 
@@ -158,7 +161,7 @@ def _configure_sqlite(connection: SqliteConnection, _: ConnectionPoolEntry) -> N
     connection.execute("PRAGMA synchronous = FULL")
 
 
-def _configure_postgres(connection: PostgresConnection, _: ConnectionPoolEntry) -> None:
+def _configure_postgres(connection: "PostgresConnection", _: ConnectionPoolEntry) -> None:
     # A worker whose host is suspended or cut off in the middle of a transaction must not keep a job's row
     # locked: no other could take the job. Set by SQL, since poolers refuse it as a connection parameter.
     with connection.cursor() as cursor:

@@ -2,15 +2,27 @@
 
 import sqlite3
 
-import psycopg
-from alembic import command
-from alembic.config import Config
 from sqlalchemy import Engine, text
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.storage.database import procrastinate_schema
 from service.storage.database.database import is_postgres, make_engine
-from service.storage.database.revisions import NewerSchemaError, migrations_folder, refuse_newer
+from service.storage.database.postgres_errors import is_postgres_error
+from service.storage.database.revisions import (
+    NewerSchemaError,
+    migrations_folder,
+    newest_revision,
+    refuse_newer,
+)
+
+_EXPECTED = (
+    SQLAlchemyError,
+    sqlite3.Error,  # its file cannot be opened
+    ImportError,  # the database's driver is not installed
+    OSError,
+    procrastinate_schema.UnknownSchemaError,
+)
+"""What a migration may end with that is no bug, beside the errors of the driver of Postgres."""
 
 
 class MigrationError(Exception):
@@ -39,19 +51,33 @@ def migrate(url: str, *, engine_name: str = "local") -> None:
     EncodingError
         A database of Postgres has another encoding than UTF8.
     """
-    config = Config()
-    # Alembic's options interpolate %, which a folder's name may contain.
-    config.set_main_option("script_location", str(migrations_folder()).replace("%", "%%"))
     engine = make_engine(url)
-    config.attributes["engine"] = engine
     try:
         _require_utf8(engine)
-        refuse_newer(engine)
-        command.upgrade(config, "head")
+        if refuse_newer(engine) != newest_revision() or not _has_its_log(engine):
+            _upgrade(engine)
         if engine_name == "procrastinate":
             procrastinate_schema.install(engine)
     finally:
         engine.dispose()
+
+
+def _upgrade(engine: Engine) -> None:
+    # Here and not at the top: a database that has been migrated needs no Alembic.
+    from alembic import command  # noqa: PLC0415
+    from alembic.config import Config  # noqa: PLC0415
+
+    config = Config()
+    # Alembic's options interpolate %, which a folder's name may contain.
+    config.set_main_option("script_location", str(migrations_folder()).replace("%", "%%"))
+    config.attributes["engine"] = engine
+    command.upgrade(config, "head")
+
+
+def _has_its_log(engine: Engine) -> bool:
+    """Whether a file of SQLite has its write-ahead log, which a restored one has not."""
+    with engine.connect() as connection:
+        return is_postgres(connection) or connection.scalar(text("PRAGMA journal_mode")) == "wal"
 
 
 def _require_utf8(engine: Engine) -> None:
@@ -74,13 +100,8 @@ def migrate_or_explain(url: str, *, engine_name: str = "local") -> None:
         migrate(url, engine_name=engine_name)
     except (NewerSchemaError, EncodingError) as fault:
         raise MigrationError(str(fault)) from fault
-    except (
-        SQLAlchemyError,
-        sqlite3.Error,  # its file cannot be opened
-        psycopg.Error,
-        ImportError,  # the database's driver is not installed
-        OSError,
-        procrastinate_schema.UnknownSchemaError,
-    ) as fault:
+    except Exception as fault:
+        if not isinstance(fault, _EXPECTED) and not is_postgres_error(fault):
+            raise
         reason = str(getattr(fault, "orig", None) or fault).splitlines()[0]
         raise MigrationError(f"cannot migrate the database: {reason}") from fault

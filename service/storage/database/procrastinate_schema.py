@@ -5,9 +5,12 @@ comment on its table of jobs records it.
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import psycopg
 from sqlalchemy import Engine
+
+if TYPE_CHECKING:
+    import psycopg
 
 _LOCK = 0x706F6C68
 """Advisory lock of processes that migrate: the second one finds nothing left to do."""
@@ -34,10 +37,11 @@ def install(engine: Engine) -> None:
     """
     # Here and not at the top: every command that migrates loads this module, few need Procrastinate.
     from procrastinate.schema import SchemaManager  # noqa: PLC0415
+    from psycopg import Connection as PostgresConnection  # noqa: PLC0415
 
     with engine.begin() as ours:
         connection = ours.connection.driver_connection
-        assert isinstance(connection, psycopg.Connection)
+        assert isinstance(connection, PostgresConnection)
         connection.execute("SELECT pg_advisory_xact_lock(%s)", [_LOCK])
         files = sorted(Path(SchemaManager.get_migrations_path()).glob("*.sql"))
         newest = files[-1].stem
@@ -53,6 +57,6 @@ def install(engine: Engine) -> None:
         connection.execute(f"COMMENT ON TABLE procrastinate_jobs IS '{newest}'".encode())
 
 
-def _scalar(connection: psycopg.Connection, query: str) -> str | None:
+def _scalar(connection: "psycopg.Connection", query: str) -> str | None:
     row = connection.execute(query.encode()).fetchone()
     return None if row is None or row[0] is None else str(row[0])

@@ -1,12 +1,14 @@
 """Finds which schema a database has, and whether this version can use or upgrade it."""
 
 import functools
+import re
 from pathlib import Path
 
-from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine, inspect, text
 
 from service.versions import version_of
+
+_REVISION = re.compile(r'^revision = "(\w+)"\ndown_revision = (?:None|"(\w+)")$', re.MULTILINE)
 
 
 class NewerSchemaError(Exception):
@@ -30,16 +32,24 @@ def migrations_folder() -> Path:
 @functools.cache
 def known_revisions() -> frozenset[str]:
     """Return the schemas that this version can upgrade to its own."""
-    scripts = ScriptDirectory(str(migrations_folder()))
-    return frozenset(script.revision for script in scripts.walk_revisions())
+    return frozenset(_written_before())
 
 
 @functools.cache
 def newest_revision() -> str:
     """Return the schema that this version works with."""
-    head = ScriptDirectory(str(migrations_folder())).get_current_head()
-    assert head is not None
+    (head,) = known_revisions() - set(_written_before().values())
     return head
+
+
+@functools.cache
+def _written_before() -> dict[str, str | None]:
+    """Return all revisions, each with the one before it, as the migrations state them.
+
+    Alembic would load all its dialects, and every migration, to tell the same.
+    """
+    texts = [file.read_text(encoding="utf-8") for file in (migrations_folder() / "versions").glob("*.py")]
+    return dict(_REVISION.search(text).groups() for text in texts)  # type: ignore[union-attr,misc]
 
 
 def stored_revision(connection: Connection) -> str | None:
@@ -50,12 +60,13 @@ def stored_revision(connection: Connection) -> str | None:
     return None if found is None else str(found)
 
 
-def refuse_newer(engine: Engine) -> None:
-    """Raise :class:`NewerSchemaError` if a later version has made the database."""
+def refuse_newer(engine: Engine) -> str | None:
+    """Return the schema of a database; raise :class:`NewerSchemaError` if a later version has made it."""
     with engine.connect() as connection:
         stored = stored_revision(connection)
     if stored is not None and stored not in known_revisions():
         raise NewerSchemaError(stored)
+    return stored
 
 
 def fault_of(stored: str | None) -> str | None:

@@ -15,7 +15,6 @@ from service.jobs.job import Claim
 from service.jobs.lanes import Lane
 from service.jobs.outcome import ChunkOutcome
 from service.jobs.states import AttemptOutcome, JobKind, JobState, sources
-from service.storage.codecs.points import ChunkPoints, chunk_outcome
 from service.storage.database.clock import DatabaseNow, database_now
 from service.storage.database.ids import new_id
 from service.storage.jobs.moves import end_attempt, fence, may_become, move
@@ -116,6 +115,9 @@ def replace_failed(session: Session, sweep: SweepRow | None, job_id: str) -> lis
     asked, most = _range(job.problem)
     if asked.count > 1:
         return queue_chunks(session, sweep, cut(asked, PARTS), most)
+    # Here and not at the top: it loads NumPy, which a worker needs for nothing else.
+    from service.storage.codecs.points import ChunkPoints, chunk_outcome  # noqa: PLC0415
+
     code = str((job.error or {}).get("code", "internal_error"))
     refused = chunk_outcome(ChunkPoints(outcomes=[code], numbers={}), seconds=0.0)
     return _store(session, sweep, asked.first, refused, (), most)

@@ -86,12 +86,13 @@ def take_jobs(
     count: int,
     lease_seconds: float,
     owed: Sequence[Lane] = (),
+    together: int = 1,
 ) -> Taken | None:
     """Claim the next jobs; finish at once those whose problem has a stored solution by now.
 
     None if nothing was delivered. The claims may be empty: every delivered job may be out of date.
     """
-    ids = dispatcher.take(connection, count, owed[:count]) if count else None
+    ids = dispatcher.take(connection, count, owed[:count], together) if count else None
     if ids is None:
         return None
     claims, solutions = _claim(connection, ids, worker, lease_seconds)

@@ -1,5 +1,6 @@
 """Stores solutions and marks their jobs succeeded, within the caller's transaction."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from sqlalchemy import Connection, bindparam, insert, select, update
@@ -33,26 +34,25 @@ _FENCE = (
     _JOBS.c.owner == bindparam("claimant"),
     _JOBS.c.attempt == bindparam("try"),
 )
-_INSERT_SOLUTION = insert_solution(_JOBS, *_FENCE).returning(_SOLUTIONS.c.id)
-_SUCCEED = (
-    update(_JOBS)
-    .where(*_FENCE)
-    .values(
-        state=JobState.SUCCEEDED.value,
-        solution_id=bindparam("solution"),
-        reused=bindparam("is_reused"),
-        progress=1.0,
-        owner=None,
-        lease_until=None,
-        finished_at=DatabaseNow(),
-    )
-    .returning(_JOBS.c.id)
-)
+_INSERT_EACH = insert_solution(_JOBS, *_FENCE)
+_INSERT_SOLUTION = _INSERT_EACH.returning(_SOLUTIONS.c.id)
+_SUCCEED_VALUES = {
+    "state": JobState.SUCCEEDED.value,
+    "solution_id": bindparam("solution"),
+    "reused": bindparam("is_reused"),
+    "progress": 1.0,
+    "owner": None,
+    "lease_until": None,
+    "finished_at": DatabaseNow(),
+}
+_SUCCEED = update(_JOBS).where(*_FENCE).values(_SUCCEED_VALUES).returning(_JOBS.c.id)
 _END_ATTEMPT = (
     update(_ATTEMPTS)
     .where(_ATTEMPTS.c.job_id == bindparam("job"), _ATTEMPTS.c.number == bindparam("try"))
     .values(ended_at=DatabaseNow(), outcome=AttemptOutcome.SUCCEEDED.value)
 )
+_SUCCEED_EACH = update(_JOBS).where(*_FENCE).values(_SUCCEED_VALUES)
+"""The same for many rows, which cannot tell whether they were changed."""
 _COMPARE = (
     update(_AUDITS)
     .where(_AUDITS.c.job_id == bindparam("job"))
@@ -66,19 +66,82 @@ _SOLVED = (
 )
 _HELD = _SOLVED.with_for_update(read=True, key_share=True)
 """The same, and nobody can delete them before this transaction has ended. SQLite has one writer anyway."""
+_STILL_HELD = select(_JOBS.c.id, _JOBS.c.attempt).where(
+    _JOBS.c.id.in_(bindparam("ids", expanding=True)),
+    may_become(JobState.SUCCEEDED),
+    _JOBS.c.owner == bindparam("claimant"),
+)
 _DIGESTS = 500
 """Digests looked up by one statement: databases limit its parameters."""
 
 
 def store_and_charge(connection: Connection, claim: Claim, outcome: Solved) -> bool:
     """Store the solution of a claimed job on the account of its key, if the claim holds."""
+    if not _store_uncharged(connection, claim, outcome):
+        return False
+    charge(connection, claim.key_id, len(outcome.dense) + len(outcome.samples))
+    return True
+
+
+def _store_uncharged(connection: Connection, claim: Claim, outcome: Solved) -> bool:
     summary = _with_examination(outcome.summary, claim.examined_seconds)
     if not store_solution(connection, claim, summary, outcome.dense, outcome.samples):
         return False
     if outcome.comparison is not None:
         connection.execute(_COMPARE, {"job": claim.job_id, "compared": outcome.comparison})
-    charge(connection, claim.key_id, len(outcome.dense) + len(outcome.samples))
     return True
+
+
+def store_and_charge_all(connection: Connection, ended: Sequence[tuple[Claim, Solved]]) -> set[str]:
+    """Do the same for several jobs of one worker; return the ids of those whose claims hold."""
+    if is_postgres(connection):
+        held = [pair for pair in ended if _store_uncharged(connection, *pair)]
+    else:
+        held = _store_each(connection, ended)
+    sizes: Counter[str] = Counter()
+    for claim, outcome in held:
+        if claim.key_id is not None:
+            sizes[claim.key_id] += len(outcome.dense) + len(outcome.samples)
+    # In one order for all workers: two that charge the same keys must not wait for each other.
+    for key_id, size in sorted(sizes.items()):
+        charge(connection, key_id, size)
+    return {claim.job_id for claim, _ in held}
+
+
+def _store_each(connection: Connection, ended: Sequence[tuple[Claim, Solved]]) -> list[tuple[Claim, Solved]]:
+    """Store solutions on SQLite, each statement once for all; return those whose claims hold."""
+    if not ended:
+        return []
+    given = {"ids": [claim.job_id for claim, _ in ended], "claimant": ended[0][0].worker}
+    # SQLite has one writer at a time: a claim that holds here still holds below.
+    holds = {(row.id, row.attempt) for row in connection.execute(_STILL_HELD, given)}
+    held = [pair for pair in ended if (pair[0].job_id, pair[0].attempt) in holds]
+    if not held:
+        return []
+    ids = [new_id() for _ in held]
+    rows = [
+        _row(claim, solution_id, _with_examination(outcome.summary, claim.examined_seconds))
+        for solution_id, (claim, outcome) in zip(ids, held, strict=True)
+    ]
+    outcomes = [outcome for _, outcome in held]
+    moves = [
+        _moves(claim, solution_id, reused=False) for solution_id, (claim, _) in zip(ids, held, strict=True)
+    ]
+    made = list(zip(ids, outcomes, strict=True))
+    connection.execute(_INSERT_EACH, rows)
+    connection.execute(_INSERT_DENSE, [{"solution_id": each, "data": o.dense} for each, o in made])
+    connection.execute(_INSERT_SAMPLES, [{"solution_id": each, "data": o.samples} for each, o in made])
+    copy_labels(connection, *ids)
+    connection.execute(_SUCCEED_EACH, moves)
+    connection.execute(_END_ATTEMPT, moves)
+    compared = [
+        {"job": claim.job_id, "compared": outcome.comparison}
+        for claim, outcome in held
+        if outcome.comparison is not None
+    ]
+    if compared:
+        connection.execute(_COMPARE, compared)
+    return held
 
 
 def store_atlas(session: Session, claim: Claim, outcome: Drawn) -> bool:
@@ -104,18 +167,7 @@ def store_solution(
 ) -> bool:
     """Insert the solution of a claimed job, its arrays and labels, and move the job, if the claim holds."""
     solution_id = new_id()
-    columns = {
-        "id": solution_id,
-        "job_id": claim.job_id,
-        "digest": claim.digest,
-        "problem": claim.problem,
-        "summary": summary,
-        **summary_columns(claim.problem, summary),
-    }
-    given = {
-        **_moves(claim, solution_id, reused=False),
-        **{NEW + name: value for name, value in columns.items()},
-    }
+    given = _row(claim, solution_id, summary)
     if is_postgres(connection):
         given |= {"dense": dense, "samples": samples}
         return connection.scalar(_STORE_AND_SUCCEED, given) is not None
@@ -151,6 +203,22 @@ def solved(connection: Connection, digests: Sequence[str], *, hold: bool) -> dic
             for row in connection.execute(statement, {"digests": digests[start : start + _DIGESTS]})
         )
     return found
+
+
+def _row(claim: Claim, solution_id: str, summary: Mapping[str, object]) -> dict[str, object]:
+    """Return the parameters of the statements that store a solution."""
+    columns = {
+        "id": solution_id,
+        "job_id": claim.job_id,
+        "digest": claim.digest,
+        "problem": claim.problem,
+        "summary": summary,
+        **summary_columns(claim.problem, summary),
+    }
+    return {
+        **_moves(claim, solution_id, reused=False),
+        **{NEW + name: value for name, value in columns.items()},
+    }
 
 
 def _moves(claim: Claim, solution_id: str, *, reused: bool) -> dict[str, object]:

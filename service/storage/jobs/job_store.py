@@ -11,7 +11,7 @@ from service.jobs.errors import JobFinishedError, JobNotFoundError
 from service.jobs.idempotency import Receipt
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.lanes import Lane
-from service.jobs.outcome import ChunkOutcome, Drawn, Outcome, Refused
+from service.jobs.outcome import ChunkOutcome, Drawn, Outcome, Refused, Solved, SolveOutcome
 from service.jobs.states import SUBMITTED, AttemptOutcome, JobKind, JobState
 from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
@@ -21,7 +21,7 @@ from service.storage.database.ids import is_id
 from service.storage.examinations.kept_rows import keep_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
-from service.storage.jobs.finishing import store_and_charge, store_atlas
+from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_atlas
 from service.storage.jobs.moves import end_attempt, fence, history, lose, move
 from service.storage.jobs.pages import page_of_jobs
 from service.storage.jobs.records import delivery_of, job_of
@@ -149,11 +149,19 @@ class SqlJobStore:
                 return claim
         return None
 
-    def take(self, worker: str, count: int, *, lease_seconds: float, owed: Sequence[Lane] = ()) -> Taken:
+    def take(
+        self,
+        worker: str,
+        count: int,
+        *,
+        lease_seconds: float,
+        owed: Sequence[Lane] = (),
+        together: int = 1,
+    ) -> Taken:
         """Take the first jobs of the queue, in its order."""
         while True:
             with self._database.write_rows() as connection:
-                taken = take_jobs(connection, self._dispatcher, worker, count, lease_seconds, owed)
+                taken = take_jobs(connection, self._dispatcher, worker, count, lease_seconds, owed, together)
             if taken is None:
                 return Taken()
             if taken != Taken():
@@ -186,11 +194,14 @@ class SqlJobStore:
         then_take: int = 0,
         lease_seconds: float = 0.0,
         owed: Sequence[Lane] = (),
+        together: int = 1,
     ) -> tuple[bool, Taken]:
         """Finish a job and take others by one commit."""
 
         def take(connection: Connection) -> Taken:
-            taken = take_jobs(connection, self._dispatcher, claim.worker, then_take, lease_seconds, owed)
+            taken = take_jobs(
+                connection, self._dispatcher, claim.worker, then_take, lease_seconds, owed, together
+            )
             return taken or Taken()
 
         if isinstance(outcome, ChunkOutcome):
@@ -204,6 +215,26 @@ class SqlJobStore:
                 return store_atlas(session, claim, outcome), take(session.connection())
         with self._database.write_rows() as connection:
             return store_and_charge(connection, claim, outcome), take(connection)
+
+    def finish_problems(
+        self,
+        ended: Sequence[tuple[Claim, SolveOutcome]],
+        *,
+        then_take: int = 0,
+        lease_seconds: float = 0.0,
+        owed: Sequence[Lane] = (),
+        together: int = 1,
+    ) -> tuple[frozenset[str], Taken]:
+        """Finish several problems and take others by one commit."""
+        worker = ended[0][0].worker
+        solved = [(claim, outcome) for claim, outcome in ended if isinstance(outcome, Solved)]
+        refused = [(claim, outcome) for claim, outcome in ended if isinstance(outcome, Refused)]
+        with self._database.write() as session:
+            held = {claim.job_id for claim, outcome in refused if self._fail(session, claim, outcome.error)}
+            connection = session.connection()
+            held |= store_and_charge_all(connection, solved)
+            taken = take_jobs(connection, self._dispatcher, worker, then_take, lease_seconds, owed, together)
+            return frozenset(held), taken or Taken()
 
     def finish_failure(self, claim: Claim, error: Mapping[str, object]) -> bool:
         """Mark the job failed for good; a chunk is split into smaller ones."""
@@ -220,12 +251,12 @@ class SqlJobStore:
             self._deliver_after_loss(session, sweep, claim.job_id)
             return True
 
-    def give_back(self, claim: Claim) -> bool:
-        """Queue the job again because its worker stops."""
+    def give_back(self, claim: Claim, why: str = "the worker stopped") -> bool:
+        """Queue the job again because its worker does not compute it."""
         with self._database.write() as session:
             if not move(session, JobState.QUEUED, *fence(claim)):
                 return False
-            end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.RETURNED, "the worker stopped")
+            end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.RETURNED, why)
             self._deliver(session, [session.get_one(JobRow, claim.job_id)])
             return True
 

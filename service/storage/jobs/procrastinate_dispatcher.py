@@ -41,7 +41,15 @@ from sqlalchemy import cast as sql_cast
 
 from service.jobs.dispatch import Delivery
 from service.jobs.lanes import Lane
-from service.storage.jobs.table_dispatcher import first_jobs, in_order, is_ready, take_in_order
+from service.storage.jobs.table_dispatcher import (
+    EACH,
+    SHOWN,
+    Chosen,
+    Which,
+    first_jobs,
+    in_order,
+    is_ready,
+)
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
 
@@ -81,9 +89,15 @@ class ProcrastinateDispatcher:
                 [_queued(delivery) for delivery in deliveries], connection=_driver(connection)
             )
 
-    def take(self, connection: Connection, count: int, owed: Sequence[Lane] = ()) -> Sequence[str] | None:
+    def take(
+        self, connection: Connection, count: int, owed: Sequence[Lane] = (), together: int = 1
+    ) -> Sequence[str] | None:
         """Return the first jobs of the queue that are ready, and finish their deliveries."""
-        return take_in_order(connection, _TAKE, _TAKE_OF_LANE, count, owed)
+        chosen = Chosen(connection, _TAKE)
+        chosen.choose(count, owed, together)
+        # Their deliveries were finished with the others.
+        self.dispatch(connection, chosen.passed_over)
+        return chosen.ids or None
 
     def repair(self, connection: Connection) -> int:
         """Deliver the jobs at the head of our queue that Procrastinate's queue lacks.
@@ -116,10 +130,10 @@ def _lock_of(jobs: Any) -> ColumnElement[str]:  # noqa: ANN401
     return sql_cast(jobs.id, String) + "#" + sql_cast(jobs.attempt, String)
 
 
-def _with_deliveries(*, of_lane: bool) -> Select[*tuple[Any, ...]]:
+def _with_deliveries(which: Which) -> Select[*tuple[Any, ...]]:
     """Return the statement that locks jobs and finishes their deliveries, by Procrastinate's own function."""
-    columns = _JOBS.c.attempt, _JOBS.c.priority, _JOBS.c.lane, _JOBS.c.turn, _JOBS.c.key_id
-    chosen = first_jobs(*columns, of_lane=of_lane).cte("chosen")
+    columns = _JOBS.c.lane, _JOBS.c.turn, _JOBS.c.key_id
+    chosen = first_jobs(*columns, which=which).cte("chosen")
     # Locked first: of a delivery that somebody else removes meanwhile the function would make an error.
     there = (
         select(_DELIVERIES.c.id)
@@ -130,10 +144,11 @@ def _with_deliveries(*, of_lane: bool) -> Select[*tuple[Any, ...]]:
     )
     finish = func.procrastinate_finish_job_v1(there.c.id, text("'succeeded'"), text("true"))
     finished = select(sql_cast(finish, String)).select_from(there).correlate(chosen)
-    return select(chosen.c.id, finished.scalar_subquery()).order_by(*in_order(chosen.c))
+    shown = [chosen.c[name] for name in SHOWN]
+    return select(*shown, finished.scalar_subquery()).order_by(*in_order(chosen.c))
 
 
-_TAKE, _TAKE_OF_LANE = _with_deliveries(of_lane=False), _with_deliveries(of_lane=True)
+_TAKE = {which: _with_deliveries(which) for which in EACH}
 
 
 def _next() -> Select[int, int]:

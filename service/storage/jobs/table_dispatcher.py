@@ -1,12 +1,14 @@
 """The local engine's dispatcher: workers poll the jobs table, which has an index in the order of claims."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any  # the columns of some table of jobs
 
 from sqlalchemy import (
     ColumnElement,
     Connection,
     Integer,
+    Row,
     Select,
     SmallInteger,
     bindparam,
@@ -16,12 +18,13 @@ from sqlalchemy import (
 
 from service.jobs.dispatch import Delivery
 from service.jobs.lanes import Lane
-from service.jobs.states import JobState
+from service.jobs.states import JobKind, JobState
 from service.storage.database.clock import DatabaseNow
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
 
 _JOBS = table_of(JobRow)
+_PROBLEM: ColumnElement[str] = literal_column(f"'{JobKind.SOLVE}'")
 
 
 def in_order(jobs: Any) -> tuple[ColumnElement[Any], ...]:  # noqa: ANN401
@@ -36,38 +39,84 @@ def is_ready() -> tuple[ColumnElement[bool], ...]:
     return _JOBS.c.state == literal_column(f"'{JobState.QUEUED}'"), _JOBS.c.ready_at <= DatabaseNow()
 
 
-def first_jobs(*columns: ColumnElement[Any], of_lane: bool) -> Select[*tuple[Any, ...]]:
-    """Return the statement that locks the first ``count`` jobs, or the first of ``lane``."""
-    ready = is_ready()
-    if of_lane:
+@dataclass(frozen=True, slots=True)
+class Which:
+    """Which jobs of the queue a statement is about."""
+
+    of_lane: bool = False
+    """Those of ``lane`` only."""
+    problems: bool = False
+    """Problems of ``priority`` only: neither chunks of sweeps nor atlases."""
+
+
+SHOWN = "id", "kind", "priority", "digest", "attempt", "ready_at"
+EACH = tuple(Which(of_lane, problems) for of_lane in (False, True) for problems in (False, True))
+
+
+def first_jobs(*columns: ColumnElement[Any], which: Which) -> Select[*tuple[Any, ...]]:
+    """Return the statement that locks the first ``count`` jobs; its rows have :data:`SHOWN`."""
+    ready, order = is_ready(), in_order(_JOBS.c)
+    if which.of_lane:
         ready = *ready, _JOBS.c.lane == bindparam("lane", type_=SmallInteger)
+        order = tuple(each for each in order if each is not _JOBS.c.lane)
+    if which.problems:
+        ready = *ready, _JOBS.c.priority == bindparam("of_priority", type_=Integer), _JOBS.c.kind == _PROBLEM
     return (
-        select(_JOBS.c.id, *columns)
+        select(*(_JOBS.c[name] for name in SHOWN), *columns)
         .where(*ready)
-        .order_by(*(each for each in in_order(_JOBS.c) if not (of_lane and each is _JOBS.c.lane)))
+        .order_by(*order)
         .limit(bindparam("count", type_=Integer))
         # On Postgres workers skip rows that others have locked. SQLite has one writer and ignores it.
         .with_for_update(skip_locked=True)
     )
 
 
-def take_in_order(
-    connection: Connection, first: Select[Any], first_of_lane: Select[Any], count: int, owed: Sequence[Lane]
-) -> Sequence[str] | None:
-    """Lock jobs by the two statements: one of each lane that is owed one, then the head of the queue."""
-    ids = [
-        job_id
-        for lane in owed
-        for job_id in connection.scalars(first_of_lane, {"lane": int(lane), "count": 1})
-    ]
-    if len(ids) < count:
-        # The second statement finds the rows that this transaction has already locked once more.
-        head = connection.scalars(first, {"count": count}).all()
-        ids += [job_id for job_id in head if job_id not in ids]
-    return ids[:count] or None
+class Chosen:
+    """The jobs that one claim chooses by its statements, within the caller's transaction."""
+
+    def __init__(self, connection: Connection, statements: Mapping[Which, Select[Any]]) -> None:
+        self._connection, self._statements = connection, statements
+        self.ids: list[str] = []
+        self.passed_over: list[Delivery] = []
+        """Problems that equal a chosen one: when that is solved, they share its solution."""
+        self._digests: set[str] = set()
+
+    def choose(self, count: int, owed: Sequence[Lane], together: int) -> None:
+        """Lock first a job of each lane that is owed one, then the head of the queue."""
+        places = sum(self._add(1, 1, lane, together) for lane in owed[:count])
+        if places < count:
+            self._add(count - places, count, None, together)
+
+    def _add(self, number: int, among: int, lane: Lane | None, together: int) -> bool:
+        """Choose ``number`` jobs, or batches of problems in their place; say whether there is any."""
+        given: dict[str, object] = {"count": among} if lane is None else {"count": among, "lane": int(lane)}
+        which = Which(of_lane=lane is not None)
+        # The statements find the rows that this transaction has locked already once more.
+        head = [row for row in self._rows(which, given) if row.id not in self.ids][:number]
+        for row in head:
+            self._take(row)
+        if together > 1 and len({row.priority for row in head}) == 1 and all(map(_is_problem, head)):
+            given |= {"of_priority": head[0].priority, "count": number * together}
+            for row in self._rows(replace(which, problems=True), given):
+                if row.digest in self._digests and row.id not in self.ids:
+                    self.passed_over.append(Delivery(row.id, row.attempt, row.priority, row.ready_at))
+                elif row.id not in self.ids:
+                    self._take(row)
+        return bool(head)
+
+    def _rows(self, which: Which, given: Mapping[str, object]) -> Sequence[Row[*tuple[Any, ...]]]:
+        return self._connection.execute(self._statements[which], given).all()
+
+    def _take(self, row: Row[*tuple[Any, ...]]) -> None:
+        self.ids.append(row.id)
+        self._digests.add(row.digest)
 
 
-_FIRST, _FIRST_OF_LANE = first_jobs(of_lane=False), first_jobs(of_lane=True)
+def _is_problem(row: Row[*tuple[Any, ...]]) -> bool:
+    return bool(row.kind == JobKind.SOLVE.value)
+
+
+_STATEMENTS = {which: first_jobs(which=which) for which in EACH}
 
 
 class TableDispatcher:
@@ -76,9 +125,13 @@ class TableDispatcher:
     def dispatch(self, connection: Connection, deliveries: Sequence[Delivery]) -> None:
         """Do nothing: the row of a queued job is its delivery."""
 
-    def take(self, connection: Connection, count: int, owed: Sequence[Lane] = ()) -> Sequence[str] | None:
+    def take(
+        self, connection: Connection, count: int, owed: Sequence[Lane] = (), together: int = 1
+    ) -> Sequence[str] | None:
         """Return the first jobs of the queue that are ready."""
-        return take_in_order(connection, _FIRST, _FIRST_OF_LANE, count, owed)
+        chosen = Chosen(connection, _STATEMENTS)
+        chosen.choose(count, owed, together)
+        return chosen.ids or None
 
     def repair(self, connection: Connection) -> int:
         """Do nothing: what is in the table is delivered."""

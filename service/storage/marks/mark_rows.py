@@ -29,9 +29,9 @@ _COPY = insert(_OF_SOLUTIONS).from_select(
 )
 
 
-def copy_labels(connection: Connection, solution_id: str) -> None:
-    """Give a stored solution the labels of its job."""
-    connection.execute(_COPY, {"solution": solution_id})
+def copy_labels(connection: Connection, *solution_ids: str) -> None:
+    """Give stored solutions the labels of their jobs."""
+    connection.execute(_COPY, [{"solution": solution_id} for solution_id in solution_ids])
 
 
 def marks_of(session: Session, rows: Sequence[Marked]) -> list[Marks]:

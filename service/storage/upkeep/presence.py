@@ -11,13 +11,13 @@ import threading
 import time
 from collections.abc import Callable
 
-import psycopg
 from sqlalchemy import Connection, delete, insert, inspect, select, update
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.local.hosts import new_worker_name, this_host
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database
+from service.storage.database.postgres_errors import is_postgres_error
 from service.storage.tables.base import table_of
 from service.storage.tables.operations import WorkerRow
 
@@ -141,7 +141,8 @@ def who_is_present(connection: Connection) -> list[str]:
 def _reason(fault: SQLAlchemyError) -> str:
     """Return the database's message without the address that a driver may add, which is private."""
     said = getattr(fault, "orig", None)
-    if isinstance(said, sqlite3.Error) or (isinstance(said, psycopg.Error) and said.sqlstate is not None):
+    has_code = is_postgres_error(said) and said.sqlstate is not None
+    if isinstance(said, sqlite3.Error) or has_code:
         return str(said).splitlines()[0]
     return "it does not answer"
 

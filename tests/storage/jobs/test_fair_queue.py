@@ -84,6 +84,45 @@ def test_a_lane_that_is_owed_a_job_gets_one(jobs, sweeps, submit):
     assert take(jobs, 5, (Lane.SWEEP,)) == ()
 
 
+def test_problems_are_taken_together_in_order_and_nothing_else_is(jobs, sweeps, submit):
+    queue_sweep(sweeps, jobs)
+    urgent = submit(2, priority=1)
+    listed, singles = submit(3, lane=Lane.LIST), submit(4)
+
+    def taken(count, together, owed=()):
+        claims = jobs.take("worker", count, lease_seconds=60.0, owed=owed, together=together).claims
+        return [claim.job_id if claim.lane is not Lane.SWEEP else "chunk" for claim in claims]
+
+    # Not across priorities: a chunk may be more urgent than the problems that follow.
+    assert taken(1, 5) == urgent
+    assert taken(1, 3) == singles[:3]
+    # A lane that is owed a job gets as many as one place takes, and the other place what comes first.
+    assert taken(2, 2, (Lane.LIST,)) == [*listed[:2], singles[3]]
+    assert [taken(1, 5), taken(1, 5)] == [listed[2:], ["chunk"]]
+    (last,) = submit()
+    assert taken(2, 5) == [last, "chunk"]
+    assert taken(3, 5, (Lane.SWEEP,)) == ["chunk"] * 3
+
+
+def test_of_equal_problems_one_is_taken_and_the_others_share_its_solution(jobs):
+    digest = new_id()
+    ids = [job.id for job in jobs.submit_many([(PROBLEM, digest)] * 3 + [(PROBLEM, new_id())])]
+    claims = jobs.take("worker", 1, lease_seconds=60.0, together=9).claims
+    assert [claim.job_id for claim in claims] == [ids[0], ids[3]]
+    ended = [(claim, SOLUTION) for claim in claims]
+    held, taken = jobs.finish_problems(ended, then_take=1, lease_seconds=60.0)
+    assert held == {ids[0], ids[3]}
+    assert taken.reused == (ids[1],)
+    assert jobs.take("worker", 1, lease_seconds=60.0).reused == (ids[2],)
+
+
+def test_keys_take_turns_among_problems_that_are_taken_together(jobs, submit):
+    submit(6, key_id=ALICE, lane=Lane.LIST)
+    submit(3, key_id=BOB, lane=Lane.LIST)
+    claims = jobs.take("worker", 1, lease_seconds=60.0, together=6).claims
+    assert sorted(claim.key_id for claim in claims) == sorted([ALICE, BOB] * 3)
+
+
 def test_a_finished_job_is_followed_by_one_of_a_lane_that_is_owed_it(jobs, sweeps, submit):
     queue_sweep(sweeps, jobs)
     submit(2)

@@ -127,6 +127,23 @@ class JobMachine(RuleBasedStateMachine):
             self.solved.add(job.digest)
         return self.expect_taken(claim.worker, then_take, taken)
 
+    @rule(target=claims, first=claims, second=claims, fails=st.booleans(), then_take=st.integers(0, 2))
+    def end_two(self, first, second, fails, then_take):
+        if first.worker != second.worker or first.job_id == second.job_id:
+            return multiple()
+        ended = [(first, SUCCESS), (second, FAILURE if fails else SUCCESS)]
+        kept, taken = self.store.finish_problems(ended, then_take=then_take, lease_seconds=LEASE)
+        holders = {claim.job_id: self.holder(claim) for claim, _ in ended}
+        assert kept == {job_id for job_id, job in holders.items() if job is not None}
+        for claim, outcome in ended:
+            job = holders[claim.job_id]
+            if job is not None and outcome is SUCCESS:
+                job.end(JobState.SUCCEEDED, AttemptOutcome.SUCCEEDED)
+                self.solved.add(job.digest)
+            elif job is not None:
+                job.end(JobState.FAILED, AttemptOutcome.FAILED)
+        return self.expect_taken(first.worker, then_take, taken)
+
     @rule(claim=claims)
     def fail(self, claim):
         job = self.holder(claim)

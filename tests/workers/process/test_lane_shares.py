@@ -9,7 +9,8 @@ from service.jobs.lanes import Lane
 from service.jobs.outcome import Solved
 from service.jobs.states import JobKind
 from workers.process import runner as runner_module
-from workers.process.runner import JobLimits, Runner
+from workers.process.limits import JobLimits
+from workers.process.runner import Runner
 
 LIMITS = JobLimits(lease_seconds=1e6, job_seconds=1e6, memory_mb=1000, max_attempts=3, retry_seconds=0.0)
 OUTCOME = Solved({"method": "quadrature"}, b"", b"")
@@ -29,14 +30,14 @@ class FakeStore:
     def __init__(self, waiting):
         self.waiting, self.handed_out, self.asked, self._number = set(waiting), [], [], 0
 
-    def take(self, worker, count, *, lease_seconds, owed=()):
+    def take(self, worker, count, *, lease_seconds, owed=(), together=1):
         self.asked.append(tuple(owed))
         lanes = [lane for lane in owed[:count] if lane in self.waiting]
         lanes += [min(self.waiting)] * (count - len(lanes)) if self.waiting else []
         self.handed_out += lanes
         return Taken(tuple(map(self._claim, lanes)))
 
-    def finish(self, claim, outcome, *, then_take=0, lease_seconds=0.0, owed=()):
+    def finish(self, claim, outcome, *, then_take=0, lease_seconds=0.0, owed=(), together=1):
         return True, self.take("worker", then_take, lease_seconds=lease_seconds, owed=owed)
 
     def held(self, claims):

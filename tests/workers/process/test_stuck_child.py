@@ -10,7 +10,8 @@ from service.sandbox import Sandbox
 from tests.workers import chores
 from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
-from workers.process.runner import JobLimits, Runner
+from workers.process.limits import JobLimits
+from workers.process.runner import Runner
 
 pytestmark = pytest.mark.any_database
 

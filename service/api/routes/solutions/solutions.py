@@ -16,9 +16,9 @@ from service.api.replies.places import SolutionId
 from service.api.replies.records import solution_out
 from service.api.replies.responses import JSON, json_content, refusals
 from service.api.tagged import told_of
-from service.dynamics.motion import SolvedBy
+from service.dynamics.methods import SolvedBy
 from service.dynamics.problem import Tier
-from service.schemas.problem.potentials import FamilyName
+from service.schemas.problem.family_names import FamilyName
 from service.schemas.query.conditions import Condition, OrderKey, Subject
 from service.schemas.query.facts import OF_SOLUTIONS
 from service.schemas.query.kinds import Kind

@@ -63,6 +63,25 @@ def test_a_claim_uses_up_the_delivery_of_its_own_job(installation, jobs):
 
 
 @pytest.mark.usefixtures("cancelled")
+def test_problems_that_are_taken_together_use_up_their_own_deliveries(installation, jobs):
+    ids = many(jobs, 5, lane=Lane.LIST)
+    claims = jobs.take("worker", 1, lease_seconds=60.0, together=3).claims
+    assert [claim.job_id for claim in claims] == ids[:3]
+    assert installation.count("procrastinate_jobs") == (2 if installation.engine == "procrastinate" else 0)
+    assert jobs.repair() == 0
+    assert [claim.job_id for claim in taken(jobs, 5)] == ids[3:]
+
+
+@pytest.mark.usefixtures("cancelled")
+def test_equal_problems_that_are_not_taken_together_keep_their_deliveries(installation, jobs):
+    ids = [job.id for job in jobs.submit_many([({}, "equal")] * 3, lane=Lane.LIST)]
+    claims = jobs.take("worker", 1, lease_seconds=60.0, together=3).claims
+    assert [claim.job_id for claim in claims] == ids[:1]
+    assert installation.count("procrastinate_jobs") == (2 if installation.engine == "procrastinate" else 0)
+    assert jobs.repair() == 0
+
+
+@pytest.mark.usefixtures("cancelled")
 def test_deliveries_of_jobs_that_were_cancelled_are_removed(installation, jobs):
     first, *others = many(jobs, 4)
     for job_id in others:

@@ -1,0 +1,236 @@
+"""Jobs that one call of a child computes end as each would alone: each has limits, attempts and a claim."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from service.jobs.batching import BatchSize
+from service.jobs.job import Claim
+from service.jobs.lanes import Lane
+from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.sandbox import Sandbox
+from service.storage.database.ids import new_id
+from service.storage.jobs.job_store import SqlJobStore
+from tests.workers import chores
+from tests.workers.processes import wait_until
+from workers.process import runner as runner_module
+from workers.process.batches import Ledger, compute_in_turn
+from workers.process.limits import JobLimits
+from workers.process.runner import Runner
+from workers.process.runs import shared_out
+
+pytestmark = pytest.mark.any_database
+TOGETHER = 5
+LIMITS = JobLimits(lease_seconds=3600.0, job_seconds=3600.0, memory_mb=300, max_attempts=3, retry_seconds=0)
+
+
+class FiveAtOnce(BatchSize):
+    """However long jobs take, until there is trouble."""
+
+    def __init__(self):
+        self.most = TOGETHER
+
+    def learn(self, number, seconds):
+        """Learn nothing."""
+
+
+@pytest.fixture
+def sandbox():
+    sandbox = Sandbox(1, memory_mb=LIMITS.memory_mb)
+    sandbox.start()
+    yield sandbox
+    sandbox.close()
+
+
+class Together:
+    """A runner that takes five jobs at a time, whose loop is the test's."""
+
+    def __init__(self, jobs: SqlJobStore, sandbox: Sandbox, limits: JobLimits) -> None:
+        self.jobs = jobs
+        self.runner = Runner(
+            jobs, sandbox, chores.CHORES, name="worker", slots=1, limits=limits, wake=lambda: None
+        )
+        self.batches: list[int] = []
+        self.told: list[str] = []
+
+    def submit(self, *problems: dict) -> list[str]:
+        made = self.jobs.submit_many([(problem, new_id()) for problem in problems], lane=Lane.LIST)
+        return [job.id for job in made]
+
+    def turn(self) -> None:
+        self.told += self.runner.collect(refill=True)
+        self.runner.keep_leases()
+        self.runner.reconcile()
+        self.told += self.runner.fill()
+
+    def finish(self, ids: list[str]) -> list[JobState]:
+        def are_finished() -> bool:
+            self.turn()
+            return all(self.jobs.get(job_id).is_finished for job_id in ids)
+
+        wait_until(are_finished)
+        return [self.jobs.get(job_id).state for job_id in ids]
+
+    def outcomes(self, job_id: str) -> list[AttemptOutcome]:
+        return [attempt.outcome for attempt in self.jobs.attempts(job_id)]
+
+
+@pytest.fixture
+def together(jobs, sandbox, monkeypatch):
+    monkeypatch.setattr(runner_module, "BatchSize", FiveAtOnce)
+    # Of a batch everything is begun, however busy the machine.
+    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 60.0)
+    made = []
+
+    def start(**limits) -> Together:
+        chosen = {name: getattr(LIMITS, name) for name in JobLimits.__slots__}
+        made.append(Together(jobs, sandbox, JobLimits(**{**chosen, **limits})))
+        counted = made[-1].batches
+
+        class Counted(Ledger):
+            def __init__(self):
+                super().__init__()
+                counted.append(1)
+
+        monkeypatch.setattr(runner_module, "Ledger", Counted)
+        return made[-1]
+
+    yield start
+    for each in made:
+        each.runner.give_back()
+
+
+def test_problems_share_a_call_and_each_has_its_attempt_and_its_solution(together, solutions, tmp_path):
+    crew, log = together(), tmp_path / "log"
+    ids = crew.submit(*({"number": k, "log": str(log)} for k in range(2 * TOGETHER)))
+    assert crew.finish(ids) == [JobState.SUCCEEDED] * len(ids)
+    assert len(crew.batches) == 2
+    assert sorted(crew.told) == sorted(ids)
+    assert len(log.read_text().split()) == len(ids)  # each was computed once
+    for number, job_id in enumerate(ids):
+        job = crew.jobs.get(job_id)
+        assert crew.outcomes(job_id) == [AttemptOutcome.SUCCEEDED]
+        assert solutions.get(job.solution_id).problem["number"] == number
+
+
+@pytest.mark.parametrize(
+    ("chore", "state", "code", "attempts"),
+    [
+        ("refuse", JobState.FAILED, "no_motion", [AttemptOutcome.FAILED]),
+        ("raise", JobState.FAILED, "internal_error", [AttemptOutcome.FAILED]),
+        ("nan", JobState.FAILED, "internal_error", [AttemptOutcome.FAILED]),
+        ("hog", JobState.FAILED, "memory_limit", [AttemptOutcome.FAILED]),
+        ("crash", JobState.FAILED, "lost_worker", [AttemptOutcome.LOST] * 3),
+    ],
+)
+def test_one_that_fails_fails_alone(together, chore, state, code, attempts):
+    crew = together()
+    problems = [{} for _ in range(TOGETHER)]
+    problems[2] = {"chore": chore}
+    ids = crew.submit(*problems)
+    states = crew.finish(ids)
+    assert crew.batches
+    assert states[2] is state
+    assert crew.jobs.get(ids[2]).error["code"] == code
+    assert crew.outcomes(ids[2]) == attempts
+    others = [*ids[:2], *ids[3:]]
+    assert {crew.jobs.get(job_id).state for job_id in others} == {JobState.SUCCEEDED}
+    assert [crew.outcomes(job_id) for job_id in others] == [[AttemptOutcome.SUCCEEDED]] * len(others)
+
+
+def test_the_time_limit_of_one_is_not_that_of_the_others(together, monkeypatch):
+    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 0.0)
+    crew = together(job_seconds=1.0)
+    ids = crew.submit({}, {"chore": "spin"}, {}, {}, {})
+    states = crew.finish(ids)
+    assert states == [JobState.SUCCEEDED, JobState.FAILED, *[JobState.SUCCEEDED] * 3]
+    assert crew.jobs.get(ids[1]).error["code"] == "time_limit"
+    assert crew.outcomes(ids[1])[-1] is AttemptOutcome.FAILED
+
+
+def begun(log: Path) -> list[str]:
+    return log.read_text().split() if log.exists() else []
+
+
+def test_cancelling_the_one_that_runs_kills_its_child_and_no_other_job(together, tmp_path):
+    crew, log = together(), tmp_path / "log"
+    ids = crew.submit({}, {"chore": "spin", "log": str(log)}, {}, {}, {})
+    wait_until(lambda: crew.turn() or begun(log))
+    crew.jobs.cancel(ids[1])
+    assert crew.finish(ids) == [JobState.SUCCEEDED, JobState.CANCELLED, *[JobState.SUCCEEDED] * 3]
+    assert crew.outcomes(ids[1]) == [AttemptOutcome.CANCELLED]
+    wait_until(lambda: not Path(f"/proc/{begun(log)[0]}").exists())
+
+
+def test_jobs_behind_a_long_one_go_back_to_the_queue_for_others(together, jobs, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 0.0)
+    crew, log = together(), tmp_path / "log"
+    ids = crew.submit({"chore": "sleep", "seconds": 3.0, "log": str(log)}, {}, {}, {}, {})
+    wait_until(lambda: crew.turn() or begun(log))
+
+    def another_has_them() -> bool:
+        crew.turn()
+        return all(jobs.get(job_id).state is JobState.QUEUED for job_id in ids[1:])
+
+    wait_until(another_has_them)
+    claims = jobs.take("another", 4, lease_seconds=60.0).claims
+    assert [claim.job_id for claim in claims] == ids[1:]
+    assert crew.finish(ids[:1]) == [JobState.SUCCEEDED]
+    assert crew.outcomes(ids[0]) == [AttemptOutcome.SUCCEEDED]
+    assert crew.outcomes(ids[1]) == [AttemptOutcome.RETURNED, None]
+
+
+def test_a_child_that_is_killed_from_outside_costs_an_attempt_of_the_one_that_it_computed(together, tmp_path):
+    crew, log = together(), tmp_path / "log"
+    ids = crew.submit({}, {"chore": "sleep", "seconds": 1.0, "log": str(log)}, {}, {}, {})
+    wait_until(lambda: crew.turn() or begun(log))
+    os.kill(int(begun(log)[0]), signal.SIGKILL)
+    assert crew.finish(ids) == [JobState.SUCCEEDED] * TOGETHER
+    assert crew.outcomes(ids[1]) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
+    assert {tuple(crew.outcomes(job_id)) for job_id in (ids[0], *ids[2:])} == {(AttemptOutcome.SUCCEEDED,)}
+
+
+def test_a_worker_that_stops_gives_back_all_that_it_has_not_done(together, tmp_path):
+    crew, log = together(), tmp_path / "log"
+    ids = crew.submit({"chore": "spin", "log": str(log)}, {}, {}, {}, {})
+    wait_until(lambda: crew.turn() or begun(log))
+    crew.runner.give_back()
+    assert not crew.runner.is_busy
+    assert {crew.jobs.get(job_id).state for job_id in ids} == {JobState.QUEUED}
+    assert {tuple(crew.outcomes(job_id)) for job_id in ids} == {(AttemptOutcome.RETURNED,)}
+
+
+def test_a_child_begins_nothing_more_when_it_is_told_or_its_time_is_over():
+    ledger = Ledger()
+    calls = [({}, (json.dumps({"number": k}),)) for k in range(4)]
+
+    def stop_at_second(document):
+        if json.loads(document)["number"] == 1:
+            assert ledger.stop() == 2
+        return chores.do_chore(document)
+
+    assert len(compute_in_turn(ledger.path, 60.0, stop_at_second, calls)) == 2
+    ledger.close()
+    assert not Path(ledger.path).exists()
+    ledger = Ledger()
+    assert len(compute_in_turn(ledger.path, -1.0, chores.do_chore, calls)) == 1
+    assert ledger.begun() == 1
+    ledger.close()
+
+
+def claim_of(number: int, kind: JobKind) -> Claim:
+    return Claim(str(number), 1, "worker", {}, "digest", None, kind=kind)
+
+
+def test_places_are_shared_by_problems_and_never_by_what_takes_long():
+    solves = [claim_of(k, JobKind.SOLVE) for k in range(7)]
+    chunk, atlas = claim_of(8, JobKind.CHUNK), claim_of(9, JobKind.ATLAS)
+    shares = list(shared_out([*solves[:2], chunk, *solves[2:], atlas], 4))
+    assert shares[:2] == [(chunk,), (atlas,)]
+    assert sorted(len(share) for share in shares[2:]) == [3, 4]
+    assert sorted(int(claim.job_id) for share in shares[2:] for claim in share) == list(range(7))
+    assert list(shared_out([], 3)) == []
+    assert list(shared_out(solves[:2], 3)) == [(solves[0],), (solves[1],)]

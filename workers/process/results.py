@@ -1,0 +1,98 @@
+"""Stores what children have computed, and why they have not, under the claims of their jobs."""
+
+import logging
+from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
+from functools import partial
+from typing import TypedDict
+
+from service.jobs.job import Claim, Taken
+from service.jobs.lanes import Lane
+from service.jobs.outcome import Outcome, SolveOutcome
+from service.jobs.store import JobStore
+from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.storage.database.availability import is_away
+from workers.process.limits import JobLimits
+
+logger = logging.getLogger(__name__)
+
+
+class Terms(TypedDict):
+    """On which terms further jobs are taken."""
+
+    lease_seconds: float
+    owed: Sequence[Lane]
+    together: int
+
+
+class Results:
+    """Writes the ends of jobs into the store.
+
+    A fault of the database that passes is raised: the result waits with the caller until it is back.
+    """
+
+    def __init__(self, store: JobStore, limits: JobLimits) -> None:
+        self._store, self._limits = store, limits
+
+    def store(self, claim: Claim, outcome_of: Callable[[], Outcome], then_take: int, terms: Terms) -> Taken:
+        """Store the result of one job, or why it has none, and take others by the same commit."""
+        try:
+            kept, taken = self._store.finish(claim, outcome_of(), then_take=then_take, **terms)
+        except (Exception, CancelledError) as fault:
+            self.record(claim, fault)
+            return Taken()
+        if not kept:
+            _tell_too_late(claim)
+        return taken
+
+    def store_all(self, ended: Sequence[tuple[Claim, SolveOutcome]], then_take: int, terms: Terms) -> Taken:
+        """Store the results of a batch, and take others by the same commit."""
+        try:
+            held, taken = self._store.finish_problems(ended, then_take=then_take, **terms)
+        except Exception as fault:
+            if is_away(fault):
+                raise
+            # One of them cannot be stored. Alone each tells whether it is the one.
+            for claim, outcome in ended:
+                self.store(claim, partial(_same, outcome), 0, terms)
+            return Taken()
+        for claim, _ in ended:
+            if claim.job_id not in held:
+                _tell_too_late(claim)
+        return taken
+
+    def record(self, claim: Claim, fault: BaseException) -> None:
+        """Write why an attempt has no result."""
+        if isinstance(fault, SandboxCrashError):
+            logger.warning("job %s attempt %d: %s", claim.job_id, claim.attempt, fault)
+            self._store.lose(claim, str(fault), **self._limits.retries())
+        elif isinstance(fault, SandboxTimeoutError):
+            detail = f"not finished after {self._limits.job_seconds:g} s, the limit for one job"
+            self._fail(claim, "time_limit", detail)
+        elif isinstance(fault, SandboxMemoryError):
+            detail = f"needed more than {self._limits.memory_mb} MiB of memory, the limit for one job"
+            self._fail(claim, "memory_limit", detail)
+        elif isinstance(fault, CancelledError):
+            logger.info("job %s attempt %d: stopped", claim.job_id, claim.attempt)
+        elif is_away(fault):
+            raise fault
+        else:
+            # A bug: it would only repeat itself, so there is no other attempt.
+            logger.error("job %s attempt %d", claim.job_id, claim.attempt, exc_info=fault)
+            self._fail(claim, "internal_error", f"{type(fault).__name__}: {fault}")
+
+    def _fail(self, claim: Claim, code: str, detail: str) -> None:
+        self._store.finish_failure(claim, {"code": code, "detail": detail})
+
+
+def fields_of(claim: Claim) -> dict[str, object]:
+    """Return the log fields of a claim."""
+    return {"job": claim.job_id, "attempt": claim.attempt}
+
+
+def _same(outcome: SolveOutcome) -> SolveOutcome:
+    return outcome
+
+
+def _tell_too_late(claim: Claim) -> None:
+    logger.info("job %s attempt %d: finished too late, discarded", claim.job_id, claim.attempt)
