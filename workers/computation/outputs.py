@@ -79,11 +79,25 @@ def find_out(problem: Problem, motion: Motion) -> Findings:
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
     if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
         try:
-            stability = with_enough_bits(problem, _assess)
+            stability = _stability(problem, problem.motion, motion)
             closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
     return Findings(drifts, further, orientation, stability, closed_trace, tuple(notices), relations)
+
+
+def _stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stability:
+    """Return the stability in compiled doubles, in balls where those do not decide it."""
+    # The compiler is loaded only where it is needed.
+    from workers.solvers.stability.by_doubles import stability_by_doubles  # noqa: PLC0415
+
+    if motion.window is not None and motion.dense.period is not None and not motion.conventions:
+        found = stability_by_doubles(
+            problem.body, problem.potential, planar, motion.window, problem.tolerance
+        )
+        if found is not None:
+            return found
+    return with_enough_bits(problem, _assess)
 
 
 def _assess(problem: Problem, found: Place) -> Stability:
