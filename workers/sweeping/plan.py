@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from service.dynamics.problem import PlanarMotion, Problem
 from service.schemas.sweep.sweep import Sweep, SweepAxis
+from workers.computation.outputs import takes_doubles
 from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.coefficients import Coefficients, coefficients_of
 from workers.sweeping.energies import Energies, energies_of
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 _CURVE_FIELDS = ("lambda", "nu")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
+_BY_DOUBLES = {"orientation", "stability"}
+"""Outputs that compiled doubles have for the tiers that are content with them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +78,8 @@ def make_plan(sweep: Sweep) -> Plan:
     that those on the axes make. Compiled doubles take the sweeps that besides
 
     * vary nothing but the potential's numbers, λ or nu, B, and g1 at the start,
-    * ask, by method ``auto``, for no outputs but period, gamma, omega, and the integrals,
+    * ask, by method ``auto``, for no outputs but period, gamma, omega, and the integrals; by the tiers
+      ``draft`` and ``standard`` also for the stability, and for the precession without columns,
     * by the tiers ``draft`` and ``standard``, or a tolerance that ``standard`` keeps; by ``high`` and finer
       tolerances, where the potential is rational and A = 2C (or C = 2A).
     """
@@ -108,7 +112,7 @@ def make_plan(sweep: Sweep) -> Plan:
 def _is_quick(sweep: Sweep, problem: Problem) -> bool:
     return (
         problem.method == "auto"
-        and set(problem.outputs) <= _PLAIN_OUTPUTS
+        and _are_quick(sweep, problem)
         and compiled_tier(problem) is not None
         and isinstance(problem.motion, PlanarMotion)
         and not (keeps_further(sweep.keep) and any(map(_is_of_moment, sweep.axes)))
@@ -117,6 +121,17 @@ def _is_quick(sweep: Sweep, problem: Problem) -> bool:
             _is_of_curve(axis) or _is_of_potential(axis) or _is_of_start(axis) or _is_of_moment(axis)
             for axis in sweep.axes
         )
+    )
+
+
+def _are_quick(sweep: Sweep, problem: Problem) -> bool:
+    """Tell whether all outputs have compiled code: of the attitude the precession has, the columns do not."""
+    outputs = set(problem.outputs)
+    return outputs <= _PLAIN_OUTPUTS or (
+        outputs <= _PLAIN_OUTPUTS | _BY_DOUBLES
+        and takes_doubles(problem)
+        and not ("orientation" in outputs and sweep.series_columns)
+        and not ("stability" in outputs and problem.body.B is None)
     )
 
 
