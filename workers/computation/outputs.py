@@ -24,12 +24,15 @@ from workers.solvers.closed_form.lame import transverse_stability
 from workers.solvers.invariants import Drifts, measure_drifts
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.orientation.solve import Orientation, with_orientation
+from workers.solvers.planar.choose import compiled_tier
 from workers.solvers.planar.start import with_enough_bits
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
 from workers.solvers.stability.monodromy import StabilityUndefinedError
 
 LAME_BITS = 128
+DOUBLES = ("draft", "standard")
+"""Compiled tiers whose promise doubles keep for the outputs too."""
 ZERO_AREAS = 1e-12
 """|I3| below this share of the angular momentum counts as zero: that is its rounding."""
 
@@ -75,15 +78,45 @@ def find_out(problem: Problem, motion: Motion) -> Findings:
         if isinstance(problem.motion, ClassicalMotion):
             relations = relations_of(place_motion(problem)).drifts(motion.samples)
     if "orientation" in problem.outputs:
-        orientation = with_orientation(motion)
+        orientation = _orientation(problem, motion)
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
     if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
         try:
-            stability = with_enough_bits(problem, _assess)
+            stability = _stability(problem, problem.motion, motion)
             closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
     return Findings(drifts, further, orientation, stability, closed_trace, tuple(notices), relations)
+
+
+def takes_doubles(problem: Problem) -> bool:
+    """Tell whether the outputs of a problem are tried in compiled doubles first, as its motion is."""
+    return compiled_tier(problem) in DOUBLES
+
+
+def _orientation(problem: Problem, motion: Motion) -> Orientation:
+    """Return the attitude, with the precession in compiled doubles where the tier is content with them."""
+    if isinstance(problem.motion, PlanarMotion) and takes_doubles(problem):
+        # The compiler is loaded only where it is needed.
+        from workers.solvers.orientation.by_doubles import advances_on  # noqa: PLC0415
+
+        return with_orientation(motion, advances_on(problem.body, problem.motion))
+    return with_orientation(motion)
+
+
+def _stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stability:
+    """Return the stability in compiled doubles, in balls where those do not decide it."""
+    # The compiler is loaded only where it is needed.
+    from workers.solvers.stability.by_doubles import stability_by_doubles  # noqa: PLC0415
+
+    is_plain = motion.dense.period is not None and not motion.conventions
+    if takes_doubles(problem) and is_plain and motion.window is not None:
+        found = stability_by_doubles(
+            problem.body, problem.potential, planar, motion.window, problem.tolerance
+        )
+        if found is not None:
+            return found
+    return with_enough_bits(problem, _assess)
 
 
 def _assess(problem: Problem, found: Place) -> Stability:

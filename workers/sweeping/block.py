@@ -18,6 +18,7 @@ from workers.sweeping.doubles import Sampling, Swept, sweep_sets
 from workers.sweeping.emptiness import have_no_motion_at
 from workers.sweeping.family import potential_of
 from workers.sweeping.integrals import KeptIntegrals
+from workers.sweeping.kept_outputs import OUTPUTS, KeptOutputs
 from workers.sweeping.near_poles import keep_their_sign
 from workers.sweeping.plan import Quick, Side
 from workers.sweeping.points import Parameters, SweptPoints, are_numbers, curves_of, listed_exactly, times_of
@@ -44,6 +45,7 @@ class BlockSolver:
         self._grade = grade
         names = [name for name in sweep.series_columns if name != "t"]
         self._integrals = KeptIntegrals(problem.body, sweep.keep)
+        self._outputs = KeptOutputs(problem)
         columns = ALL if self._integrals.names else np.array(list(map(COLUMNS.index, names)), dtype=np.int64)
         self._sampling = Sampling(problem.time, columns, problem.wants_series)
         self._names = names
@@ -108,6 +110,8 @@ class BlockSolver:
                 decided &= np.isfinite(numbers[name]) if name in ("energy", "energy.error") else True
         if self._integrals.names:
             numbers |= self._along(points, places, decided, side, numbers.get("energy"), swept.samples)
+        if self._outputs.are_any:
+            numbers |= self._outputs_along(points, side, group, chosen, decided)
         found.add(places, decided, numbers, swept)
         rest = np.flatnonzero(~decided)
         curves = [chosen[place] for place in rest.tolist()]
@@ -157,6 +161,27 @@ class BlockSolver:
             found = self._integrals.along(potential, side.motion.sign_of_g1, energy, samples[n])
             for name, column in columns.items():
                 column[n] = found.get(name, np.nan)
+        return columns
+
+    def _outputs_along(
+        self, points: SweptPoints, side: Side, group: Group, chosen: Sequence[fmpq], decided: BoolArray
+    ) -> dict[str, FloatArray]:
+        """Return what is kept of further outputs of each decided motion; those that need a job are not."""
+        quick, places = self._quick, group.places
+        at = quick.start_place
+        starts = None if at is None else np.abs(points.doubles[at, places])
+        outputs = self._outputs.along(side, group, chosen, starts)
+        columns = {name: np.full(len(places), np.nan) for name in self._sweep.keep if name in OUTPUTS}
+        for n in np.flatnonzero(decided).tolist():
+            B, moment = quick.problem.body.B, quick.moment_place
+            if moment is not None:
+                B = _fraction(points.exact(moment, int(places[n])))
+            found = None if outputs is None else outputs.of_point(n, B)
+            if found is None:
+                decided[n] = False
+                continue
+            for name, column in columns.items():
+                column[n] = found[name]
         return columns
 
     def _are_plain(self, parameters: FloatArray) -> BoolArray:

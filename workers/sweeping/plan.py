@@ -11,6 +11,7 @@ from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.verdict.proofs.power_sums import NotAPowerSumError, judge_power_sum
 from service.schemas.sweep.sweep import Sweep, SweepAxis
+from workers.computation.outputs import takes_doubles
 from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.coefficients import Coefficients, coefficients_of
 from workers.sweeping.energies import Energies, energies_of
@@ -33,6 +34,8 @@ FEW = (
 _TIME_FIELDS = ("start", "stop", "periods")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
+_BY_DOUBLES = {"orientation", "stability"}
+"""Outputs that compiled doubles have for the tiers that are content with them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +96,8 @@ def make_plan(sweep: Sweep) -> Plan:
     that those on the axes make. Compiled doubles take the sweeps that besides
 
     * vary nothing but the potential's numbers, λ or nu, B, g1 at the start, and the times,
-    * ask, by method ``auto``, for no outputs but period, gamma, omega, and the integrals,
+    * ask, by method ``auto``, for no outputs but period, gamma, omega, and the integrals; by the tiers
+      ``draft`` and ``standard`` also for the stability, and for the precession without columns,
     * by the tiers ``draft`` and ``standard``, or a tolerance that ``standard`` keeps; by ``high`` and finer
       tolerances, where the potential is rational and A = 2C (or C = 2A).
     """
@@ -168,7 +172,7 @@ def place_in_state(path: Sequence[str]) -> int | None:
 def _is_quick(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("B",)) -> bool:
     return (
         problem.method == "auto"
-        and set(problem.outputs) <= _PLAIN_OUTPUTS
+        and _are_quick(sweep, problem)
         and compiled_tier(problem) is not None
         and isinstance(problem.motion, PlanarMotion)
         and not (keeps_further(sweep.keep) and any(map(_is_of_moment, sweep.axes)))
@@ -181,6 +185,17 @@ def _is_quick(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("B",)) -
             or (_is_of_time(axis) and compiled_tier(problem) != "high")
             for axis in sweep.axes
         )
+    )
+
+
+def _are_quick(sweep: Sweep, problem: Problem) -> bool:
+    """Tell whether all outputs have compiled code: of the attitude the precession has, the columns do not."""
+    outputs = set(problem.outputs)
+    return outputs <= _PLAIN_OUTPUTS or (
+        outputs <= _PLAIN_OUTPUTS | _BY_DOUBLES
+        and takes_doubles(problem)
+        and not ("orientation" in outputs and sweep.series_columns)
+        and not ("stability" in outputs and problem.body.B is None)
     )
 
 

@@ -45,6 +45,12 @@ PROBLEMS: Mapping[str, Document] = MappingProxyType(
             tier: {**_BASE, "accuracy": {"tier": tier}} for tier in ("draft", "standard", "high", "certified")
         },
         "orientation": {**_BASE, "outputs": _OUTPUTS},
+        "through the poles": {
+            **_BASE,
+            "body": {"A": "2", "B": "3/2", "C": "1"},
+            "potential": {"type": "gravity", "a": "-1"},
+            "outputs": [*_OUTPUTS, "stability"],
+        },
         "other moments": {**_BASE, **_OTHER_MOMENTS, "accuracy": {"tier": "high"}},
     }
 )

@@ -17,6 +17,7 @@ from service.dynamics.motion import Motion
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.arc import Arc
+from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
 from workers.solvers.assembly.description import conventions_of
 from workers.solvers.assembly.periodic import Sampled, asked_times, make_periodic
@@ -59,7 +60,7 @@ class CompiledFamily:
         if not isinstance(place, PeriodicPlace) or not isinstance(motion, PlanarMotion):
             return NOT_MINE
         found = solve_spectral(problem.body, problem.potential, motion, tier=self.kernel)
-        if found is None or not _is_in(place, found):
+        if found is None or not is_in_window(place.window, found):
             return NOT_MINE
         period = found.period
         end = np.array([period.hi])
@@ -84,8 +85,8 @@ def arc_in_doubles(body: RigidBody, potential: Potential, motion: PlanarMotion) 
     return _arc(found, loop, start_g3_sign(loop, motion))
 
 
-def _is_in(place: Place, found: "SpectralMotion") -> bool:
-    window = place.window
+def is_in_window(window: Window, found: "SpectralMotion") -> bool:
+    """Tell whether a motion has the ends of the window, and so is the one in it."""
     return found.ends == window.ends and all(
         abs(one - other) <= SAME for one, other in zip(found.g1, window.g1, strict=True)
     )

@@ -56,7 +56,12 @@ def loop_advances(loop: Loop, sense: int) -> tuple[Advance, Advance]:
 
 
 def estimate(advance: Advance) -> Estimate:
-    """Return an advance as one double, with its rounding in the error."""
+    """Return an advance as one double, with its rounding in the error.
+
+    That of a libration is 0, and its error too: this is a theorem.
+    """
+    if advance == Advance():
+        return Estimate(0.0, 0.0)
     return Estimate(advance.hi, nextafter(abs(advance.lo) + advance.error, inf))
 
 

@@ -8,6 +8,7 @@ which are known from the curve alone.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +22,8 @@ from service.dynamics.equations.orientation import (
     orientation_columns,
     quaternion_product,
 )
-from service.dynamics.motion import Estimate, Motion
+from service.dynamics.motion import Motion
+from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.solution.dense_output import EPSILON, Advance, DenseOutput, FloatArray
 from workers.solvers.orientation.advance import Precession, estimate, loop_advances
 from workers.solvers.orientation.pieces import Pieces, VerticalAxisError, resolve_attitude
@@ -45,7 +47,11 @@ class Orientation:
     """Why psi1 or psi3 is not there."""
 
 
-def with_orientation(motion: Motion) -> Orientation:
+Advances = Callable[[Loop, int], tuple[Advance, Advance]]
+"""What ψ1 and ψ3 gain round a loop in a sense, as :func:`.advance.loop_advances` has it."""
+
+
+def with_orientation(motion: Motion, advances_of: Advances = loop_advances) -> Orientation:
     """Return the dense output of ``motion`` with the attitude added, and the precession per period.
 
     Pieces are halved where the attitude needs it; the motion's own columns stay
@@ -62,12 +68,12 @@ def with_orientation(motion: Motion) -> Orientation:
     """
     names, pieces, notices = _resolve(motion.dense)
     dense = _with_columns(motion.dense, names, pieces)
-    advances = _advances(motion, dense)
+    advances = _advances(motion, dense, advances_of)
     dense = replace(dense, advances={name: a for name, a in advances.items() if a != Advance()})
     dense = replace(dense, errors=_errors(dense, names, pieces, advances))
     precession = None
     if advances:
-        precession = Precession(*(_precession(advances[name], dense.errors[name]) for name in AXES))
+        precession = Precession(*(estimate(advances[name]) for name in AXES))
     return Orientation(dense, precession, notices)
 
 
@@ -133,7 +139,7 @@ def _starts(propagators: FloatArray) -> FloatArray:
     return products
 
 
-def _advances(motion: Motion, dense: DenseOutput) -> dict[str, Advance]:
+def _advances(motion: Motion, dense: DenseOutput, advances_of: Advances) -> dict[str, Advance]:
     """Return what psi1 and psi3 gain per period; empty without a period."""
     if motion.dense.period is None:
         return {}
@@ -143,12 +149,7 @@ def _advances(motion: Motion, dense: DenseOutput) -> dict[str, Advance]:
         return dict.fromkeys(AXES, Advance())
     end = dense.coefficients[-1].sum(axis=0)
     psi1, psi3 = (end[dense.columns.index(name)] for name in AXES)
-    return dict(zip(AXES, loop_advances(arc.loop, 1 if psi1 > psi3 else -1), strict=True))
-
-
-def _precession(advance: Advance, error: float) -> Estimate:
-    # No advance is no estimate but a theorem: what the sums miss it by is told all the same.
-    return Estimate(0.0, error) if advance == Advance() else estimate(advance)
+    return dict(zip(AXES, advances_of(arc.loop, 1 if psi1 > psi3 else -1), strict=True))
 
 
 def _errors(

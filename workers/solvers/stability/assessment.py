@@ -4,9 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
 from flint import arb
-from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
@@ -15,18 +13,10 @@ from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.orbits.orbit import Libration, Rotation, make_orbit
 from workers.solvers.stability.hill import hill_monodromy
 from workers.solvers.stability.monodromy import Monodromy
-
-FloatArray = NDArray[np.float64]
+from workers.solvers.stability.trusted import trusted_time
 
 Verdict = Literal["stable", "unstable", "marginal"]
 
-UNIT_ROUNDOFF = EPSILON / 2.0
-MAX_PERIODS = 1_000_000
-"""A motion that can be trusted for as many periods is not limited by its transverse perturbations."""
-TOGETHER = 8192
-"""Periods that are looked at together."""
-LARGEST_GROWTH = 60.0
-"""Natural logarithm beyond which no tolerance matters: 26 decimal digits."""
 SPEED_PHASES = 16
 
 
@@ -50,7 +40,7 @@ class Stability:
     exponent_error: float
     trusted_time: float | None
     """How long an integration in doubles keeps the transverse error below the tolerance, see
-    :func:`trusted_time`; None if for a million periods."""
+    :mod:`.trusted`; None if for a million periods."""
 
 
 def assess_stability(
@@ -70,7 +60,11 @@ def assess_stability(
         The equation is not resolved, or not known to a double's precision.
     """
     orbit = make_orbit(start)
-    monodromy = hill_monodromy(body, potential, orbit, period)
+    return assess(hill_monodromy(body, potential, orbit, period), largest_speed(orbit), period, tolerance)
+
+
+def assess(monodromy: Monodromy, speed: float, period: Period, tolerance: float) -> Stability:
+    """Assess the motion with this monodromy, ``speed`` being about its largest |(p, r)|."""
     trace, error = monodromy.trace, monodromy.error
     low, here, high = (_exponent(trace_size, period) for trace_size in _sizes(trace, error))
     return Stability(
@@ -78,79 +72,11 @@ def assess_stability(
         error=error,
         multipliers=_multipliers(trace),
         multipliers_error=_multipliers_error(trace, error),
-        verdict=_verdict(trace, error),
+        verdict=verdict_of(trace, error),
         exponent=here,
         exponent_error=high - low + 4.0 * EPSILON * here + here * period.error / period.hi,
-        trusted_time=trusted_time(monodromy, largest_speed(orbit), period, tolerance),
+        trusted_time=trusted_time(monodromy, speed, period, tolerance),
     )
-
-
-def trusted_time(
-    monodromy: Monodromy, speed: float, period: Period, tolerance: float, roundoff: float = UNIT_ROUNDOFF
-) -> float | None:
-    r"""Return how long roundings, carried on by the linear equation, stay below ``tolerance``.
-
-    One rounding of the state is charged to every period. In units of ω₀ = 2π/T
-    it has the size δ = roundoff · max(1, speed/ω₀), and after n periods
-
-    .. math:: E_n = \delta\,\max(1, \omega_0)\,e \sum_{k=0}^{n} \|M^k\|
-
-    is reached in the six variables, e the ``excursion`` within a period. The
-    time is nT with E_n = tolerance, log E interpolated linearly in n. For an
-    unstable motion that is about log(tolerance / δ) / exponent, for a stable
-    one proportional to tolerance / δ, for a marginal one with a Jordan block to
-    its square root. None if E stays below ``tolerance`` for MAX_PERIODS.
-    """
-    frequency = 2.0 * np.pi / period.hi
-    size = roundoff * max(1.0, speed / frequency) * max(1.0, frequency) * monodromy.excursion
-    first, total, before = 0, 0.0, 0.0
-    while True:
-        # Some at a time: the sum often gets there soon, and a million of them do not fit into a cache.
-        norms = power_norms(monodromy.matrix, MAX_PERIODS, first=first, most=TOGETHER)
-        if not len(norms):
-            return None
-        sums = np.cumsum(np.append(total, norms))[1:] if first else np.cumsum(norms)
-        reached = size * sums
-        here = int(np.searchsorted(reached, tolerance))
-        if here < len(reached):
-            break
-        first, total, before = first + len(norms), float(sums[-1]), float(reached[-1])
-    after = first + here
-    if after == 0:
-        return 0.0
-    at = np.array([before if here == 0 else reached[here - 1], reached[here]])
-    low, high = np.log(at)
-    return float(period.hi * (after - 1 + (math.log(tolerance) - low) / (high - low)))
-
-
-def power_norms(matrix: FloatArray, count: int, *, first: int = 0, most: int | None = None) -> FloatArray:
-    r"""Return Frobenius' norms of M^0, M^1, ..., M^count for a 2x2 matrix with det M = 1.
-
-    Of these only those from M^first on, and at most so many, if that is said.
-
-    With N the traceless part of M and tr M = ± 2 cosh χ (or 2 cos φ),
-
-    .. math:: \pm M^k = \cosh(k\chi)\,1 + \frac{\sinh k\chi}{\sinh\chi}\,N ,
-
-    and 1 and N are orthogonal. Powers beyond the growth exp(LARGEST_GROWTH) are left out.
-    """
-    last = count if most is None else min(count, first + most - 1)
-    half = 0.5 * float(np.trace(matrix))
-    rest = float(np.linalg.norm(matrix - half * np.eye(2)))
-    size = abs(half)
-    if size > 1.0:
-        chi = math.acosh(size)
-        k = np.arange(first, min(last, int(LARGEST_GROWTH / chi) + 2) + 1)
-        even, odd = np.cosh(k * chi), np.sinh(k * chi) / math.sinh(chi)
-    elif size < 1.0:
-        phi = math.acos(size)
-        k = np.arange(first, last + 1)
-        even, odd = np.cos(k * phi), np.sin(k * phi) / math.sin(phi)
-    else:
-        odd = np.arange(first, last + 1.0)
-        even = np.ones(len(odd))
-    norms: FloatArray = np.hypot(math.sqrt(2.0) * even, rest * odd)
-    return norms
 
 
 def largest_speed(orbit: Libration | Rotation) -> float:
@@ -160,7 +86,8 @@ def largest_speed(orbit: Libration | Rotation) -> float:
     return max(math.hypot(float(state[0]), float(state[2])) for state in states)
 
 
-def _verdict(trace: float, error: float) -> Verdict:
+def verdict_of(trace: float, error: float) -> Verdict:
+    """Return what a trace with this error tells."""
     if abs(trace) + error < 2.0:
         return "stable"
     return "unstable" if abs(trace) - error > 2.0 else "marginal"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from flint import ctx
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.errors import MissingMomentError
@@ -12,11 +12,17 @@ from tests.workers.solvers.stability.cases import Case, bobylev_steklov, case, l
 from workers.solvers.errors import PrecisionLostError
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.quadrature.errors import QuadratureNotConvergedError
-from workers.solvers.stability import assessment
 from workers.solvers.stability import monodromy as turns
-from workers.solvers.stability.assessment import MAX_PERIODS, UNIT_ROUNDOFF, power_norms, trusted_time
+from workers.solvers.stability import trusted
 from workers.solvers.stability.hill import hill_monodromy
 from workers.solvers.stability.monodromy import Monodromy, StabilityUndefinedError
+from workers.solvers.stability.trusted import (
+    MAX_PERIODS,
+    UNIT_ROUNDOFF,
+    power_norms,
+    rotating_norms,
+    trusted_time,
+)
 
 PERIOD = Period(2.0 * np.pi, 0.0, 0.0)
 """T = 2π: frequency 1."""
@@ -127,6 +133,28 @@ def test_next_to_a_separatrix_panels_follow_the_motion():
 def test_trusted_time_is_the_same_however_many_periods_are_looked_at_together(trace, tolerance, monkeypatch):
     M = monodromy(trace, -1.0, 1.0, 0.0)
     in_parts = trusted_time(M, 1.0, PERIOD, tolerance)
-    monkeypatch.setattr(assessment, "TOGETHER", MAX_PERIODS + 1)
-    # To the last bit: the same sum in the same order.
-    assert trusted_time(M, 1.0, PERIOD, tolerance) == in_parts
+    monkeypatch.setattr(trusted, "TOGETHER", MAX_PERIODS + 1)
+    # Roundings of sums of a million norms, in another order where harmonics were summed.
+    assert trusted_time(M, 1.0, PERIOD, tolerance) == (
+        in_parts if in_parts is None else pytest.approx(in_parts, rel=1e-11)
+    )
+
+
+@given(st.floats(-1.999, 1.999), st.floats(0.05, 20.0), st.integers(0, 3000))
+@settings(deadline=None)
+def test_sums_of_norms_by_harmonics(trace, stretch, last):
+    """Against the norms themselves; harmonics are there unless the powers are all but those of a shear."""
+    phi = np.arccos(0.5 * trace)
+    turn = np.array([[np.cos(phi), stretch * np.sin(phi)], [-np.sin(phi) / stretch, np.cos(phi)]])
+    rotating = rotating_norms(turn)
+    assert rotating is not None
+    norms = power_norms(turn, last)
+    # Harmonics leave out 1e-14 of a norm each; angles of 3000 powers are known to 1e-12.
+    assert rotating.total(last) == pytest.approx(norms.sum(), rel=1e-10)
+    goal = 0.5 * (norms[:-1].sum() + norms.sum())
+    assert rotating.reach(goal, 0) in (last, None)
+
+
+@pytest.mark.parametrize("trace", [2.0, -2.0, 5.0])
+def test_no_harmonics_unless_all_powers_are_bounded(trace):
+    assert rotating_norms(monodromy(trace, -1.0, 1.0, 0.0).matrix) is None

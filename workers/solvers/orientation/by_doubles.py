@@ -1,0 +1,59 @@
+"""The precession per period in compiled doubles; what they do not decide is left to balls.
+
+Single jobs and sweeps call this same function.
+"""
+
+import math
+from collections.abc import Callable
+
+from service.dynamics.body import RigidBody
+from service.dynamics.bounds import is_within
+from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.geometry.loop import Loop
+from service.dynamics.solution.dense_output import Advance
+from workers.solvers.compiled.frame import make_frame
+from workers.solvers.compiled.precession import advance_of
+from workers.solvers.compiled.records import Records, copied
+from workers.solvers.orientation.advance import loop_advances
+
+TURN, REST_OF_TURN = 2.0 * math.pi, 2.4492935982947064e-16
+"""2π in two doubles."""
+LARGEST_ERROR = 1e-13
+"""Of an advance: a curve that is so extreme that doubles know it worse is left to balls."""
+
+
+def advances_on(body: RigidBody, motion: PlanarMotion) -> Callable[[Loop, int], tuple[Advance, Advance]]:
+    """Return the function for the curve of a motion: :func:`.advance.loop_advances`, by doubles first."""
+    frame = make_frame(body, motion)
+
+    def advances(loop: Loop, sense: int) -> tuple[Advance, Advance]:
+        found = None if frame is None else advances_by_doubles(frame.shared, sense)
+        return loop_advances(loop, sense) if found is None else found
+
+    return advances
+
+
+def advances_by_doubles(loops: Records, sense: int) -> tuple[Advance, Advance] | None:
+    """Return what ψ1 and ψ3 gain when a motion goes round the only loop once; None if doubles do not decide.
+
+    ``sense`` is the sign of s g1 g3.
+    """
+    loops = copied(loops)
+    first, error = advance_of(loops)
+    if not is_within(error, LARGEST_ERROR):
+        return None
+    rest, lo = _sum_of_turn(-first)
+    # The mirror to A < C exchanges the axes and turns ψ round.
+    one, three = ((rest, lo), (-first, 0.0)) if loops[0]["mirrored"] else ((first, 0.0), (-rest, -lo))
+    return (
+        Advance(sense * one[0], sense * one[1], error),
+        Advance(sense * three[0], sense * three[1], error),
+    )
+
+
+def _sum_of_turn(value: float) -> tuple[float, float]:
+    """Return 2π + ``value`` for \|value\| ≤ 2π in two doubles, by Dekker's sums."""
+    hi = TURN + value
+    left = value - (hi - TURN) + REST_OF_TURN
+    rounded = hi + left
+    return rounded, left - (rounded - hi)

@@ -1,0 +1,121 @@
+"""What a sweep keeps of stability and orientation, point by point, by the functions of a single job."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from flint import fmpq
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.motion import Estimate
+from service.dynamics.problem import Problem
+from service.schemas.sweep.kept_numbers import NUMBERS
+from workers.solvers.compiled.batch import Batch, solve_batch
+from workers.solvers.compiled.frame import make_frame
+from workers.solvers.compiled.records import Records
+from workers.solvers.orientation.advance import estimate
+from workers.solvers.orientation.by_doubles import advances_by_doubles
+from workers.solvers.stability.by_doubles import Perturbed
+from workers.sweeping.doubles import logarithms_of
+from workers.sweeping.plan import Side
+from workers.sweeping.programs import Group
+
+FloatArray = NDArray[np.float64]
+
+OUTPUTS = frozenset(name for name in NUMBERS if name.partition(".")[0] in ("stability", "precession"))
+MOST_VERTICAL, MOST_TURNS = 1e-3, 1e4
+"""Sine of the angle between an axis and the vertical, and |ω| times the period: beyond them a job may find
+that the attitude is not resolved, and single jobs decide."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeptOutputs:
+    """The outputs beyond the integrals that a sweep asks for."""
+
+    problem: Problem
+
+    @property
+    def are_any(self) -> bool:
+        """Tell whether there are any."""
+        return not {"orientation", "stability"}.isdisjoint(self.problem.outputs)
+
+    def along(
+        self, side: Side, group: Group, chosen: Sequence[fmpq], starts: FloatArray | None
+    ) -> "OutputsOfGroup | None":
+        """Return what works them out for the points of a group, on the curves of these λ².
+
+        ``starts`` are the \\|g1\\| at which the motions start, if they vary. None if it cannot be done.
+        """
+        frame = make_frame(self.problem.body, side.motion)
+        if frame is None:
+            return None
+        loops = frame.loops(logarithms_of(chosen))
+        if starts is not None:
+            loops["size_of_g1"] = starts
+        return OutputsOfGroup(self.problem, group, loops)
+
+
+@dataclass(frozen=True, slots=True)
+class OutputsOfGroup:
+    """The outputs of points with one program."""
+
+    problem: Problem
+    group: Group
+    loops: Records
+
+    def of_point(self, n: int, B: Fraction | None) -> dict[str, float] | None:
+        """Return the numbers of the group's point n, for a body with this B; None if a job must decide."""
+        found: dict[str, float] = {}
+        constants, loop = self.group.rows[n], self.loops[n : n + 1]
+        if "stability" in self.problem.outputs:
+            numbers = self._stability(constants, loop, B)
+            if numbers is None:
+                return None
+            found |= numbers
+        if "orientation" in self.problem.outputs:
+            numbers = self._precession(constants, loop)
+            if numbers is None:
+                return None
+            found |= numbers
+        return found
+
+    def _stability(self, constants: FloatArray, loop: Records, B: Fraction | None) -> dict[str, float] | None:
+        body: RigidBody = self.problem.body
+        if B is None:
+            return None
+        perturbed = Perturbed((body.A, B, body.C), self.group.program, self.problem.tolerance)
+        stability, _ = perturbed.assess(constants, loop)
+        if stability is None:
+            return None
+        trusted = stability.trusted_time
+        return {
+            "stability.trace": stability.trace,
+            "stability.trace.error": stability.error,
+            "stability.exponent": stability.exponent,
+            "stability.exponent.error": stability.exponent_error,
+            "stability.trusted_time": math.nan if trusted is None else trusted,
+        }
+
+    def _precession(self, constants: FloatArray, loop: Records) -> dict[str, float] | None:
+        run = solve_batch(Batch(self.group.program, constants[None, :], loop, "standard"))
+        orbit, about = run.loops[0], run.found[0]
+        is_plain = min(float(orbit["z"]), float(orbit["g"])) >= MOST_VERTICAL
+        if not (about["panels"] and is_plain and about["largest"] * about["period"] <= MOST_TURNS):
+            return None
+        one = three = Estimate(0.0, 0.0)
+        if orbit["rotates"]:
+            # The sign of s g1 g3 is that of −p g1.
+            sense = int(np.sign(orbit["sense"] * orbit["direction"] * orbit["sign1"]))
+            advances = advances_by_doubles(loop, sense)
+            if advances is None:
+                return None
+            one, three = map(estimate, advances)
+        return {
+            "precession.psi1": one.value,
+            "precession.psi1.error": one.error,
+            "precession.psi3": three.value,
+            "precession.psi3.error": three.error,
+        }
