@@ -15,10 +15,10 @@ from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.batch import NO_TIMES, Batch, Tier, bounds_of, solve_batch
 from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.evaluation.program import Program
-from workers.solvers.compiled.frame import Frame, make_frame
+from workers.solvers.compiled.frame import logarithm_of, make_frame, with_rests
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.compiled.records import FOUND, Found, Records, copied, new_records
-from workers.solvers.compiled.solve import START_ULPS
+from workers.solvers.compiled.solve import START_ULPS, is_kept
 from workers.solvers.compiled.time_map.sampling import sample_one
 
 FloatArray = NDArray[np.float64]
@@ -40,11 +40,36 @@ class Swept:
     samples: FloatArray
     """Shape (sets, times, columns)."""
     passes_pole: BoolArray
+    is_kept: BoolArray
+    """Those that have the digits of ``high`` within a period."""
     approaches: FloatArray | None
     """Poisson variables of points on the way to each pole, shape (sets, 2, depths, 3); see :data:`DEPTHS`.
 
     None where nobody needs to look there.
     """
+
+    def with_others(self, places: IntArray, others: "Swept") -> "Swept":
+        """Return these motions with ``others`` at ``places`` (others,), where another way has solved them."""
+        solved = others.is_kept
+        places = places[solved]
+
+        def put(mine: FloatArray, theirs: FloatArray) -> FloatArray:
+            whole = mine.copy()
+            whole[places] = theirs[solved]
+            return whole
+
+        passes_pole, kept = self.passes_pole.copy(), self.is_kept.copy()
+        passes_pole[places], kept[places] = others.passes_pole[solved], True
+        return replace(
+            self,
+            periods=put(self.periods, others.periods),
+            period_errors=put(self.period_errors, others.period_errors),
+            errors=put(self.errors, others.errors),
+            times=put(self.times, others.times) if self.times.ndim > 1 else self.times,
+            samples=put(self.samples, others.samples) if self.samples.shape[2] else self.samples,
+            passes_pole=passes_pole,
+            is_kept=kept,
+        )
 
 
 DEPTHS = (1.0 / math.cosh(13.0), 1e-9, 1e-14, 1e-25, 1e-50, 1e-100)
@@ -77,17 +102,22 @@ def sweep_sets(
     tier: Tier,
     starts: FloatArray | None = None,
     times: Sequence[Times] | None = None,
+    rests: FloatArray | None = None,
 ) -> Swept | None:
     """Solve the program with each of the ``rows`` of constants, on the curve of the same place's λ².
 
     ``motion`` gives everything but λ, and but |g1| at its start where there are ``starts``, shape (sets,).
-    None if motions of its kind are not solved here.
+    ``rests`` are what the constants leave out, where the tier asks for them. None if motions of its kind are
+    not solved here.
     """
     frame = make_frame(body, motion)
     if frame is None:
         return None
-    loops = _loops(frame, lambdas_squared)
-    return sweep_loops(motion, program, rows, loops, sampling, tier, starts, times)
+    if rests is None:
+        loops = frame.loops(logarithms_of(lambdas_squared))
+    else:
+        loops = with_rests(frame, body, lambdas_squared)
+    return sweep_loops(motion, program, rows, loops, sampling, tier, starts, times, rests)
 
 
 def sweep_loops(
@@ -99,6 +129,7 @@ def sweep_loops(
     tier: Tier,
     starts: FloatArray | None = None,
     times: Sequence[Times] | None = None,
+    rests: FloatArray | None = None,
 ) -> Swept:
     """Solve the program with each of the ``rows`` on its own loop, as :func:`sweep_sets` does.
 
@@ -106,27 +137,28 @@ def sweep_loops(
     """
     if starts is not None:
         loops["size_of_g1"] = starts
-    batch = Batch(program, rows, loops, tier, columns=sampling.columns)
+    batch = Batch(program, rows, loops, tier, columns=sampling.columns, rests=rests)
     late = _lateness(batch) if isinstance(motion.start, StartAtPoint) else np.zeros(len(loops))
-    if times is None and isinstance(sampling.time, TimePeriods):
+    if times is None and isinstance(sampling.time, TimePeriods) and sampling.has_times:
         times = [sampling.time] * len(loops)
-    if times is not None and len(sampling.columns):
+    # Times in periods are those of a period's two doubles, where it has two.
+    if times is not None and (len(sampling.columns) > 0 or rests is not None):
         return _each_with_its_times(batch, times, late)
     shared = times is None and sampling.has_times
     asked = sample_times(sampling.time, None) if shared else NO_TIMES
     run = solve_batch(replace(batch, times=asked if len(sampling.columns) else NO_TIMES))
     latest = np.abs(asked.doubles).max() if shared else _latest(sampling, times, run.found)
-    return _swept(run.loops, run.found, _errors(run.found, latest, late), asked.doubles, run.samples)
+    return _swept(run.loops, run.found, late, latest, asked.doubles, run.samples)
 
 
 def logarithms_of(lambdas_squared: Sequence[fmpq]) -> list[float]:
     """Return the logarithms of λ as a single problem has them, to the last bit."""
-    # Python divides integers of any size with one rounding, as a Fraction is turned into a double.
-    return [0.5 * math.log(int(square.p) / int(square.q)) for square in lambdas_squared]
+    return [logarithm_of(square) for square in lambdas_squared]
 
 
-def _loops(frame: Frame, lambdas_squared: Sequence[fmpq]) -> Records:
-    return frame.loops(logarithms_of(lambdas_squared))
+def _depend(sampling: Sampling, rests: FloatArray | None) -> bool:
+    """Tell whether times in periods are to be those of each period's two doubles, or are asked for at all."""
+    return len(sampling.columns) > 0 or rests is not None
 
 
 def _lateness(batch: Batch) -> FloatArray:
@@ -142,13 +174,6 @@ def _lateness(batch: Batch) -> FloatArray:
     return late
 
 
-def _errors(found: Records, latest: FloatArray | float, late: FloatArray) -> FloatArray:
-    """Return the bounds of the errors of samples up to |t| = ``latest``; inf where not decided."""
-    bounds = bounds_of(found)
-    errors = replace(bounds, time=bounds.time + late).error_at(latest, found["period"], found["period_error"])
-    return np.where((found["panels"] > 0) & ~np.isnan(errors), errors, np.inf)
-
-
 def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArray) -> Swept:
     """Solve one after the other: each motion has times of its own, as it has in periods."""
     sets, first = len(batch.loops), asked_of[0]
@@ -158,21 +183,45 @@ def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArr
     loops, found, desk = copied(batch.loops), new_records(FOUND, sets), new_records(DESK)
     for n in range(sets):
         one = slice(n, n + 1)
-        run = solve_batch(replace(batch, constants=batch.constants[one], loops=batch.loops[one]))
+        rests = None if batch.rests is None else batch.rests[one]
+        run = solve_batch(replace(batch, constants=batch.constants[one], loops=batch.loops[one], rests=rests))
         loops[one], found[one] = run.loops, run.found
         about = run.found[0]
         if about.panels:
-            asked = sample_times(asked_of[n], _period(about))
+            low = float(run.loops[0].period_lo)
+            asked = sample_times(asked_of[n], Period(float(about.period), low, float(about.period_error)))
             times[n] = asked.doubles
+            if not len(batch.columns):
+                continue
             sample_one(run.loops, run.panels, times[n], asked.rests, batch.columns, desk, samples[n])
-    return _swept(loops, found, _errors(found, np.abs(times).max(axis=1), late), times, samples)
+    return _swept(loops, found, late, np.abs(times).max(axis=1), times, samples)
 
 
 def _swept(
-    loops: Records, found: Records, errors: FloatArray, times: FloatArray, samples: FloatArray
+    loops: Records,
+    found: Records,
+    late: FloatArray,
+    latest: FloatArray | float,
+    times: FloatArray,
+    samples: FloatArray,
 ) -> Swept:
-    passes_pole, approaches = pass_a_pole(loops, found), _approaches(loops)
-    return Swept(found["period"], found["period_error"], errors, times, samples, passes_pole, approaches)
+    bounds = bounds_of(found)
+    bounds = replace(bounds, time=bounds.time + late)
+    # Of samples up to |t| = latest; inf where not decided.
+    errors = bounds.error_at(latest, found["period"], found["period_error"])
+    is_solved = (found["panels"] > 0) & ~np.isnan(errors)
+    # What the second double of a period says is left out of the first.
+    period_errors = np.abs(loops["period_lo"]) + found["period_error"]
+    return Swept(
+        found["period"],
+        period_errors,
+        np.where(is_solved, errors, np.inf),
+        times,
+        samples,
+        pass_a_pole(loops, found),
+        is_solved & is_kept(bounds),
+        _approaches(loops),
+    )
 
 
 def _latest(sampling: Sampling, times: Sequence[Times] | None, found: Records) -> FloatArray:
