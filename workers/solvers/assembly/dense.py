@@ -17,6 +17,10 @@ DEGREE = 20
 FINEST = 1e14
 """Pieces to the scale of time where they are shortest: next to a pole passed without smoothness."""
 MAX_PIECES = 4000
+FIRST_PIECES = 8
+"""Equal ones, that are halved where they must be."""
+ROUNDING = 4e-16
+"""Of a variable, relative to its size, and of a time, relative to its scale."""
 BETWEEN = (-0.93, -0.31, 0.42, 0.87)
 """Places in a piece, none a node, where the series is compared with the motion."""
 
@@ -175,7 +179,7 @@ def _first_pieces(span: tuple[float, float], passages: FloatArray) -> list[tuple
     """Return equal pieces of the span, cut at the passages as well."""
     first, last = span
     breaks = [first]
-    for t in sorted({*np.linspace(first, last, 9).tolist(), *passages.tolist()}):
+    for t in sorted({*np.linspace(first, last, FIRST_PIECES + 1).tolist(), *passages.tolist()}):
         if not first < t <= last:
             continue
         if t - breaks[-1] > 1e-9 * (last - first):
@@ -193,6 +197,6 @@ def _allowed(states: FloatArray, pieces: FloatArray, atol: float) -> FloatArray:
     slope, here its range over the piece's share (1/``pieces``) of the scale.
     ``states`` have the shape (n, places, 6), ``pieces`` that of (n, 1).
     """
-    rounding = 4e-16 * (np.abs(states).max(axis=1) + pieces * np.ptp(states, axis=1))
+    rounding = ROUNDING * (np.abs(states).max(axis=1) + pieces * np.ptp(states, axis=1))
     allowed: FloatArray = atol + rounding
     return allowed

@@ -14,7 +14,15 @@ from service.dynamics.motion import COLUMNS, Motion
 from service.dynamics.problem import Problem
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
-from workers.solvers.assembly.dense import FINEST, Features, Sampler, nothing_resolved, resolve_motion
+from workers.solvers.assembly.dense import (
+    FINEST,
+    FIRST_PIECES,
+    Features,
+    ResolvedMotion,
+    Sampler,
+    nothing_resolved,
+    resolve_motion,
+)
 from workers.solvers.assembly.description import conventions_of, energy_of, evidence_of
 from workers.solvers.assembly.place import Declined, PeriodicPlace
 from workers.solvers.evidence import with_claim_shown, with_samples_shown
@@ -24,12 +32,20 @@ FloatArray = NDArray[np.float64]
 
 FINEST_AT_JUMPS = 1e5
 """Pieces to the period where p jumps for doubles."""
+DRAFTED = 0.01
+"""Share of a draft's tolerance that its function of time may depart between the samples."""
+PIECES_OF_A_DRAFT = 4
+"""That it begins with."""
 BESIDE = arb(2) ** -56
 """Distance in phase from a rest point at which p and r are looked at."""
 
 
 class SamplesItself(Protocol):
     """A motion that can be sampled at any time with less error than by way of the dense output."""
+
+    def resolved(self, pieces: int, atol: float) -> ResolvedMotion | None:
+        """Return what :func:`.resolve_motion` does for one period, from so many pieces on; None if not here."""
+        ...
 
     def sample(self, times: FloatArray, rests: FloatArray | None = None) -> FloatArray:
         """Return p, q, r, g1, g2, g3, shape (n, 6), at ``times`` + ``rests``, both of shape (n,)."""
@@ -87,21 +103,7 @@ def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
     period, start, orbit = found.period, place.start, place.orbit
     asked = asked_times(problem, period) if found.asked is None else found.asked
     times, rests = asked.doubles, asked.rests
-    # Finer than the samples themselves are known, pieces would follow their errors.
-    atol = max(min(1e-14, 1e-3 * problem.tolerance), 0.25 * found.error)
-    resolved = (
-        resolve_motion(
-            found.sample,
-            (0.0, period.hi),
-            np.sort(np.concatenate([found.passages, found.kinks])),
-            scale=period.hi,
-            atol=atol,
-            features=found.features,
-            finest=FINEST if found.features is None else _finest_pieces(orbit, period),
-        )
-        if problem.wants_series
-        else nothing_resolved(period.hi)
-    )
+    resolved = _resolved(problem, found, orbit) if problem.wants_series else nothing_resolved(period.hi)
     columns = COLUMNS[: resolved.coefficients.shape[2]]
     error = resolved.error + found.error + resolved.moved(found.time_error)
     dense = DenseOutput(columns, resolved.breaks, resolved.coefficients, period, error)
@@ -127,6 +129,29 @@ def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
         evidence={**found.evidence, **evidence_of(resolved)},
         rests=rests,
         first_passage=float(found.passages[0]) if conventions else None,
+    )
+
+
+def _resolved(problem: Problem, found: Sampled, orbit: Orbit) -> ResolvedMotion:
+    """Return the function of time over one period, as fine as the problem can tell."""
+    tolerance, is_draft = problem.tolerance, problem.accuracy.tier == "draft"
+    # Finer than the samples themselves are known, pieces would follow their errors. A draft is not told to
+    # more digits than it promises two of.
+    least = DRAFTED * tolerance if is_draft else min(1e-14, 1e-3 * tolerance)
+    atol = max(least, 0.25 * found.error)
+    if found.late is not None:
+        compiled = found.late.resolved(PIECES_OF_A_DRAFT if is_draft else FIRST_PIECES, atol)
+        if compiled is not None:
+            return compiled
+    hi = found.period.hi
+    return resolve_motion(
+        found.sample,
+        (0.0, hi),
+        np.sort(np.concatenate([found.passages, found.kinks])),
+        scale=hi,
+        atol=atol,
+        features=found.features,
+        finest=FINEST if found.features is None else _finest_pieces(orbit, found.period),
     )
 
 

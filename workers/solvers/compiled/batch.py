@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Tier = Literal["draft", "standard", "high"]
 
-TOLERANCES: dict[Tier, float] = {"draft": 1e-8, "standard": 1e-13, "high": 2e-15}
+TOLERANCES: dict[Tier, float] = {"draft": 2e-9, "standard": 1e-13, "high": 2e-15}
 """Tail of dt/du on a panel against the whole, below which it is resolved."""
 
 _NO_RESTS = np.empty((0, 0))

@@ -11,15 +11,19 @@ from service.dynamics.motion import COLUMNS, Estimate
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.reduction.window import EndKind
 from service.dynamics.solution.dense_output import EPSILON, Period
+from workers.solvers.assembly.dense import FINEST, ResolvedMotion
 from workers.solvers.compiled.desk import DESK, PLACES
 from workers.solvers.compiled.evaluation.curve import loop_points
 from workers.solvers.compiled.records import Loop, Records, new_records
+from workers.solvers.compiled.time_map.pieces import NODES, resolve_one
 from workers.solvers.compiled.time_map.sampling import sample_one
 
 FloatArray = NDArray[np.float64]
 
 FloatLike = float | FloatArray
 ALL = np.arange(6)
+PIECES = 128
+"""Of a dense output; a motion that needs more is resolved without this much haste."""
 TIME_ULPS = 1.5
 """Roundings of a reduced time, in 2^-52 of the period: of the origin, the sum and the series."""
 FORMULA_ULPS = 6.0
@@ -114,6 +118,19 @@ class SpectralMotion:
         return self._sample(
             times, np.zeros(len(times)), np.array([COLUMNS.index(name) for name in names], dtype=np.int64)
         )
+
+    def resolved(self, pieces: int, atol: float) -> ResolvedMotion | None:
+        """Return what :func:`.resolve_motion` does for one period, from so many pieces on; None if not here."""
+        ends, series = np.empty(PIECES), np.empty((PIECES, NODES, 6))
+        done, departure, states = resolve_one(
+            self.loops, self.panels, self.period.hi, pieces, atol, FINEST, new_records(DESK), ends, series
+        )
+        if not done:
+            return None
+        order = np.argsort(ends[:done])
+        breaks = np.empty(done + 1)
+        breaks[0], breaks[1:] = 0.0, ends[order]
+        return ResolvedMotion(breaks, series[order], departure, states)
 
     def error_at(self, times: FloatArray) -> float:
         """Return the bound of the absolute error of any variable at any of ``times``."""

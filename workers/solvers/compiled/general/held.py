@@ -218,7 +218,7 @@ def hold(
             if half == 1.0:
                 _whole_disc(series, centres, radii)
             else:
-                disc_of(coefficients[n], middle, half, centres, radii, T)
+                disc_of(coefficients[n], middle, half, RHO, centres, radii, T)
             largest_rates(code, constants, result, moments, c, r, centres, radii, bounds)
             level = _level_for(bounds, share)
             if level < 0:

@@ -3,7 +3,8 @@ r"""The defect of a function of time, bounded on whole stretches, by compiled co
 It is what :mod:`service.dynamics.defect` computes for a function of time that keeps its claim: pieces are cut
 until F is bounded about each stretch so well that its interpolation leaves out less than the goal, D is
 summed up from stretch to stretch, and the integrals are compared at all nodes. The theorem is that of
-:mod:`service.dynamics.defect.stretches`, with the same points and the same ellipse.
+:mod:`service.dynamics.defect.stretches`, with the same points. The ellipse about a stretch is the thinnest of
+several that does: the looser the goal, the thinner it may be, and the fewer stretches are cut.
 """
 
 import math
@@ -11,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.stretches import INTERVALS, RHO, ROUNDING, SEMI_AXIS
+from service.dynamics.defect.stretches import INTERVALS, RHO, ROUNDING
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.compiled.blocks import two_sum
 from workers.solvers.compiled.kernels import kernel
@@ -23,31 +24,41 @@ IntArray = NDArray[np.int64]
 
 HIGHEST_DEGREE = 24
 """Of pieces; those of higher degree need more points than there are here."""
-DEEPEST = 4
-"""Cuts of a piece into four."""
-PARTS = 4
+DEEPEST = 8
+"""Cuts of a piece into halves."""
+PARTS = 2
 OWN_ROUNDING = 2.0**-50
 """Of a state, relative to its size."""
 NODES = chebyshev_points(INTERVALS)
 COUNT = INTERVALS + 1
-TAIL = 4.0 * RHO**-INTERVALS / (RHO - 1.0)
-TRANSFORM = np.ascontiguousarray(chebyshev_coefficients(np.eye(COUNT)).T)
-"""From values at the nodes, rows, to coefficients."""
-INTEGRAL = np.ascontiguousarray(
-    np.polynomial.chebyshev.chebint(TRANSFORM.T, lbnd=-1.0, axis=0).T.astype(np.float64)
-)
-"""From values to coefficients of the integral from −1 on."""
+RHOS = np.array([2.0, 2.5, 3.0, 3.5, RHO])
+"""Sums of the semi-axes of ellipses, the thinnest first."""
+TAILS = 4.0 * RHOS**-INTERVALS / (RHOS - 1.0)
+"""What interpolation leaves out at most, of the bound of F on each."""
+_TRANSFORM = chebyshev_coefficients(np.eye(COUNT)).T
+MIDDLE = INTERVALS // 2
+EVEN = np.ascontiguousarray(_TRANSFORM[: MIDDLE + 1, ::2])
+"""From sums of values at opposite nodes, rows, the middle one last, to coefficients of even numbers."""
+ODD = np.ascontiguousarray(_TRANSFORM[:MIDDLE, 1::2])
+"""From differences of values at opposite nodes to those of odd numbers."""
 VANDER = np.ascontiguousarray(np.polynomial.chebyshev.chebvander(NODES, HIGHEST_DEGREE).T)
 """T_k at the nodes, shape (degree + 1, nodes)."""
 
 
 @kernel
 def disc_of(
-    series: FloatArray, middle: float, half: float, centres: FloatArray, radii: FloatArray, T: FloatArray
+    series: FloatArray,
+    middle: float,
+    half: float,
+    sum_of_axes: float,
+    centres: FloatArray,
+    radii: FloatArray,
+    T: FloatArray,
 ) -> None:
-    """Fill in discs that hold the six polynomials, shape (degree + 1, 6), on the ellipse of a stretch."""
+    """Fill in discs that hold the six polynomials, shape (degree + 1, 6), on an ellipse of a stretch."""
     count = len(series)
-    s = SEMI_AXIS * half
+    # The ellipse lies in a disc of its larger semi-axis.
+    s = 0.5 * (sum_of_axes + 1.0 / sum_of_axes) * half
     rho = 1.0 + s + math.sqrt(s * (2.0 + s))
     T[0, 0], T[1, 0], T[0, 1], T[1, 1] = 1.0, middle, 0.0, 1.0
     for k in range(2, count):
@@ -62,7 +73,7 @@ def disc_of(
             slope += T[k, 1] * series[k, a]
             total += size
             if k > 0:
-                upper, lower = upper * RHO, lower / RHO
+                upper, lower = upper * sum_of_axes, lower / sum_of_axes
                 # |T_k(z) − T_k(0)| on the ellipse of a whole piece.
                 whole += (0.5 * (upper + lower) + (1.0 if k % 2 == 0 else 0.0)) * size
                 steep += k * k * size
@@ -88,15 +99,44 @@ def _states_at_nodes(series: FloatArray, middle: float, half: float, states: Flo
                 for m in range(COUNT):
                     states[a, m] += VANDER[k, m] * x
         return
-    for m in range(COUNT):
-        x = middle + half * NODES[m]
-        before, now = 1.0, x
+    x, before, now = middle + half * NODES, np.ones(COUNT), middle + half * NODES
+    for a in range(6):
+        states[a, :COUNT] = series[0, a]
+    for k in range(1, count):
         for a in range(6):
-            states[a, m] = series[0, a]
-        for k in range(1, count):
-            for a in range(6):
-                states[a, m] += now * series[k, a]
-            before, now = now, 2.0 * x * now - before
+            coefficient = series[k, a]
+            if coefficient != 0.0:
+                for m in range(COUNT):
+                    states[a, m] += now[m] * coefficient
+        for m in range(COUNT):
+            before[m], now[m] = now[m], 2.0 * x[m] * now[m] - before[m]
+
+
+@kernel
+def _transform(values: FloatArray, series: FloatArray) -> None:
+    """Fill in the Chebyshev coefficients of the values at the nodes."""
+    even, odd = np.zeros(MIDDLE + 1), np.zeros(MIDDLE)
+    for m in range(MIDDLE):
+        total, difference = values[m] + values[INTERVALS - m], values[m] - values[INTERVALS - m]
+        for k in range(MIDDLE):
+            odd[k] += ODD[m, k] * difference
+        for k in range(MIDDLE + 1):
+            even[k] += EVEN[m, k] * total
+    for k in range(MIDDLE + 1):
+        series[2 * k] = even[k] + EVEN[MIDDLE, k] * values[MIDDLE]
+    for k in range(MIDDLE):
+        series[2 * k + 1] = odd[k]
+
+
+@kernel
+def _integrate(series: FloatArray, integral: FloatArray) -> None:
+    """Fill in the Chebyshev coefficients of the integral from −1 on, one more than ``series`` has."""
+    at_start = 0.0
+    for k in range(1, COUNT + 1):
+        before = 2.0 * series[0] if k == 1 else series[k - 1]
+        integral[k] = (before - (series[k + 1] if k + 1 < COUNT else 0.0)) / (2.0 * k)
+        at_start += integral[k] if k % 2 == 0 else -integral[k]
+    integral[0] = -at_start
 
 
 @kernel
@@ -120,23 +160,22 @@ def are_explained(
     """
     drift = 0.0
     centres, radii, found = np.empty(6), np.empty(6), np.empty((2, 3))
-    least = np.empty(3)
     for m in range(count):
-        least[:] = 0.0
+        energy, areas, length = slack, 0.0, 0.0
         for a in range(3):
             omega, gamma = abs(states[a, m]), abs(states[3 + a, m])
-            least[0] += claim * omega * moments[a]
-            least[1] += claim * (omega + gamma) * moments[a]
-            least[2] += claim * 2.0 * gamma
-        least[0] += slack
-        is_small = True
-        for k in range(3):
-            departure = abs(integrals[k, m] - reference[k])
-            if not departure < math.inf:
-                return False, math.nan
-            drift = max(drift, departure)
-            is_small = is_small and departure <= least[k]
-        if is_small:
+            energy += claim * omega * moments[a]
+            areas += claim * (omega + gamma) * moments[a]
+            length += claim * 2.0 * gamma
+        far, astray, long = (
+            abs(integrals[0, m] - reference[0]),
+            abs(integrals[1, m] - reference[1]),
+            abs(integrals[2, m] - reference[2]),
+        )
+        if not (far < math.inf and astray < math.inf and long < math.inf):
+            return False, math.nan
+        drift = max(drift, far, astray, long)
+        if far <= energy and astray <= areas and long <= length:
             continue
         for a in range(6):
             centres[a], radii[a] = states[a, m], claim + OWN_ROUNDING * abs(states[a, m])
@@ -199,8 +238,12 @@ def defect_and_drift(
     centres, radii, bounds = np.empty(6), np.empty(6), np.empty(6)
     T, waiting = np.empty((HIGHEST_DEGREE + 1, 2)), np.empty((PARTS * DEEPEST + 1, 2))
     gained, lost, first, missing = np.zeros(6), np.zeros(6), np.empty(6), np.zeros(6)
-    series, integral = np.empty(COUNT + 1), np.empty(COUNT + 1)
+    series, rate, integral = np.empty(COUNT), np.empty(COUNT), np.empty(COUNT + 1)
     allowed = goal / lengths.sum()
+    # Where rates are of the size 1, a thinner ellipse leaves out too much.
+    thinnest = 0
+    while thinnest + 1 < len(RHOS) and not TAILS[thinnest] <= allowed:
+        thinnest += 1
     defect, drift, is_first = 0.0, 0.0, True
     for n in range(len(lengths)):
         waiting[0, 0], waiting[0, 1] = 0.0, 1.0
@@ -208,11 +251,16 @@ def defect_and_drift(
         while left > 0:
             left -= 1
             middle, half = waiting[left, 0], waiting[left, 1]
-            disc_of(coefficients[n], middle, half, centres, radii, T)
-            largest_rates(code, constants, result, moments, c, r, centres, radii, bounds)
-            is_settled = True
-            for a in range(6):
-                is_settled = is_settled and TAIL * bounds[a] <= allowed
+            is_settled, is_bounded, level = False, True, thinnest - 1
+            # Where F has no bound on one ellipse, it has none on a thicker one.
+            while not is_settled and is_bounded and level + 1 < len(RHOS):
+                level += 1
+                disc_of(coefficients[n], middle, half, RHOS[level], centres, radii, T)
+                largest_rates(code, constants, result, moments, c, r, centres, radii, bounds)
+                is_settled = True
+                for a in range(6):
+                    is_settled = is_settled and TAILS[level] * bounds[a] <= allowed
+                    is_bounded = is_bounded and bounds[a] < math.inf
             if not is_settled:
                 if half < 0.5 * PARTS ** (1.0 - DEEPEST):
                     return math.nan, math.nan
@@ -231,13 +279,9 @@ def defect_and_drift(
             drift = max(drift, far)
             time = 0.5 * lengths[n] * half
             for a in range(6):
-                series[:], integral[:] = 0.0, 0.0
-                for m in range(COUNT):
-                    value, rate = states[a, m], rates[a, m]
-                    for k in range(COUNT):
-                        series[k] += TRANSFORM[m, k] * value
-                    for k in range(COUNT + 1):
-                        integral[k] += INTEGRAL[m, k] * rate
+                _transform(states[a], series)
+                _transform(rates[a], rate)
+                _integrate(rate, integral)
                 step, within = 0.0, 0.0
                 for k in range(COUNT + 1):
                     gain = time * integral[k]
@@ -249,7 +293,7 @@ def defect_and_drift(
                     first[a] = states[a, COUNT - 1]
                 # D at the beginning of the stretch.
                 before = (states[a, COUNT - 1] - first[a]) - gained[a] - lost[a]
-                tail = 2.0 * time * TAIL * bounds[a]
+                tail = 2.0 * time * TAILS[level] * bounds[a]
                 size = abs(before) + within + tail + missing[a]
                 if not size < math.inf:
                     return math.nan, math.nan
