@@ -1,6 +1,7 @@
 """Computes a block of points at once by compiled doubles with bounds; doubtful points are left out."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np

@@ -63,7 +63,7 @@ class StateSolver:
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
         sweep = self._sweep
-        points = SweptPoints(sweep, self._known, first, count)
+        points = SweptPoints(sweep, self._known, np.arange(first, first + count))
         solved, missed = np.zeros((2, count), dtype=np.bool_)
         numbers = {name: np.full(count, np.nan) for name in sweep.keep}
         series = {name: np.full((count, sweep.samples), np.nan) for name in sweep.series_columns}

@@ -282,7 +282,7 @@ def turn(
     loop, places = loops[0], desks[0].places
     # No discs are worked on here.
     blank, none = np.empty((0, 0)), np.empty(0)
-    formula = Formula(code, result, constants, new_registers(code), blank, none, none)
+    formula = Formula(code, result, constants, none, new_registers(code), blank, none, none, none)
     jets = np.empty((8, code.shape[0] + 3, WIDTH))
     parts, errors = np.empty((4 * MOST, 2, 2)), np.empty(MOST)
     stages, waiting, ranges = np.empty((2 * MOST, ROWS, WIDTH)), np.empty((MOST, 2, 2)), np.empty((MOST, 2))
