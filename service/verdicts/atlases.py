@@ -8,7 +8,7 @@ from math import isfinite
 
 from flint import arb
 
-from service.dynamics.atlas.atlas import Atlas, AtlasPart, make_atlas, require_formula
+from service.dynamics.atlas.atlas import Atlas, AtlasPart, make_atlas, with_formula
 from service.dynamics.atlas.bands import Band, Measured, WindowSeries
 from service.dynamics.atlas.changes import Change
 from service.dynamics.verdict.verdict import Verdict, decide
@@ -74,7 +74,7 @@ def _draw(document: object, *, processor: float, clock: float) -> Document:
 
 def _judge(asked: AtlasQuestion) -> tuple[Verdict, Document]:
     """Return the verdict on the potential, and the refusal if it has no atlas, else an empty document."""
-    require_formula(asked.potential)
+    with_formula(asked.body, asked.potential)
     verdict = decide(asked.body, asked.potential, verdict_deadline())
     answer = verdict_document(asked.body, verdict, asked.potential)
     return verdict, refusal_of_verdict(verdict, answer, asked.accepts_undecided) or {}

@@ -16,7 +16,9 @@ from service.dynamics.atlas.zeros import zeros_of
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.parity import is_written_even
+from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.recognition.constant_curve_function import formula_of
 from service.dynamics.problem import PlanarMotion, Sign
 from service.dynamics.reduction.windows import find_windows
 
@@ -30,7 +32,7 @@ EVENT = 1e-5
 
 
 class AtlasNeedsFormulaError(DynamicsError):
-    """The potential is given by integrals, of which nothing is known on whole stretches."""
+    """The potential is given by an integral, of which nothing is known on whole stretches."""
 
     code = "atlas_needs_formula"
 
@@ -85,10 +87,10 @@ def make_atlas(
     EqualMomentsError
         A = C.
     AtlasNeedsFormulaError
-        The potential has no formula.
+        The potential has no formula, and its F is not constant.
     """
     body.require_planar()
-    require_formula(potential)
+    potential = with_formula(body, potential)
     with ctx.workprec(BITS):
         halves = _halves(body, potential, over)
         if stays_at_latitudes(halves):
@@ -99,14 +101,24 @@ def make_atlas(
         return _assembled(halves, parts, over, samples, has_periods=has_periods)
 
 
-def require_formula(potential: Potential) -> None:
-    """Raise :class:`AtlasNeedsFormulaError` if the potential has none."""
-    if not potential.has_formula:
+def with_formula(body: RigidBody, potential: Potential) -> Potential:
+    """Return the potential, by a formula if it is one of the family ``general`` with a constant F; A ≠ C.
+
+    Raises
+    ------
+    AtlasNeedsFormulaError
+        It has none.
+    """
+    if potential.has_formula:
+        return potential
+    found = formula_of(body, potential) if isinstance(potential, GeneralPotential) else None
+    if found is None:
         raise AtlasNeedsFormulaError(
-            "the potential is given by integrals of F and G that have no formula, and an atlas is proved by "
-            "bounds of formulas; accepted are potentials with a formula of g1, g2 and g3",
+            "the potential is given by an integral of F that has no formula, and an atlas is proved by "
+            "bounds of formulas; accepted are potentials with a formula of g1, g2 and g3, and a constant F",
             pointer="/potential",
         )
+    return found
 
 
 def _halves(body: RigidBody, potential: Potential, over: LambdaRange) -> list[HalfCurves]:

@@ -14,6 +14,8 @@ TRACES = (-4.0, 4.0)
 """Ends of the axis of traces: between -2 and 2 a motion is stable; what is beyond is drawn at the border."""
 LOGARITHMIC = 10.0
 """Ratio of the ends of the range from which λ is drawn on a logarithmic axis."""
+SAME = 4.0
+"""So many errors apart, values may be the same: each is off, and the line between them is too."""
 COLOURS = ("#3b6ea5", "#c7762b", "#4c8c4a", "#9b4f96", "#a33c3c", "#5f6b7a")
 KINDS = {
     "window_appears": "a window appears",
@@ -69,9 +71,13 @@ def picture_of(atlas: AtlasOut) -> str:
     low, high = atlas.lambda_
     across = _Axis(low, high, LEFT, WIDTH - RIGHT, high / low >= LOGARITHMIC)
     series = [part.samples for part in atlas.parts if part.samples is not None]
-    curves = [("energy", _energies(series)), ("period", _periods(series))]
+    curves = [_panel("energy", _energies(series), _error(series))]
+    # Without a periodic window, or where periods were not asked for, there is nothing to draw.
+    periods = _panel("period", _periods(series))
+    if any(points for _, points in periods.curves):
+        curves.append(periods)
     if any(window.stability is not None for samples in series for window in samples.windows):
-        curves.append(("μ + 1/μ: stable between -2 and 2", _traces(series)))
+        curves.append(_panel("μ + 1/μ: stable between -2 and 2", _traces(series), ends=TRACES))
     tops = [TOP + sum(HEIGHTS[:k]) + GAP * k for k in range(len(curves) + 1)]
     bottom = tops[-1] + HEIGHTS[len(curves)]
     lines = [
@@ -85,16 +91,28 @@ def picture_of(atlas: AtlasOut) -> str:
     for samples in series:
         for window in samples.windows:
             lines += _bands(across, windows, samples, window)
-    for k, (name, drawn) in enumerate(curves, 1):
-        found = [(colour, list(points)) for colour, points in drawn]
-        values = [y for _, points in found for _, y in points]
-        ends = TRACES if k == len(HEIGHTS) - 1 else _spread(values)
-        up = _Axis(*ends, tops[k] + HEIGHTS[k], tops[k])
-        lines += _frame(across, up, name, is_last=k == len(curves))
-        lines += [_curve(across, up, colour, points) for colour, points in found if len(points) > 1]
+    for k, panel in enumerate(curves, 1):
+        up = _Axis(*panel.ends, tops[k] + HEIGHTS[k], tops[k])
+        lines += _frame(across, up, panel.name, is_last=k == len(curves))
+        lines += [_curve(across, up, colour, points) for colour, points in panel.curves if len(points) > 1]
     lines += _marks(atlas, across, bottom)
     lines.append("</svg>")
     return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True, slots=True)
+class _Panel:
+    name: str
+    curves: list[tuple[str, list[tuple[float, float]]]]
+    ends: tuple[float, float]
+
+
+def _panel(
+    name: str, drawn: "Iterable[_Curve]", error: float = 0.0, ends: tuple[float, float] | None = None
+) -> _Panel:
+    curves = [(colour, list(points)) for colour, points in drawn]
+    values = [y for _, points in curves for _, y in points]
+    return _Panel(name, curves, _spread(values, error) if ends is None else ends)
 
 
 def _summary(atlas: AtlasOut) -> str:
@@ -154,6 +172,12 @@ def _energies(series: Sequence[AtlasSamplesOut]) -> Iterator[_Curve]:
             yield "#222", _known(samples.lambda_, samples.energy)
 
 
+def _error(series: Sequence[AtlasSamplesOut]) -> float:
+    """Return the largest error of an energy."""
+    errors = [error for samples in series if samples.windows for error in samples.energy_error]
+    return max((error for error in errors if error is not None), default=0.0)
+
+
 def _periods(series: Sequence[AtlasSamplesOut]) -> Iterator[_Curve]:
     for samples in series:
         for window in samples.windows:
@@ -178,8 +202,11 @@ def _curve(across: _Axis, up: _Axis, colour: str, points: Sequence[tuple[float, 
     return f'<polyline points="{places}" fill="none" stroke="{colour}" stroke-width="1.6"/>'
 
 
-def _spread(values: Sequence[float]) -> tuple[float, float]:
-    """Return the ends of an axis: those of the values, without the highest few where they run away."""
+def _spread(values: Sequence[float], error: float) -> tuple[float, float]:
+    """Return the ends of an axis: those of the values, without the highest few where they run away.
+
+    Values that are the same within their ``error`` are drawn as a level line.
+    """
     finite = sorted(value for value in values if isfinite(value))
     if not finite:
         return 0.0, 1.0
@@ -187,7 +214,9 @@ def _spread(values: Sequence[float]) -> tuple[float, float]:
     usual = finite[int(0.97 * (len(finite) - 1))]
     if usual > low and high - low > 4.0 * (usual - low):
         high = usual
-    room = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+    room = 0.05 * (high - low)
+    if high - low <= SAME * error or not room:
+        room = 0.05 * abs(high) if abs(high) > SAME * error else 1.0
     return low - room, high + room
 
 

@@ -63,7 +63,9 @@ class AtlasIn(WireModel):
     model_config = one_of_each([within("body", given("A", "C"))])
 
     body: BodyIn = Field(description="The rigid body; A ≠ C. B is needed for stability only.")
-    potential: PotentialIn = Field(description="The potential, with a formula of g1, g2 and g3.")
+    potential: PotentialIn = Field(
+        description="The potential, with a formula of g1, g2 and g3, or a constant F."
+    )
     lambda_: Annotated[list[Positive], Field(min_length=2, max_length=2), AfterValidator(_forward)] = Field(
         alias="lambda", description="Smallest and largest λ, from 1e-9 to 1e9."
     )

@@ -127,3 +127,20 @@ def test_what_has_no_atlas_is_refused(client):
     answer = drawn(client, by_integral).json()
     assert answer["type"] == "urn:polhode:problem:atlas_needs_formula"
     assert drawn(client, accept="image/png").status_code == 406
+
+
+def test_a_picture_shows_no_noise_and_no_empty_panel(client):
+    """V = Q G(g2) has the energy 0 on every curve, known up to its error; no window here is periodic."""
+    asked = {
+        "body": {"A": 3, "C": 2},
+        "potential": {"type": "expression", "expression": "(3*g1^2 + 2*g3^2)*g2*(g2 - 2)"},
+        "lambda": ["1/5", 5],
+        "samples": 20,
+    }
+    (part,) = drawn(client, asked).json()["parts"]
+    assert [window["kind"] for window in part["samples"]["windows"]] == ["pole"]
+    picture = ET.fromstring(drawn(client, asked, "image/svg+xml").content)
+    name = "{http://www.w3.org/2000/svg}"
+    assert "period" not in [each.text for each in picture.iter(f"{name}text")]
+    (energy,) = picture.iter(f"{name}polyline")
+    assert len({point.split(",")[1] for point in energy.get("points").split()}) == 1

@@ -5,8 +5,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.atlas.atlas import make_atlas
+from service.dynamics.atlas.atlas import LambdaRange, make_atlas
 from service.dynamics.errors import DynamicsError
+from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.recognition.constant_curve_function import formula_of
 from service.dynamics.potentials.recognition.latitudes import turns_by_latitude
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
@@ -132,6 +134,41 @@ def test_what_is_recognised_is_no_more_than_what_turns_by_latitude(text, expecte
         known = ~np.isnan(found[:, 0])
         # D is the difference of terms of about its size: some roundings.
         np.testing.assert_allclose(found[known], found[known][:, :1] * np.ones(7), rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("A", "C", "F", "G"), [(3, 1, "0", "g2-1/5"), (3, 2, "-1/4", "g2^2-1/3"), (2, 3, "pi/8", "sin(g2)-1")]
+)
+def test_a_constant_F_has_an_atlas(A, C, F, G):
+    """The formula has the values and the windows of the integral, which are found by another way."""
+    rigid_body = body(A, C)
+    potential = general_potential(rigid_body, F, G, {}, "pi/5")
+    told = formula_of(rigid_body, potential)
+    g2 = np.array([-0.7, 0.2, 0.5])
+    gamma = np.stack([np.sqrt(1 - g2**2) * np.cos(0.7), g2, np.sqrt(1 - g2**2) * np.sin(0.7)], axis=-1)
+    # The integral is a sum of some hundred terms of about its size.
+    np.testing.assert_allclose(told.value(gamma), potential.value(gamma), rtol=1e-13, atol=1e-14)
+    atlas = make_atlas(rigid_body, potential, LambdaRange(Fraction(1, 5), Fraction(5)), 9)
+    (part,) = atlas.parts
+    assert (atlas.changes, atlas.undecided) == ((), ())
+    for k in (1, 7):
+        windows = find_windows(rigid_body, potential, PlanarMotion(Fraction(float(part.series.lambda_[k]))))
+        assert [(w.kind, w.ends) for w in windows] == [
+            (band.window.kind, band.window.ends) for band in part.series.bands
+        ]
+        for window, band in zip(windows, part.series.bands, strict=True):
+            for measured, end in zip(band.g1, window.g1, strict=True):
+                assert abs(float(measured.value[k]) - end) <= float(measured.error[k]) + 2.0**-52
+        # h = -F.
+        expected = -float(Fraction(F)) if "pi" not in F else -np.pi / 8
+        assert abs(part.series.energy.value[k] - expected) <= part.series.energy.error[k]
+
+
+def test_an_F_that_is_not_one_constant_has_no_formula():
+    rigid_body = body(3, 1)
+    assert formula_of(rigid_body, general_potential(rigid_body, "w", "0", {})) is None
+    texts = {"pp": "1", "mp": "2", "pm": "1", "mm": "1"}
+    assert formula_of(rigid_body, general_potential(rigid_body, texts, "g2", {})) is None
 
 
 def test_a_motion_that_is_refused_is_a_part_with_a_reason():

@@ -36,10 +36,6 @@ class CurveFunction:
         """Return enclosures of the continuation to complex w; see ComplexBallAlgebra for ``analytic``."""
         return self._powers(_complex(analytic), w, order)
 
-    def in_algebra(self, algebra: Algebra[T], w: T, order: int) -> tuple[T, ...]:
-        """Return them in any algebra."""
-        return self._powers(_with_jets(algebra), w, order)
-
     def _powers(self, algebras: _Algebras[T], w: T, order: int) -> tuple[T, ...]:
         base, first, second = algebras
         if order == 0:

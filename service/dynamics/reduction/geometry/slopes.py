@@ -21,7 +21,7 @@ from service.dynamics.formula.tape import Tape
 T = TypeVar("T")
 
 
-class WithJumps(FirstOrderJets[T]):
+class _WithJumps(FirstOrderJets[T]):
     """First-order jets in which sign(x) has a derivative, 0, only where x is not 0.
 
     Elsewhere it is no number: what jumps may have any number of zeros.
@@ -53,13 +53,13 @@ def derivatives_along(
     inner: Any = algebra
     places: Any = [*g, *([] if drop is None else [drop.u])]
     for _ in range(order):
-        following = WithJumps(inner, 1)
+        following = _WithJumps(inner, 1)
         rates = _rates(inner, body, places[:3])
         if drop is not None:
             rates.append(inner.negate(rates[1]) if drop.sigma > 0 else rates[1])
         places = [following.seed(place, (rate,)) for place, rate in zip(places, rates, strict=True)]
         inner = following
-    turned = WithJumps(inner, 1)
+    turned = _WithJumps(inner, 1)
     g1, g2, g3, *rest = places
     seeds = [turned.seed(g1, (inner.negate(g3),)), turned.seed(g2, (None,)), turned.seed(g3, (g1,))]
     found = tape.evaluate(turned, [*seeds, *(turned.seed(u, (None,)) for u in rest)]).first[0]

@@ -64,14 +64,6 @@ class Curves:
     turn: int
     """The sign of P / D."""
 
-    def along(self, algebra: IntervalAlgebra, cells: Cells, order: int) -> list[Interval | None]:
-        """Return bounds of D, X D, … up to the derivative of this order on each cell; None where it is 0.
-
-        A potential without a formula may give a function of the same sign instead, and its derivatives
-        along another positive multiple of X.
-        """
-        return derivatives_along(algebra, self.tape, self.body, _places(algebra, self.loops, cells), order)
-
 
 @dataclass(frozen=True)
 class Half(Curves):
@@ -120,8 +112,9 @@ def half_of(loop: Loop, tape: Tape, g3_sign: int) -> Half:
 def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
     """Return what bounds say of the cells."""
     algebra = _DomainIntervals(scales(curves.loops, cells))
+    g = _places(algebra, curves.loops, cells)
     with np.errstate(all="ignore"):
-        D, *slopes = curves.along(algebra, cells, 1 if with_slope else 0)
+        D, *slopes = derivatives_along(algebra, curves.tape, curves.body, g, 1 if with_slope else 0)
     shape = cells.low.shape
     slope = _signs(slopes[0], shape) * curves.turn if slopes else np.zeros(shape, dtype=np.int64)
     is_undefined = np.broadcast_to(algebra.is_undefined, shape)
@@ -131,9 +124,10 @@ def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
 def derivative_values(curves: Curves, cells: Cells, order: int) -> list[Bounds]:
     """Return bounds of D, X D, … up to this order on each cell, times the sign of P / D; NaN for none."""
     algebra = IntervalAlgebra(scales(curves.loops, cells))
+    g = _places(algebra, curves.loops, cells)
     zero = algebra.constant(Fraction(0))
     with np.errstate(all="ignore"):
-        found = curves.along(algebra, cells, order)
+        found = derivatives_along(algebra, curves.tape, curves.body, g, order)
         values = [algebra.bounds(zero if each is None else each) for each in found]
     shape = cells.low.shape
     full = [(np.broadcast_to(lo, shape), np.broadcast_to(hi, shape)) for lo, hi in values]
