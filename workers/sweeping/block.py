@@ -32,7 +32,7 @@ MAX_PROGRAMS = 64
 
 @dataclass(frozen=True, slots=True)
 class SolvedBlock:
-    """Some neighbouring points; those neither ``solved``, ``empty`` nor ``refused`` are left to single jobs."""
+    """Some neighbouring points; those not ``solved``, ``empty`` or ``refused`` are left to single jobs."""
 
     solved: BoolArray
     """Shape (points,)."""

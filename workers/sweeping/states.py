@@ -24,7 +24,7 @@ from service.schemas.sweep.sweep import Sweep
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.compiled import CompiledIntegrator, Held, integrator_of, samples_of
 from workers.solvers.integration.interface import neighbour_of
-from workers.solvers.integration.solve import Quest, quest_of
+from workers.solvers.integration.solve import quest_of
 from workers.sweeping.block import SolvedBlock
 from workers.sweeping.family import has_symbol
 from workers.sweeping.plan import place_in_state

@@ -1,4 +1,4 @@
-"""Integrates by Taylor series of order 24 in compiled code, which is the same for all formulas.
+"""Integrates by Taylor series of high order in compiled code, which is the same for all formulas.
 
 What a formula does is a list of operations that kernels go through (:mod:`workers.solvers.compiled.general`):
 nothing is compiled for a potential or a body. Two runs, the difference of which is the error, are held
