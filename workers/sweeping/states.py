@@ -92,7 +92,7 @@ class StateSolver:
 
     def _point(self, points: SweptPoints, first: int, place: int) -> Held | str | None:
         """Return what is found, the code of a refusal, or None for a point that is left to its job."""
-        start, state, neighbour = self._start, self._doubles.copy(), self._neighbours.copy()
+        start, state, neighbour = list(self._start), self._doubles.copy(), self._neighbours.copy()
         moments = dict[str, Fraction]()
         exact = list[Fraction]()
         for axis, which in enumerate(self._places):
@@ -103,7 +103,7 @@ class StateSolver:
                 if which is not None:
                     moments[_MOMENTS[which - 6]] = value
                 continue
-            start = (*start[:which], value, *start[which + 1 :])
+            start[which] = value
             state[which], neighbour[which] = float(value), neighbour_of(value)
         if not is_unit(start[3:]):
             return None
@@ -134,7 +134,9 @@ class StateSolver:
         if self._reads:
             problem = read_problem(self._sweep.document(index))
             return problem.body, problem.potential
-        return replace(self._problem.body, **moments), self._problem.potential
+        body = self._problem.body
+        A, B, C = moments.get("A", body.A), moments.get("B", body.B), moments.get("C", body.C)
+        return replace(body, A=A, B=B, C=C), self._problem.potential
 
 
 def _told(found: Held) -> Mapping[str, float]:

@@ -95,8 +95,7 @@ class CompiledIntegrator:
         if status == ARRIVED:
             return run
         if status == TIRED:
-            ending = too_many_steps(since + run.reached, since + end, max_steps)
-            return Run(breaks, coefficients, ending)
+            return Run(breaks, coefficients, too_many_steps(since + run.reached, since + end, max_steps))
         start_gradient = self._potential.gradient(state[3:])
         if not np.isfinite(start_gradient).all():
             return Run(np.zeros(1), np.zeros((0, 1, 6)), undefined_start())

@@ -42,7 +42,7 @@ TAILS = np.array([4.0 * RHO**-level / (RHO - 1.0) for level in LEVELS])
 def _of_level(level: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return points, T_k at those from 1 down to 0, and the coefficients of what is 1 at one of these."""
     points = chebyshev_points(level)
-    values = np.polynomial.chebyshev.chebvander(points[: level // 2 + 1], HIGHEST_DEGREE)
+    values = np.polynomial.chebyshev.chebvander(points[: level // 2 + 1], HIGHEST_DEGREE).astype(np.float64)
     return points, values, chebyshev_coefficients(np.eye(level + 1)).T[: level // 2 + 1]
 
 
