@@ -47,6 +47,7 @@ class StateSolver:
         self._names = [name for name in sweep.series_columns if name != "t"]
         self._columns = [COLUMNS.index(name) for name in self._names]
         self._places = [place_in_state(axis.path) for axis in sweep.axes]
+        self._moves_gamma = any(place in (3, 4, 5) for place in self._places)
         self._known = [listed_exactly(axis) for axis in sweep.axes]
         self._times = sample_times(problem.time, None)
         self._start = (*problem.motion.omega, *problem.motion.gamma)
@@ -105,7 +106,7 @@ class StateSolver:
                 continue
             start[which] = value
             state[which], neighbour[which] = float(value), neighbour_of(value)
-        if not is_unit(start[3:]):
+        if self._moves_gamma and not is_unit(start[3:]):
             return None
         integrator = self._integrator(tuple(exact), moments, first + place)
         if integrator is None:
