@@ -386,7 +386,7 @@ OF_STATES = {
         time={"stop": 3, "samples": 3},
     ),
     "too fine for doubles, states": sweep(
-        ("/motion/omega/0", values(0, "1/2")), motion=STATE, accuracy={"tolerance": 1e-18}
+        ("/motion/omega/0", values(0, "1/2")), motion=STATE, accuracy={"tolerance": 1e-15}
     ),
     "draft, state": sweep(("/motion/omega/0", values(0.3)), motion=STATE, accuracy=DRAFT),
     "a kink, state": sweep(
