@@ -19,7 +19,7 @@ from tests.benchmarks import (
     throughput,
 )
 from tests.benchmarks.measuring import Effort, Result, Row, Table, in_words, say
-from tests.benchmarks.whole import comparison, jobs, points, requests, tiers
+from tests.benchmarks.whole import comparison, jobs, points, requests, states, tiers
 
 Part = Callable[[Effort, Sequence[str]], None]
 """Measures under circumstances that are told; a quick one prints and writes nothing."""
@@ -132,7 +132,7 @@ PARTS: Mapping[str, Part] = {
     "targets": targets,
     "precision": work_against_precision,
     "whole-jobs": partial(tables, "whole-jobs", (jobs.jobs,)),
-    "points": partial(tables, "points", (points.points,)),
+    "points": partial(tables, "points", (points.points, states.states)),
     "atlases": partial(tables, "atlases", (atlases.atlases,)),
     "requests": partial(tables, "requests", (requests.requests,)),
     "tier-costs": tier_costs,

@@ -24,7 +24,7 @@ from service.schemas.sweep.sweep import Sweep
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.compiled import CompiledIntegrator, Held, integrator_of, samples_of
 from workers.solvers.integration.interface import neighbour_of
-from workers.solvers.integration.solve import Quest, quest_of
+from workers.solvers.integration.solve import quest_of
 from workers.sweeping.family import has_symbol
 from workers.sweeping.plan import place_in_state
 from workers.sweeping.points import SweptPoints, are_numbers, listed_exactly
@@ -47,6 +47,7 @@ class StateSolver:
         self._names = [name for name in sweep.series_columns if name != "t"]
         self._columns = [COLUMNS.index(name) for name in self._names]
         self._places = [place_in_state(axis.path) for axis in sweep.axes]
+        self._moves_gamma = any(place in (3, 4, 5) for place in self._places)
         self._known = [listed_exactly(axis) for axis in sweep.axes]
         self._times = sample_times(problem.time, None)
         self._start = (*problem.motion.omega, *problem.motion.gamma)
@@ -91,7 +92,7 @@ class StateSolver:
 
     def _point(self, points: SweptPoints, first: int, place: int) -> Held | AccuracyNotMetError | None:
         """Return what is found, an error, or None for a point that is left to its job."""
-        start, state, neighbour = self._start, self._doubles.copy(), self._neighbours.copy()
+        start, state, neighbour = list(self._start), self._doubles.copy(), self._neighbours.copy()
         moments = dict[str, Fraction]()
         exact = list[Fraction]()
         for axis, which in enumerate(self._places):
@@ -102,9 +103,9 @@ class StateSolver:
                 if which is not None:
                     moments[_MOMENTS[which - 6]] = value
                 continue
-            start = (*start[:which], value, *start[which + 1 :])
+            start[which] = value
             state[which], neighbour[which] = float(value), neighbour_of(value)
-        if not is_unit(start[3:]):
+        if self._moves_gamma and not is_unit(start[3:]):
             return None
         integrator = self._integrator(tuple(exact), moments, first + place)
         if integrator is None:
@@ -133,7 +134,9 @@ class StateSolver:
         if self._reads:
             problem = read_problem(self._sweep.document(index))
             return problem.body, problem.potential
-        return replace(self._problem.body, **moments), self._problem.potential
+        body = self._problem.body
+        A, B, C = moments.get("A", body.A), moments.get("B", body.B), moments.get("C", body.C)
+        return replace(body, A=A, B=B, C=C), self._problem.potential
 
 
 def _told(found: Held) -> Mapping[str, float]:

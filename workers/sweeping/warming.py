@@ -64,7 +64,7 @@ STATE: Document = MappingProxyType(
         "motion": {"type": "state", "gamma": ["0.6", "0", "0.8"], "omega": ["0", "1", "0.1"]},
     }
 )
-"""Only children solve it: its integrator may start threads, which no child of a fork would inherit."""
+"""Only children solve it: those of the second stage."""
 SWEEP: Document = MappingProxyType(
     {"base": dict(_BASE), "axes": [{"pointer": "/motion/lambda", "values": ["1", "2"]}], "keep": ["period"]}
 )

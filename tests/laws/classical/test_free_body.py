@@ -61,7 +61,7 @@ def integrate(body, state, times, integrator):
     )
 
 
-@pytest.mark.parametrize("integrator", ["heyoka", "dop853"])
+@pytest.mark.parametrize("integrator", ["taylor", "heyoka", "dop853"])
 @pytest.mark.parametrize(
     "case",
     [
@@ -82,7 +82,7 @@ def test_three_different_moments(case, integrator):
     assert np.abs(motion.samples - with_momentum(case.omega(times))).max() <= motion.error + 1e-13
 
 
-@pytest.mark.parametrize("integrator", ["heyoka", "dop853"])
+@pytest.mark.parametrize("integrator", ["taylor", "heyoka", "dop853"])
 def test_separatrix(integrator):
     """2 h B = |M|²: p, r ~ sech, q ~ tanh, from one unstable rotation about the middle axis to the other."""
     r0 = 1.0
@@ -96,7 +96,7 @@ def test_separatrix(integrator):
     assert np.abs(motion.samples - exact).max() <= motion.error
 
 
-@pytest.mark.parametrize("integrator", ["heyoka", "dop853"])
+@pytest.mark.parametrize("integrator", ["taylor", "heyoka", "dop853"])
 def test_two_equal_moments(integrator):
     """A = B: r is constant, (p, q) turns uniformly at the rate (A - C) r / A."""
     body = RigidBody(Fraction(2), Fraction(2), Fraction(1))

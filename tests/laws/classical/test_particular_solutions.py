@@ -98,7 +98,7 @@ def test_steklov_moves_by_elliptic_functions(example):
         assert period == pytest.approx(example.period, rel=1e-15)
 
 
-@pytest.mark.parametrize("integrator", ["heyoka", "dop853"])
+@pytest.mark.parametrize("integrator", ["taylor", "heyoka", "dop853"])
 def test_grioli_precesses_regularly_about_an_oblique_axis(integrator):
     """The explicit solution, in elementary functions, over five periods and to both sides."""
     motion = along(GRIOLI, np.linspace(-20.0, 20.0, 101), integrator=integrator)

@@ -53,7 +53,7 @@ PLANES = [
 RIGHT_HANDED = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
-@pytest.mark.parametrize("integrator", ["heyoka", "dop853"])
+@pytest.mark.parametrize("integrator", ["taylor", "heyoka", "dop853"])
 @pytest.mark.parametrize("kappa", [0.3, 0.95, 1.05, 2.5])
 @pytest.mark.parametrize(("axis", "text", "strength", "n", "bottom", "side"), PLANES)
 def test_body_in_a_principal_plane(axis, text, strength, n, bottom, side, kappa, integrator):

@@ -76,7 +76,7 @@ def assert_same(one: Motion, two: Motion, *, factors=(1.0,) * 6, order=range(6))
 
 
 @LAW
-@given(tops(), st.sampled_from(["heyoka", "dop853"]))
+@given(tops(), st.sampled_from(["taylor", "heyoka", "dop853"]))
 def test_the_three_integrals_stay(top, integrator):
     motion = top.motion(integrator=integrator)
     omega, gamma = motion.samples[:, :3], motion.samples[:, 3:]
@@ -155,7 +155,7 @@ def test_exchange_of_two_axes_reverses_the_time(top):
 
 
 @LAW
-@given(tops(), st.sampled_from(["heyoka", "dop853"]))
+@given(tops(), st.sampled_from(["taylor", "heyoka", "dop853"]))
 def test_a_later_state_starts_the_same_motion(top, integrator):
     motion = top.motion(TIMES[TIMES >= 0], integrator)
     restart = motion.samples[10]

@@ -30,7 +30,7 @@ def quadrature(rigid_body, potential, nu, times):
 
 @each_once(
     text=["-g1", "-g1 + 1/(20*g3^2)", "-g1 + 1/(50*g3^2) + 6/5*(g1^2 - g2^2)"],
-    integrator=["heyoka", "dop853"],
+    integrator=["taylor", "heyoka", "dop853"],
 )
 def test_right_quadrature_is_confirmed_over_all_its_times(text, integrator):
     rigid_body = body("3/2")

@@ -22,6 +22,7 @@ from workers.sweeping.plan import make_plan
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}
 THREE_TERMS = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/50"}}
 TIME = {"stop": 20, "samples": 7}
+STATE = {"type": "state", "omega": [0, "1/10", 1], "gamma": ["3/5", 0, "4/5"]}
 LOOSE, DRAFT, HIGH = {"tolerance": 1e-9}, {"tier": "draft"}, {"tier": "high"}
 A, B = "/potential/parameters/a", "/potential/parameters/b"
 LAMBDA, NU = "/motion/lambda", "/motion/nu"
@@ -328,10 +329,11 @@ ONE_BY_ONE = {
     "an integral": sweep(
         (LAMBDA, uniform(1, 2, 2)), potential={"type": "general", "F": "w^2", "G": "0"}, series=False
     ),
-    "any state": sweep(
+    "any state, with invariants": sweep(
         ("/motion/omega/0", values(0, "2/5")),
-        motion={"type": "state", "omega": [0, "1/10", 1], "gamma": ["3/5", 0, "4/5"]},
-        keep=("energy", "error"),
+        motion=STATE,
+        keep=("energy", "invariants.energy.drift"),
+        outputs=["gamma", "omega", "invariants"],
         time={"stop": 1, "samples": 3},
     ),
     "zeros of no power": sweep(
@@ -347,6 +349,54 @@ ONE_BY_ONE = {
         (A, values(-1)), method="both", keep=("cross_check.disagreement",), time={"stop": 1, "samples": 3}
     ),
 }
+
+
+OF_STATES = {
+    "any state": sweep(
+        ("/motion/omega/0", uniform("1/10", "9/10", 3)),
+        ("/motion/omega/1", values(0, "1/3")),
+        motion=STATE,
+        keep=("period", "energy", "energy.error", "error"),
+    ),
+    "gamma that is not of length 1": sweep(
+        ("/motion/gamma/0", values("3/5", "0.6000000000001", "7/10")), motion=STATE
+    ),
+    "moments, and what is no body": sweep(
+        ("/body/A", values(2, "7/3", "1/4")), ("/body/B", values("3/2", 0)), motion=STATE
+    ),
+    "moments in the formula": sweep(
+        ("/body/B", values("3/2", "5/3")),
+        ("/motion/omega/2", values(1, "1/2")),
+        motion=STATE,
+        potential=expression("-B*g1 + C*g2^2/A"),
+    ),
+    "parameters of the potential, and none": sweep(
+        (A, uniform(-2, -1, 2)), (B, values("1/50", 0)), ("/motion/omega/0", values(0.1, 0.2)), motion=STATE
+    ),
+    "functions, both ways in time": sweep(
+        ("/motion/omega/0", values("-1/2", "1/7")),
+        motion=STATE,
+        potential=expression("exp(g2)*sin(g1) + log(2+g3)*g2^(1/3+2/3) + tan(g1/4) + sqrt(2+g2) + 2^g3"),
+        time={"start": -2, "stop": 3, "samples": 5},
+    ),
+    "a pole that is hit": sweep(
+        ("/motion/omega/0", values(0, 3)),
+        motion=STATE,
+        potential=expression("-g1 - 1/g3^2"),
+        time={"stop": 3, "samples": 3},
+    ),
+    "too fine for doubles, states": sweep(
+        ("/motion/omega/0", values(0, "1/2")), motion=STATE, accuracy={"tolerance": 1e-15}
+    ),
+    "draft, state": sweep(("/motion/omega/0", values(0.3)), motion=STATE, accuracy=DRAFT),
+    "a kink, state": sweep(
+        ("/motion/omega/0", values(0, "1/2")),
+        motion=STATE,
+        potential=expression("abs(g2) - g1"),
+        time={"stop": 1, "samples": 3},
+    ),
+}
+"""Motions from any state, which kernels solve without documents."""
 
 
 @pytest.fixture(autouse=True)
@@ -377,9 +427,9 @@ def alone(swept, index):
 
 
 @pytest.mark.usefixtures("no_hurry")
-@pytest.mark.parametrize("name", [*IN_BLOCKS, *IN_SLICES, *ONE_BY_ONE])
+@pytest.mark.parametrize("name", [*IN_BLOCKS, *IN_SLICES, *OF_STATES, *ONE_BY_ONE])
 def test_every_bit_of_a_point_is_that_of_its_job(name):
-    document = {**IN_BLOCKS, **IN_SLICES, **ONE_BY_ONE}[name]
+    document = {**IN_BLOCKS, **IN_SLICES, **OF_STATES, **ONE_BY_ONE}[name]
     swept = read_sweep(document)
     outcome = computed(document)
     assert outcome.count == swept.points
@@ -428,7 +478,7 @@ SHORTER = {
 
 @pytest.mark.parametrize(
     "name",
-    ["high, of moments that are not double", "times", "any state"],
+    ["high, of moments that are not double", "times", "any state, with invariants"],
 )
 def test_other_sweeps_go_point_by_point(name):
     plan = make_plan(read_sweep(ONE_BY_ONE[name]))
@@ -455,13 +505,36 @@ def test_slices_of_a_sweep_go_in_blocks(name, monkeypatch):
     assert len(together) > 1
 
 
+@pytest.mark.usefixtures("no_hurry")
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("any state", 1),
+        ("moments, and what is no body", 5),
+        ("moments in the formula", 1),
+        ("functions, both ways in time", 1),
+        ("too fine for doubles, states", 1),
+    ],
+)
+def test_states_go_through_kernels_alone(name, count, monkeypatch):
+    """Single jobs: the first of each outcome, for comparison, and what is no problem at all."""
+    singly = []
+    original = chunk.solve_point
+    monkeypatch.setattr(
+        chunk, "solve_point", lambda *point, **judged: singly.append(point) or original(*point, **judged)
+    )
+    outcome = computed(OF_STATES[name])
+    assert outcome.count == read_sweep(OF_STATES[name]).points
+    assert len(singly) == count
+
+
 @pytest.mark.parametrize(
     ("name", "is_judged"),
     [
         ("high, of moments that are not double", True),
         ("times", True),
         ("admissible for one value", False),
-        ("any state", False),
+        ("any state, with invariants", False),
     ],
 )
 def test_a_verdict_is_shared_only_if_it_is_proved_for_all(name, is_judged):

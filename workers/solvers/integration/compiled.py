@@ -1,4 +1,4 @@
-"""Integrates by Taylor series of order 24 in compiled code, which is the same for all formulas.
+"""Integrates by Taylor series of high order in compiled code, which is the same for all formulas.
 
 What a formula does is a list of operations that kernels go through (:mod:`workers.solvers.compiled.general`):
 nothing is compiled for a potential or a body. Two runs, the difference of which is the error, are held
@@ -17,6 +17,7 @@ from service.dynamics.defect.evidence import FINEST, GOAL
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from workers.solvers.compiled.evaluation.program import make_program
+from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.records import Asked, Formula, Gradient
 from workers.solvers.compiled.general.sampling import values_at
 from workers.solvers.compiled.general.series import STATE
@@ -40,7 +41,7 @@ from workers.solvers.integration.twin import LOOSER, ROUNDING, SAFETY, Span
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_NONE = np.empty(0)
+_NONE, _NO_REFERENCE = np.empty(0), np.zeros(3)
 
 
 def moments_of(body: RigidBody, rounding: Rounding) -> FloatArray:
@@ -95,8 +96,7 @@ class CompiledIntegrator:
         if status == ARRIVED:
             return run
         if status == TIRED:
-            ending = too_many_steps(since + run.reached, since + end, max_steps)
-            return Run(breaks, coefficients, ending)
+            return Run(breaks, coefficients, too_many_steps(since + run.reached, since + end, max_steps))
         start_gradient = self._potential.gradient(state[3:])
         if not np.isfinite(start_gradient).all():
             return Run(np.zeros(1), np.zeros((0, 1, 6)), undefined_start())
@@ -104,6 +104,23 @@ class CompiledIntegrator:
         end_gradient = self._potential.gradient(last[3:])
         ending = collapse(since + run.reached, start_gradient, end_gradient)
         return Run(breaks, coefficients, ending)
+
+    def keeps(self, run: Run, goal: float, allowed: float) -> bool:
+        """See Integrator.keeps."""
+        is_kept, _, _ = hold(
+            self.formula,
+            self.gradient,
+            self.moments,
+            run.breaks,
+            run.coefficients,
+            goal,
+            allowed,
+            False,
+            0.0,
+            _NO_REFERENCE,
+            0.0,
+        )
+        return bool(is_kept)
 
     def steps(
         self,

@@ -95,6 +95,10 @@ class Dop853Integrator:
         table = np.array(values).transpose(2, 0, 1) if values else np.zeros(shape)
         return Run(np.array(breaks), chebyshev_coefficients(table).transpose(1, 0, 2), ending)
 
+    def keeps(self, run: Run, goal: float, allowed: float) -> bool:
+        """See Integrator.keeps; nothing is known here."""
+        return False
+
     def _gradient_of(self, state: FloatArray) -> FloatArray:
         return np.array(self._gradient(*state[3:].tolist()))
 

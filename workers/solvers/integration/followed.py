@@ -75,7 +75,7 @@ def followed(
     run = integrator.run(state, end, local_tolerance=local_tolerance, max_steps=max_steps)
     if equations.tape is None:
         return run
-    failure = _first_failure(equations, run, local_tolerance, looseness)
+    failure = _first_failure(integrator, equations, run, local_tolerance, looseness)
     if failure is None:
         return run
     parts = [_until(run, failure.time)]
@@ -94,7 +94,7 @@ def followed(
             longest=longest,
             since=done,
         )
-        failure = _first_failure(equations, part, local_tolerance, looseness)
+        failure = _first_failure(integrator, equations, part, local_tolerance, looseness)
         if failure is not None:
             longest = 0.5 * min(failure.length, longest) if failure.time == 0.0 else failure.length
             part = _until(part, failure.time)
@@ -109,17 +109,20 @@ def followed(
 
 
 def _first_failure(
-    equations: Equations, run: Run, local_tolerance: float, looseness: float
+    integrator: Integrator, equations: Equations, run: Run, local_tolerance: float, looseness: float
 ) -> _Failure | None:
     if len(run.breaks) == 1:
         return None
     is_forward = run.reached > 0.0
-    dense = joined(None, run) if is_forward else joined(run, None)
-    size = float(np.abs(dense.coefficients).max())
+    size = float(np.abs(run.coefficients).max())
     allowed = size * max(SLACK * local_tolerance, looseness * ROUNDING)
     goal = 0.1 * allowed * (len(run.breaks) - 1)
     # Next to the singularity it runs into, a run is not asked what is there.
     limit = inf if run.ending is None else (1.0 - BEFORE_THE_END) * abs(run.reached)
+    asked = int(np.searchsorted(np.abs(run.breaks[:-1]), limit, side="left"))
+    if integrator.keeps(Run(run.breaks[: asked + 1], run.coefficients[:asked], None), goal, allowed):
+        return None
+    dense = joined(None, run) if is_forward else joined(run, None)
     found: _Failure | None = None
     for block in Blocks(dense, equations.at, equations.bound).cut(goal):
         failed = np.flatnonzero(_fails(equations, block, allowed))

@@ -100,6 +100,13 @@ class Integrator(Protocol):
         """
         ...
 
+    def keeps(self, run: Run, goal: float, allowed: float) -> bool:
+        """Say whether kernels show that no step of ``run`` leaves more than ``allowed`` of the equations.
+
+        Interpolation may leave out ``goal`` in all. False says nothing.
+        """
+        ...
+
 
 def joined(backward: Run | None, forward: Run | None) -> DenseOutput:
     """Return one function of time from the runs on the two sides of t = 0; its error is not known yet."""

@@ -2,7 +2,7 @@
 
 import operator
 from collections.abc import Sequence
-from math import cos, exp, log, nan, pow, sin, tan  # noqa: A004
+from math import cos, exp, log, nan, pow, sin, tan
 
 import numpy as np
 

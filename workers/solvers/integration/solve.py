@@ -202,9 +202,7 @@ def tolerances(integrator: Integrator, tolerance: float) -> list[float]:
     return [min(first, COARSEST), finest] if first > finest else [finest]
 
 
-def _held_motion(
-    held: "Held", times: FloatArray, rests: FloatArray | None, local_tolerance: float
-) -> Motion:
+def _held_motion(held: "Held", times: FloatArray, rests: FloatArray | None, local_tolerance: float) -> Motion:
     from workers.solvers.integration.compiled import samples_of  # noqa: PLC0415
 
     return Motion(

@@ -200,6 +200,10 @@ class TaylorIntegrator:
             return replace(run, ending=too_many_steps(since + run.reached, since + end, max_steps))
         return run
 
+    def keeps(self, run: Run, goal: float, allowed: float) -> bool:
+        """See Integrator.keeps; nothing is known here."""
+        return False
+
     def _stepper(self, state: FloatArray, local_tolerance: float) -> Any:  # noqa: ANN401
         """Return heyoka's integrator at ``state`` and t = 0; its machine code is made once."""
         stepper = self._steppers.get(local_tolerance)

@@ -10,7 +10,7 @@ from service.dynamics.potentials.potential import Potential
 from tests.support.golden import GOLDEN
 
 BODY = RigidBody(Fraction(2), Fraction(3, 2), Fraction(1))
-NAMES = ("heyoka", "dop853")
+NAMES = ("taylor", "heyoka", "dop853")
 
 
 def golden_states(name: str) -> dict[int, np.ndarray]:

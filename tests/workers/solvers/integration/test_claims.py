@@ -34,7 +34,10 @@ def flat(problem):
 
 
 @pytest.mark.random_law
-@pytest.mark.parametrize(("name", "count"), [("heyoka", examples(24, 60)), ("dop853", examples(10, 25))])
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("taylor", examples(24, 60)), ("heyoka", examples(24, 60)), ("dop853", examples(10, 25))],
+)
 def test_claim_bounds_the_actual_error(name, count):
     factors = []
 

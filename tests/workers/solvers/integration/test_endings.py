@@ -127,11 +127,13 @@ def test_absolute_values_are_left_to_runge_kutta():
     assert choose_integrator(BODY, field, "auto").name == "dop853"
     with pytest.raises(UnsupportedFormulaError, match="'abs'"):
         choose_integrator(BODY, field, "heyoka")
+    with pytest.raises(UnsupportedFormulaError, match="no abs"):
+        choose_integrator(BODY, field, "taylor")
 
 
-def test_runge_kutta_serves_where_heyoka_is_not_installed(monkeypatch):
+def test_kernels_serve_where_heyoka_is_not_installed(monkeypatch):
     monkeypatch.setattr(taylor, "AVAILABLE", False)
     field = gravity_potential(-ONE, ONE, ONE)
-    assert choose_integrator(BODY, field, "auto").name == "dop853"
+    assert choose_integrator(BODY, field, "auto").name == "taylor"
     with pytest.raises(IntegratorMissingError):
         choose_integrator(BODY, field, "heyoka")

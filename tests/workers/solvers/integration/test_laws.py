@@ -27,7 +27,7 @@ def of(state):
     return tuple(state[:3].tolist()), tuple(state[3:].tolist())
 
 
-@pytest.mark.parametrize(("name", "tolerance"), [("heyoka", 1e-12), ("dop853", 1e-9)])
+@pytest.mark.parametrize(("name", "tolerance"), [("taylor", 1e-12), ("heyoka", 1e-12), ("dop853", 1e-9)])
 @pytest.mark.parametrize("case", ["G1", "G4", "G6"])
 def test_states_are_the_golden_ones(case, name, tolerance):
     """The closed forms in elliptic functions at t = 1 and 10, one and a half to three periods."""

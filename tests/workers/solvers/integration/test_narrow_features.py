@@ -21,8 +21,8 @@ from workers.solvers.planar.start import planar_start
 BODY = body(2, 1, "3/2")
 START = planar_start(BODY, formula("-g1", BODY), PlanarMotion(Fraction(1)))
 STEEPNESS = ["10^2", "10^6", "10^10", "10^14"]
-INTEGRATORS = ["heyoka", "dop853"]
-TOLERANCE = {"heyoka": 1e-8, "dop853": 1e-5}
+INTEGRATORS = ["taylor", "heyoka", "dop853"]
+TOLERANCE = {"taylor": 1e-8, "heyoka": 1e-8, "dop853": 1e-5}
 
 
 def potential(height, steepness):

@@ -1,4 +1,4 @@
-"""Formulas in heyoka, and the conversion of its Taylor series."""
+"""Formulas in Taylor series, by heyoka and by kernels, and the conversion of the series."""
 
 from fractions import Fraction
 
@@ -7,6 +7,7 @@ import pytest
 
 from service.dynamics.potentials.families.expression import expression_potential
 from tests.workers.solvers.integration.cases import BODY
+from workers.solvers.integration.compiled import CompiledIntegrator
 from workers.solvers.integration.dop853 import Dop853Integrator
 from workers.solvers.integration.interface import joined, neighbour_of
 from workers.solvers.integration.taylor import TaylorIntegrator, taylor_integrator
@@ -30,18 +31,24 @@ def test_every_operation_moves_the_body_as_runge_kutta_does(text):
     field = expression_potential(text, {}, BODY)
     state = np.array([0.3, 0.0, -0.2, 0.6, 0.0, 0.8])
     ends = []
-    for integrator in (TaylorIntegrator(BODY, field), Dop853Integrator(BODY, field)):
+    for integrator in (
+        TaylorIntegrator(BODY, field),
+        CompiledIntegrator(BODY, field),
+        Dop853Integrator(BODY, field),
+    ):
         runs = [integrator.run(state, end, local_tolerance=1e-13, max_steps=10_000) for end in (-0.25, 0.25)]
         assert [run.ending for run in runs] == [None, None]
         ends.append(joined(*runs)(np.linspace(-0.25, 0.25, 21)))
     # Some tens of local errors of 1e-13, times the sensitivity of half a unit of time.
-    assert np.abs(ends[0] - ends[1]).max() <= 1e-11
+    assert np.abs(ends[0] - ends[2]).max() <= 1e-11
+    assert np.abs(ends[1] - ends[2]).max() <= 1e-11
 
 
-def test_pieces_are_the_taylor_polynomials_to_rounding():
+@pytest.mark.parametrize("make", [TaylorIntegrator, CompiledIntegrator])
+def test_pieces_are_the_taylor_polynomials_to_rounding(make):
     """Neighbouring pieces meet, and an ending at any time repeats the values of a longer run there."""
     field = expression_potential("-g1 + 1/(20*g3^2)", {}, BODY)
-    integrator = TaylorIntegrator(BODY, field)
+    integrator = make(BODY, field)
     state = np.array([0.3, 0.1, -0.2, 0.6, 0.0, 0.8])
     run = integrator.run(state, 20.0, local_tolerance=1e-20, max_steps=10_000)
     right = run.coefficients.sum(axis=1)

@@ -42,7 +42,7 @@ TAILS = np.array([4.0 * RHO**-level / (RHO - 1.0) for level in LEVELS])
 def _of_level(level: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return points, T_k at those from 1 down to 0, and the coefficients of what is 1 at one of these."""
     points = chebyshev_points(level)
-    values = np.polynomial.chebyshev.chebvander(points[: level // 2 + 1], HIGHEST_DEGREE)
+    values = np.polynomial.chebyshev.chebvander(points[: level // 2 + 1], HIGHEST_DEGREE).astype(np.float64)
     return points, values, chebyshev_coefficients(np.eye(level + 1)).T[: level // 2 + 1]
 
 
@@ -86,7 +86,9 @@ def _whole_disc(series: FloatArray, centres: FloatArray, radii: FloatArray) -> N
 
 
 @kernel
-def _whole_states(series: FloatArray, level: int, states: FloatArray, even: FloatArray, odd: FloatArray) -> None:
+def _whole_states(
+    series: FloatArray, level: int, states: FloatArray, even: FloatArray, odd: FloatArray
+) -> None:
     """Fill in the values at the nodes of a whole piece."""
     count, middle = series.shape[1], HALVES[level]
     even_values, odd_values = EVEN_VALUES[level], ODD_VALUES[level]
@@ -201,8 +203,15 @@ def hold(
     centres, radii, bounds = np.empty(STATE), np.empty(STATE), np.empty(STATE)
     T, waiting = np.empty((HIGHEST_DEGREE + 1, 2)), np.empty((PARTS * DEEPEST + 1, 2))
     gained, lost, first, missing = np.zeros(STATE), np.zeros(STATE), np.empty(STATE), np.zeros(STATE)
-    even, odd, integral, own = np.empty(HALF + 2), np.empty(HALF + 2), np.empty(COUNT + 1), np.empty(COUNT + 1)
+    even, odd, integral, own = (
+        np.empty(HALF + 2),
+        np.empty(HALF + 2),
+        np.empty(COUNT + 1),
+        np.empty(COUNT + 1),
+    )
     degrees = coefficients.shape[1]
+    if degrees > HIGHEST_DEGREE + 1:
+        return False, math.nan, math.nan
     series = np.empty((STATE, degrees))
     share = goal / abs(breaks[-1])
     defect, drift, is_first = 0.0, 0.0, True

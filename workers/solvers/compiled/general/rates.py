@@ -61,7 +61,7 @@ def rates_at(
     for n in range(code.shape[0]):
         operation, to, i, j = code[n, 0], code[n, 1], code[n, 2], code[n, 3]
         x, y, z = u[i], u[max(j, 0)], u[to]
-        if operation == MULTIPLY or operation == SCALE:
+        if operation in (MULTIPLY, SCALE):
             for m in range(count):
                 z[m] = x[m] * y[m]
         elif operation == ADD:
@@ -70,7 +70,7 @@ def rates_at(
         elif operation == SUBTRACT:
             for m in range(count):
                 z[m] = x[m] - y[m]
-        elif operation == DIVIDE or operation == SHARE:
+        elif operation in (DIVIDE, SHARE):
             for m in range(count):
                 z[m] = x[m] / y[m]
         elif operation == NEGATE:

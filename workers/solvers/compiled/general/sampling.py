@@ -38,7 +38,7 @@ def _piece_of(breaks: FloatArray, time: float, last: int) -> int:
 def values_at(
     breaks: FloatArray, coefficients: FloatArray, times: FloatArray, rests: FloatArray, values: FloatArray
 ) -> None:
-    """Fill in the six variables, shape (6, n), at the sums of ``times`` and ``rests``; no rests, none added."""
+    """Fill in the six variables, shape (6, n), at the sums of ``times`` and ``rests``, if there are any."""
     piece, degree = 0, coefficients.shape[1] - 1
     for m in range(len(times)):
         time = times[m]

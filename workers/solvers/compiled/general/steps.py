@@ -50,7 +50,7 @@ CONVERSION = np.ascontiguousarray(_conversion().T)
 
 @kernel
 def _radius(u: FloatArray) -> float:
-    """Return the radius of convergence; NaN if a coefficient is not finite, infinity if the last ones vanish."""
+    """Return the radius of convergence; NaN if a coefficient is not finite, inf if the last ones vanish."""
     size, last, before, total = 0.0, 0.0, 0.0, 0.0
     for a in range(STATE):
         size = max(size, abs(u[a, 0]))

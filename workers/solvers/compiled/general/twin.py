@@ -26,7 +26,7 @@ HELD, INACCURATE, OPEN = range(3)
 def _side(
     slopes: Gradient, moments: FloatArray, state: FloatArray, end: float, tolerance: float, asked: Asked
 ) -> tuple[bool, FloatArray, FloatArray]:
-    """Return whether a run arrives at ``end``, its breaks and its series; at t = 0 there is nothing to run."""
+    """Return whether a run arrives at ``end``, its breaks and its series; to t = 0 nothing is run."""
     if end == 0.0:
         return True, np.zeros(1), np.zeros((0, 1, STATE))
     status, breaks, series = take_steps(
