@@ -399,12 +399,11 @@ IN_SLICES = {
         combine="zip",
         motion={"type": "planar", "lambda": 1, "g3_sign": 1, "start": {"at": "equator", "s_sign": 1}},
     ),
-    "moments and many lambda": sweep(
-        (MOMENT_A, values("17/10", "9/5", "9/10")),
-        (LAMBDA, {"linspace": ["1/2", 2, 100]}),
-        potential=POWERS,
+    "moments, of what is no sum of powers": sweep(
+        (MOMENT_A, values("17/10", "9/5", "9/10", 1)),
+        (LAMBDA, uniform("1/2", 1, 2)),
+        potential=expression("-abs(g1)^(2*(A-C)/A) + (A*g1^2 + C*g3^2)/(20 + g2)"),
         time=SMALL,
-        series=False,
     ),
     "a parameter under a function": sweep(
         (A, uniform(1, 2, 2)),
