@@ -143,6 +143,9 @@ class MovingSolver:
         template, row, values, judgement = known
         if judgement.energy is None:
             return INADMISSIBLE if judgement.is_refuted else None
+        if any(judgement.energy.is_positive):
+            # Where the potential has no value is told by single jobs.
+            return None
         return _Point(place, moments, numbers, template, row, values, judgement, judgement.energy)
 
     def _moments(self, points: SweptPoints, place: int) -> Moments:

@@ -68,8 +68,8 @@ class Template:
     """The same exactly, None for π."""
     varying: Mapping[int, tuple[int, int]]
     """The others by their places: which value, and its sign."""
-    exponents: tuple[int, ...]
-    """The places of exponents."""
+    exponents: Mapping[int, int]
+    """What is raised to each exponent, by the places of these: two of one base would be one instruction."""
     distinct: tuple[int, int]
     """How many different constants, and exponents, there are."""
 
@@ -140,13 +140,13 @@ def _template(
     varying: Mapping[int, tuple[int, int]],
 ) -> Template:
     numbered = [at for at in tape.instructions if at.operation == "pi" or at.number is not None]
-    exponents = tuple(slot for slot, at in enumerate(numbered) if at.operation == "power")
+    exponents = {slot: at.left for slot, at in enumerate(numbered) if at.operation == "power"}
     distinct = _distinct(constants.tolist(), exponents)
     return Template(program, tape, constants, tuple(fixed), varying, exponents, distinct)
 
 
-def _distinct(row: Sequence[float], exponents: Sequence[int]) -> tuple[int, int]:
-    powers = {row[slot] for slot in exponents}
+def _distinct(row: Sequence[float], exponents: Mapping[int, int]) -> tuple[int, int]:
+    powers = {(base, row[slot]) for slot, base in exponents.items()}
     if len(exponents) == len(row):
         return 0, len(powers)
     return len({number for slot, number in enumerate(row) if slot not in exponents}), len(powers)

@@ -30,6 +30,15 @@ def _axis(pointer: str, first: object, last: object) -> Mapping[str, object]:
 _LAMBDA = {"pointer": "/motion/lambda", "linspace": ["6/10", 2, POINTS + WARM]}
 _MOMENTS = {"pointer": "/body/A", "values": [f"{150 + k}/100" for k in range(50)]}
 _POWERS = {"type": "homogeneous", "A": [0], "B": [-1], "C": ["1/20"]}
+_REPELLING = {"type": "homogeneous", "A": [0], "B": [1], "C": ["1/20"]}
+
+
+def _drawn(pointer: str, first: object, last: object, seed: int) -> Mapping[str, object]:
+    return {"pointer": pointer, "uniform": [first, last, 1000], "seed": seed}
+
+
+def _expression(text: str, **parameters: object) -> Mapping[str, object]:
+    return {"type": "expression", "expression": text, "parameters": parameters}
 
 
 def points(effort: Effort) -> Table:
@@ -57,18 +66,51 @@ def _sweeps() -> dict[str, Mapping[str, object]]:
         "orientation kept": _sweep(("precession.psi1",), outputs=[*_OUTPUTS, "orientation"]),
         "stability kept": _sweep(("stability.trace",), outputs=[*_OUTPUTS, "stability"]),
         "without a motion": _sweep(potential={"type": "gravity", "a": 1}),
-        "A alone": _sweep(axes=[_MOMENTS], potential=_POWERS),
+        "A alone": _sweep(axes=[_axis("/body/A", "3/2", "5/2")], potential=_POWERS),
+        "C alone": _sweep(axes=[_axis("/body/C", "7/10", "6/5")], potential=_POWERS),
+        "A, C, a coefficient and λ, drawn": _sweep(
+            axes=[
+                _drawn("/body/A", "17/10", "5/2", 1),
+                _drawn("/body/C", "3/4", "5/4", 2),
+                _drawn("/potential/B/0", -2, "-1/2", 3),
+                _drawn("/motion/lambda", "6/10", 2, 4),
+            ],
+            combine="zip",
+            potential=_POWERS,
+        ),
+        "A alone, refused: no motion": _sweep(axes=[_axis("/body/A", "3/2", "5/2")], potential=_REPELLING),
+        "A alone, refused: inadmissible": _sweep(
+            axes=[_axis("/body/A", "3/2", "19/10")], potential={"type": "gravity", "a": -1}
+        ),
+        "an exponent alone, refused": _sweep(
+            axes=[_axis("/potential/parameters/k", "1/2", 3)],
+            potential=_expression("b/abs(g3)^k - g1", b=1, k=1),
+        ),
+        "an exponent and A": _sweep(
+            axes=[
+                {"pointer": "/potential/parameters/k", "values": [1, 2, 3, 4, 5]},
+                {"pointer": "/body/A", "linspace": ["7/4", "9/4", 90]},
+            ],
+            potential=_expression(
+                "-abs(g1)^(2*(A-C)/A) + c/abs(g3)^(2*(A-C)/C) + (A*g1^2 + C*g3^2)*g2^k/10", c="1/20", k=2
+            ),
+        ),
+        "a parameter under exp alone": _sweep(
+            axes=[_axis("/potential/parameters/k", 0, 1)],
+            potential=_expression("b/g3^2 - exp(k)*g1", b="1/50", k=1),
+        ),
+        "the end of the times": _sweep(axes=[_axis("/time/stop", 1, 20)]),
+        "signs and λ": _sweep(
+            axes=[{"pointer": "/motion/g3_sign", "values": [1, -1]}, _axis("/motion/lambda", "6/10", 2)],
+            motion={"type": "planar", "lambda": 1, "g3_sign": 1},
+        ),
         "A, and a thousand λ": _sweep(axes=[_MOMENTS, _axis("/motion/lambda", "6/10", 2)], potential=_POWERS),
         "a parameter under exp, and λ": _sweep(
             axes=[
                 {"pointer": "/potential/parameters/k", "values": [1, "3/2", 2]},
                 _axis("/motion/lambda", "6/10", 2),
             ],
-            potential={
-                "type": "expression",
-                "expression": "b/g3^2 - exp(k)*g1",
-                "parameters": {"k": 1, "b": "1/50"},
-            },
+            potential=_expression("b/g3^2 - exp(k)*g1", b="1/50", k=1),
         ),
         "from any state": _sweep(
             axes=[_axis("/motion/omega/0", "1/10", "9/10")],
@@ -83,9 +125,10 @@ def _sweep(
     *,
     axes: Sequence[Mapping[str, object]] = (_LAMBDA,),
     keep: tuple[str, ...] = _NUMBERS,
+    combine: str = "grid",
     **fields: object,
 ) -> Mapping[str, object]:
-    return {"base": {**_BASE, **fields}, "axes": [*axes], "keep": [*keep, *more]}
+    return {"base": {**_BASE, **fields}, "axes": [*axes], "combine": combine, "keep": [*keep, *more]}
 
 
 def _point(document: Mapping[str, object], effort: Effort) -> float:

@@ -17,6 +17,7 @@ from service.verdicts.examination import examine_problem
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk
 from workers.sweeping.chunk import compute_chunk
+from workers.sweeping.moving import MovingSolver
 from workers.sweeping.plan import make_plan
 
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}
@@ -255,21 +256,155 @@ IN_BLOCKS |= {
         (LAMBDA, uniform("1/2", 1, 3)), keep=("invariants.kovalevskaya",), outputs=["gamma", "invariants"]
     ),
 }
-IN_SLICES = {
-    "a moment": sweep(
-        ("/body/A", values("17/10", 1, "9/5", -1, "19/10")),
-        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
+IN_BLOCKS |= {
+    "the end of the times": sweep(("/time/stop", values(1, 10, -1, "1/3"))),
+    "their start, numbers alone": sweep(
+        ("/time/start", uniform(-5, 5)),
+        (LAMBDA, uniform("1/2", 1)),
+        combine="zip",
+        time={"start": 0, "stop": 6, "samples": 3},
+        series=False,
     ),
-    "moments and lambda, and the largest moment last": sweep(
-        ("/body/C", values(1, "9/10")),
+    "numbers of periods": sweep(
+        ("/time/periods", values(1, "5/3", 0)), (A, values(-1, 1)), time={"periods": 1, "samples": 4}
+    ),
+    "numbers of periods, numbers alone": sweep(
+        ("/time/periods", uniform(1, 9)), time={"periods": 1, "samples": 4}, series=False
+    ),
+}
+POWERS = {"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]}
+SMALL = {"stop": 5, "samples": 4}
+MOMENT_A, MOMENT_B, MOMENT_C, K = "/body/A", "/body/B", "/body/C", "/potential/parameters/k"
+IN_MOVING = {
+    "a moment": sweep((MOMENT_A, values("17/10", 1, "9/5", -1, "19/10")), potential=POWERS, time=SMALL),
+    "a moment that was drawn": sweep((MOMENT_A, uniform("3/2", 3)), potential=POWERS, time=SMALL),
+    "the other moment": sweep(
+        (MOMENT_C, values("1.234567890123456", 2, "0.7", 4)), potential=POWERS, time=SMALL
+    ),
+    "the other moment, larger": sweep(
+        (MOMENT_C, values("2.567890123456789", 2, "31/10", 4)),
+        potential={"type": "homogeneous", "A": [0, "1/10"], "B": ["1/20"], "C": [-1]},
+        time=SMALL,
+    ),
+    "all that can vary": sweep(
+        (MOMENT_A, uniform("3/2", 3, 6)),
+        (MOMENT_B, uniform("1/2", "5/2", 6, 2)),
+        (MOMENT_C, uniform("3/4", "5/4", 6, 3)),
+        ("/potential/B/0", uniform(-2, 1, 6, 4)),
+        (LAMBDA, uniform("1/2", 2, 6, 5)),
+        ("/time/stop", uniform(1, 9, 6, 6)),
+        combine="zip",
+        potential=POWERS,
+        time=SMALL,
+        keep=("period", "period.error", "energy", "energy.error", "error"),
+    ),
+    "many terms": sweep(
+        (MOMENT_A, uniform("7/4", "9/4", 3)),
+        potential={
+            "type": "homogeneous",
+            "A": ["1/20", 0, "-1/9"],
+            "B": [-1, "1/9"],
+            "C": ["1/20", "-1/999"],
+        },
+        time=SMALL,
+    ),
+    "moments that name no term, and those with one more": sweep(
+        (MOMENT_A, values("5/2", 3, "3/2")),
+        potential={"type": "homogeneous", "B": [-1, 0, "1/50"], "C": ["1/20"]},
+        time=SMALL,
+    ),
+    "moments in a formula": sweep(
+        (MOMENT_A, uniform("3/2", "5/2", 3)),
+        (MOMENT_B, values("3/2", "1/9")),
+        potential=expression(
+            "-b*abs(g1)^(2*(A-C)/A) + c/abs(g3)^(2*(A-C)/C) + (A*g1^2+C*g3^2)*g2/B", b=1, c="1/20"
+        ),
+        time=SMALL,
+    ),
+    "a formula for one moment only": sweep((MOMENT_A, values(2, "3/2", "2.0000001")), time=SMALL),
+    "gravity": sweep((MOMENT_A, values(2, "3/2")), potential={"type": "gravity", "a": -1}, time=SMALL),
+    "double moments": sweep(
+        (MOMENT_A, values(2, 3, "5/2")),
+        (MOMENT_C, values(1, "3/2", 1)),
+        (NU, values(1, 2, 3)),
+        combine="zip",
+        motion={"type": "planar", "nu": 1},
+        potential={"type": "rational", "a": [-1], "b": ["1/20"]},
+        time=SMALL,
+    ),
+    "through the poles": sweep(
+        (MOMENT_A, values(2, 3, "5/2")),
+        (MOMENT_C, values(1, "3/2", "5/4")),
+        combine="zip",
+        potential=expression("-g1 + (2*g1^2 + g3^2)*g2/20"),
+        time=SMALL,
+    ),
+    "a start": sweep(
+        (MOMENT_A, uniform("3/2", "5/2", 2)),
+        ("/motion/start/g1", values("1/2", 1, -1)),
+        motion={"type": "planar", "lambda": 1, "start": {"g1": "1/2"}},
+        potential=POWERS,
+        time=SMALL,
+    ),
+    "no motion for any moment": sweep(
+        (MOMENT_A, uniform("3/2", "5/2", 2)),
+        (MOMENT_C, values(1, 3)),
+        potential={"type": "homogeneous", "B": [1], "C": ["1/9"]},
+    ),
+    "no motion for some moments": sweep(
+        (MOMENT_A, values("3/2", "7/4", 2, "5/2")),
+        potential={"type": "homogeneous", "B": [-1], "C": ["1/3"]},
+        time=SMALL,
+    ),
+    "an exponent that is admissible once": sweep(
+        (K, values(2, 1, 3, "2.000000000000001")),
         (LAMBDA, uniform("1/2", 1, 2)),
-        ("/body/A", values("17/10", "9/5", "9/10", 2)),
-        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
-    ),
-    "an exponent": sweep(
-        ("/potential/parameters/k", values(2, 1, 3)),
-        (LAMBDA, uniform("1/2", 1, 3)),
         potential=expression("a*g1 + b/g3^k", a=-1, b="1/50", k=2),
+        time=SMALL,
+    ),
+    "exponents": sweep(
+        (K, values(0, 1, 2, 5)),
+        potential=expression("-g1 + b/g3^2 + (A*g1^2 + C*g3^2)*g2^k/10", k=2, b="1/50"),
+        time=SMALL,
+    ),
+    "an exponent and a moment": sweep(
+        (K, values(1, 2, 3)),
+        (MOMENT_A, uniform("3/2", "5/2", 3)),
+        combine="zip",
+        potential=expression(
+            "-abs(g1)^(2*(A-C)/A) + 1/20/abs(g3)^(2*(A-C)/C) + (A*g1^2 + C*g3^2)*g2^k/10", k=2
+        ),
+        time=SMALL,
+    ),
+    "a parameter under a function": sweep(
+        (K, uniform(-1, 1, 3)), potential=expression("b/g3^2 - exp(k)*g1", k=0, b="1/50"), time=SMALL
+    ),
+    "a parameter under a function, drawn with lambda": sweep(
+        (K, uniform("1/2", 1, 3)),
+        (LAMBDA, uniform("1/2", 1, 3, 2)),
+        combine="zip",
+        potential=expression("b/g3^2 - g1 - (2*g1^2 + g3^2)*(cos(k*g2) + exp(-k*g2^2))/20", k=1, b="1/50"),
+        time=SMALL,
+    ),
+}
+IN_SLICES = {
+    "windows": sweep(
+        ("/motion/window", values(0, 1, 0)),
+        (LAMBDA, values(1, "9/10")),
+        motion={"type": "planar", "lambda": 1, "window": 0},
+    ),
+    "signs": sweep(
+        ("/motion/g3_sign", values(1, -1, -1)),
+        ("/motion/start/s_sign", values(-1, 1, -1)),
+        (LAMBDA, uniform("1/2", 1, 3)),
+        combine="zip",
+        motion={"type": "planar", "lambda": 1, "g3_sign": 1, "start": {"at": "equator", "s_sign": 1}},
+    ),
+    "moments, of what is no sum of powers": sweep(
+        (MOMENT_A, values("17/10", "9/5", "9/10", 1)),
+        (LAMBDA, uniform("1/2", 1, 2)),
+        potential=expression("-abs(g1)^(2*(A-C)/A) + (A*g1^2 + C*g3^2)/(20 + g2)"),
+        time=SMALL,
     ),
     "a parameter under a function": sweep(
         (A, uniform(1, 2, 2)),
@@ -311,10 +446,6 @@ ONE_BY_ONE = {
     "certified": sweep((A, uniform(-2, -1, 2)), keep=("period",), accuracy={"tier": "certified"}),
     "admissible for one value": sweep(
         (B, values(0, 1, -1)), potential=expression("-g1 + b*(b-1)*g2*g1^3", b=0)
-    ),
-    "times": sweep(("/time/stop", values(1, 10, -1))),
-    "windows": sweep(
-        ("/motion/window", values(0, 1, 2)), motion={"type": "planar", "lambda": 1, "window": 0}
     ),
     "further invariants along the moment that they depend on": sweep(
         ("/body/B", values(2, "3/2")),
@@ -427,9 +558,9 @@ def alone(swept, index):
 
 
 @pytest.mark.usefixtures("no_hurry")
-@pytest.mark.parametrize("name", [*IN_BLOCKS, *IN_SLICES, *OF_STATES, *ONE_BY_ONE])
+@pytest.mark.parametrize("name", [*IN_BLOCKS, *IN_MOVING, *IN_SLICES, *OF_STATES, *ONE_BY_ONE])
 def test_every_bit_of_a_point_is_that_of_its_job(name):
-    document = {**IN_BLOCKS, **IN_SLICES, **OF_STATES, **ONE_BY_ONE}[name]
+    document = {**IN_BLOCKS, **IN_MOVING, **IN_SLICES, **OF_STATES, **ONE_BY_ONE}[name]
     swept = read_sweep(document)
     outcome = computed(document)
     assert outcome.count == swept.points
@@ -478,12 +609,42 @@ SHORTER = {
 
 @pytest.mark.parametrize(
     "name",
-    ["high, of moments that are not double", "times", "any state, with invariants"],
+    ["high, of moments that are not double", "orientation", "any state, with invariants"],
 )
 def test_other_sweeps_go_point_by_point(name):
     plan = make_plan(read_sweep(ONE_BY_ONE[name]))
     assert plan.quick is None
     assert chunk.ChunkSolver(plan)._blocks is None
+
+
+@pytest.mark.usefixtures("no_hurry")
+@pytest.mark.parametrize("name", IN_MOVING)
+def test_points_of_other_bodies_and_exponents_go_in_blocks(name, monkeypatch):
+    document = IN_MOVING[name]
+    plan = make_plan(read_sweep(document))
+    assert plan.quick is None
+    solver = chunk.ChunkSolver(plan)
+    assert isinstance(solver._blocks, MovingSolver)
+    singly = []
+    original = chunk.solve_point
+    monkeypatch.setattr(
+        chunk,
+        "solve_point",
+        lambda sweep, index, **judged: singly.append(index) or original(sweep, index, **judged),
+    )
+    count = plan.sweep.points
+    outcomes = solver.solve(0, count, time.perf_counter() + 600.0).outcomes
+    # The first of each outcome is compared with its single job.
+    assert len(singly) <= len(set(outcomes)) + LEFT.get(name, 0)
+
+
+LEFT = {
+    # B_2 has no value for A = 3C, nor is it new for A = 3C/2: what that means is left to single jobs.
+    "moments that name no term, and those with one more": 2,
+    # g1 at the start is on the other side, or outside of its window.
+    "a start": 4,
+}
+"""Points that are left to single jobs."""
 
 
 @pytest.mark.usefixtures("no_hurry")
@@ -532,7 +693,7 @@ def test_states_go_through_kernels_alone(name, count, monkeypatch):
     ("name", "is_judged"),
     [
         ("high, of moments that are not double", True),
-        ("times", True),
+        ("orientation", True),
         ("admissible for one value", False),
         ("any state, with invariants", False),
     ],
@@ -595,8 +756,8 @@ def test_blocks_that_differ_from_a_point_alone_are_not_used(monkeypatch):
 
 
 def test_the_outcome_counts_refusals_and_bounds_its_numbers():
-    outcome = computed(ONE_BY_ONE["times"])
-    assert (outcome.count, outcome.refused) == (3, 1)
+    outcome = computed(IN_BLOCKS["the end of the times"])
+    assert (outcome.count, outcome.refused) == (4, 1)
     low, high = outcome.bounds["period"]
     assert low == high == decode_points(outcome.data).numbers["period"][0]
 

@@ -141,7 +141,9 @@ def judge_power_sum(A: fmpq, C: fmpq, tape: Tape, numbers: Sequence[fmpq] | None
     terms = reader.read(tape, numbers)
     keeps = not reader.is_positive[0], not reader.is_positive[1], not reader.is_positive[2]
     # What belongs together is often 0 before g2² is replaced.
-    left = _added(_reduced(_added(_energy(A, C, terms), keeps)), keeps)
+    left = _added(_energy(A, C, terms), keeps)
+    if any(each.height > 1 for each in left):
+        left = _added(_reduced(left), keeps)
     if any(
         each.height
         or each.odd_height
@@ -273,6 +275,11 @@ class _Reader:
         if len(base) != 1:
             raise NotAPowerSumError
         (only,) = base
+        if only.coefficient == 1 and not (
+            only.height or only.constants or only.odd_first or only.odd_height or only.odd_third
+        ):
+            # The usual case: a power of |g1| or |g3|.
+            return [Term(_ONE, only.first * exponent, _ZERO, only.third * exponent, 0, 0, 0, ())]
         # What is infinite at g2 = 0, or too high a sum once g2² is replaced, is left to others.
         if only.height and not 0 <= only.height * exponent <= HIGHEST:
             raise NotAPowerSumError
@@ -295,16 +302,18 @@ class _Reader:
 
 
 def _called(name: str, argument: PowerSum) -> PowerSum:
+    if name == "abs" and len(argument) == 1:
+        c, first, height, third, *_, constants = argument[0]
+        if height or constants:
+            raise NotAPowerSumError
+        return [Term(abs(c), first, height, third, 0, 0, 0, constants)]
     if any(each.constants for each in argument):
         raise NotAPowerSumError
     if name in _NAMED and all(not each.first and not each.third and each.height.q == 1 for each in argument):
         heights = _added(argument, (True, True, True))
         key = tuple((*_ratio(each.coefficient), int(each.height.p)) for each in heights)
         return [Term(_ONE, _ZERO, _ZERO, _ZERO, 0, 0, 0, (((name, tuple(sorted(key))), 1),))]
-    if name != "abs" or len(argument) != 1 or argument[0].height:
-        raise NotAPowerSumError
-    (only,) = argument
-    return [only._replace(coefficient=abs(only.coefficient), odd_first=0, odd_third=0)]
+    raise NotAPowerSumError
 
 
 def _are_numbers(constants: tuple[tuple[Constant, int], ...]) -> bool:
@@ -333,18 +342,9 @@ def _product(left: PowerSum, right: PowerSum) -> PowerSum:
     if len(left) * len(right) > MOST_TERMS:
         raise NotAPowerSumError
     return [
-        Term(
-            x.coefficient * y.coefficient,
-            x.first + y.first,
-            x.height + y.height,
-            x.third + y.third,
-            x.odd_first ^ y.odd_first,
-            x.odd_height ^ y.odd_height,
-            x.odd_third ^ y.odd_third,
-            _together(x.constants, y.constants),
-        )
-        for x in left
-        for y in right
+        Term(c * e, a + f, b + h, d + k, i ^ m, j ^ n, o ^ q, _together(r, t) if r or t else r)
+        for c, a, b, d, i, j, o, r in left
+        for e, f, h, k, m, n, q, t in right
     ]
 
 
