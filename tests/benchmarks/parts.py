@@ -8,6 +8,7 @@ from tests.benchmarks import (
     certified,
     costs,
     fast,
+    lists,
     pages,
     precision,
     report,
@@ -138,6 +139,8 @@ PARTS: Mapping[str, Part] = {
     "tiers": partial(tables, "tiers", (costs.tiers, costs.outputs, costs.parts)),
     "certified": partial(tables, "certified", (certified.others,)),
     "service": partial(tables, "service", (service.around,)),
-    "throughput": partial(tables, "throughput", (throughput.engines, throughput.service, throughput.growth)),
+    "throughput": partial(
+        tables, "throughput", (throughput.engines, lists.lists, throughput.service, throughput.growth)
+    ),
 }
 """In the order of docs/performance.md."""
