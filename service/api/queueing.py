@@ -57,8 +57,7 @@ async def queue(
             inside.doorbell.ring()
         return job, submitted(job)
 
-    def waited() -> Response:
-        ended = inside.jobs.get(job.id)
+    def waited(ended: Job) -> Response:
         model, place = show(ended)
         headers = {"Location": place, "Preference-Applied": f"wait={terms.seconds}"}
         status = in_time if ended.is_finished else HTTPStatus.ACCEPTED
@@ -71,16 +70,22 @@ async def queue(
     if terms.seconds is None or not inside.waiting.acquire(blocking=False):
         return answer
     try:
-        await _finish(job, inside, terms.seconds)
+        ended = await _finish(job, inside, terms.seconds)
     finally:
         inside.waiting.release()
-    return await run_in_threadpool(waited)
+    # A thread is needed to write into the database only.
+    return waited(ended) if terms.given is None else await run_in_threadpool(waited, ended)
 
 
-async def _finish(job: Job, inside: Resources, seconds: int) -> None:
-    """Wait for a job without blocking a thread."""
+async def _finish(job: Job, inside: Resources, seconds: int) -> Job:
+    """Return a job as it is when it has ended, or when the time is over; wait without blocking a thread."""
+    ended = job
 
     async def is_finished() -> bool:
-        return (await run_in_threadpool(inside.jobs.get, job.id)).is_finished
+        nonlocal ended
+        ended = await run_in_threadpool(inside.jobs.get, job.id)
+        return ended.is_finished
 
-    await inside.doorbell.wait_for(job.id, is_finished=is_finished, timeout=seconds)
+    if not job.is_finished:
+        await inside.doorbell.wait_for(job.id, is_finished=is_finished, timeout=seconds)
+    return ended

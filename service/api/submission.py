@@ -142,13 +142,18 @@ def check_each(documents: Sequence[object], settings: Settings) -> list[Checked 
 
 async def accept(inside: Resources, problem: Checked, holder: ApiKey | None) -> JudgedDocument:
     """Examine one problem. Raises its refusal."""
-    table = await run_in_threadpool(_reserve, inside, holder, [problem])
+
+    def prepare() -> tuple[AccuracyTable | None, Mapping[str, str]]:
+        table = _reserve(inside, holder, [problem])
+        return table, {} if problem.to_examine is None else inside.examiner.kept([problem.to_examine])
+
+    table, kept = await run_in_threadpool(prepare)
     if problem.to_examine is None:
         return JudgedDocument(problem, None, table)
     found = inside.examiner.known(problem.to_examine)
     if found is None:
         claimant = Claimant(None if holder is None else holder.id)
-        (found,) = await inside.examiner.examine([problem.to_examine], claimant)
+        (found,) = await inside.examiner.examine([problem.to_examine], claimant, kept=kept)
     return JudgedDocument(problem, verdict_in(found.answer), table, found.entries, found.seconds)
 
 

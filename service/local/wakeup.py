@@ -10,6 +10,7 @@ import contextlib
 import socket
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 
@@ -17,6 +18,8 @@ WARM = "warm"
 """What a worker sends in place of a job's id when it is warm."""
 _LOOK_SECONDS = 0.25
 """How often a waiting client's job is looked up without a message: another machine may finish it."""
+_REMEMBERED = 1000
+"""Jobs that were reported last: one may have finished before its client began to wait."""
 
 
 class Doorbell:
@@ -34,6 +37,7 @@ class Doorbell:
         self._lock = threading.RLock()
         self._lines: list[socket.socket] = []
         self._waiting: dict[str, set[_Waiter]] = {}
+        self._reported: OrderedDict[str, None] = OrderedDict()
         self._closed = False
         self._is_database_ready = is_database_ready
         self._tell_warm: Callable[[], None] | None = None
@@ -81,23 +85,28 @@ class Doorbell:
     ) -> bool:
         """Return whether the job is finished within ``timeout`` seconds; blocks no thread.
 
-        ``is_finished`` asks the store: at once, whenever a worker reports the job,
-        and at regular intervals. After :meth:`close` nothing waits.
+        ``is_finished`` asks the store: whenever a worker reports the job, at once if one has done so
+        already, at regular intervals, and at the end. After :meth:`close` nothing waits.
         """
         deadline = time.monotonic() + timeout
         with self._registered(job_id) as woken:
-            while not await is_finished():
+            while True:
                 rest = deadline - time.monotonic()
-                if rest <= 0 or self._closed:
-                    return False
-                with contextlib.suppress(TimeoutError):
-                    await asyncio.wait_for(woken.wait(), min(rest, _LOOK_SECONDS))
+                if rest > 0 and not self._closed:
+                    with contextlib.suppress(TimeoutError):
+                        await asyncio.wait_for(woken.wait(), min(rest, _LOOK_SECONDS))
                 woken.clear()
-        return True
+                if await is_finished():
+                    return True
+                if time.monotonic() >= deadline or self._closed:
+                    return False
 
     def announce(self, job_id: str) -> None:
         """Wake the clients that wait for that job."""
         with self._lock:
+            self._reported[job_id] = None
+            if len(self._reported) > _REMEMBERED:
+                self._reported.popitem(last=False)
             for waiter in self._waiting.get(job_id, ()):
                 waiter.tell()
         self._notify()
@@ -121,10 +130,12 @@ class Doorbell:
 
     @contextlib.contextmanager
     def _registered(self, job_id: str) -> Iterator[asyncio.Event]:
-        """Register before the first look, so that no message in between is missed."""
+        """Register for messages; one that has come already counts, so that none in between is missed."""
         waiter = _Waiter(asyncio.get_running_loop(), asyncio.Event())
         with self._lock:
             self._waiting.setdefault(job_id, set()).add(waiter)
+            if job_id in self._reported:
+                waiter.woken.set()
         try:
             yield waiter.woken
         finally:

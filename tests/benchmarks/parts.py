@@ -8,6 +8,7 @@ from tests.benchmarks import (
     certified,
     costs,
     fast,
+    lists,
     pages,
     precision,
     report,
@@ -140,6 +141,8 @@ PARTS: Mapping[str, Part] = {
     "certified": partial(tables, "certified", (certified.others,)),
     "starting": partial(tables, "starting", (starting.starting,)),
     "service": partial(tables, "service", (service.around,)),
-    "throughput": partial(tables, "throughput", (throughput.engines, throughput.service, throughput.growth)),
+    "throughput": partial(
+        tables, "throughput", (throughput.engines, lists.lists, throughput.service, throughput.growth)
+    ),
 }
 """In the order of docs/performance.md."""

@@ -39,11 +39,11 @@ def engines(effort: Effort) -> Table:
     rows = []
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
         for name, engine, make, bare_engine in (
-            ("SQLite, local engine", "local", lambda name: _sqlite(Path(folder), name), "tables"),
+            ("SQLite, local engine", "local", lambda name: sqlite_url(Path(folder), name), "tables"),
             ("Postgres, local engine", "local", lambda name: _postgres(server), "procrastinate"),
             ("Postgres, Procrastinate", "procrastinate", lambda name: _postgres(server), "procrastinate"),
         ):
-            bare = _bare(bare_engine, make("bare"), number, PLACES)
+            bare = bare_seconds(bare_engine, make("bare"), number, PLACES)
             for workers in (1, PLACES):
                 with installed(make(f"ours-{workers}"), engine, Path(folder)) as installation:
                     submitted, done = _through(installation, number, workers)
@@ -81,7 +81,7 @@ def growth(effort: Effort) -> Table:
     rows = []
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
         for name, engine, make in (
-            ("SQLite, local engine", "local", lambda size: _sqlite(Path(folder), f"rows-{size}")),
+            ("SQLite, local engine", "local", lambda size: sqlite_url(Path(folder), f"rows-{size}")),
             ("Postgres, local engine", "local", lambda size: _postgres(server)),
             ("Postgres, Procrastinate", "procrastinate", lambda size: _postgres(server)),
         ):
@@ -230,12 +230,14 @@ def _pause() -> bool:
     return False
 
 
-def _bare(*arguments: object) -> float:
+def bare_seconds(*arguments: object) -> float:
+    """Return how long a bare engine takes, in a process of its own: see :mod:`tests.benchmarks.bare`."""
     command = [sys.executable, "-m", "tests.benchmarks.bare", *map(str, arguments)]
     return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
-def _sqlite(folder: Path, name: str) -> str:
+def sqlite_url(folder: Path, name: str) -> str:
+    """Return the URL of a new database."""
     url = f"sqlite:///{folder / name}.db"
     migrate(url)
     return url

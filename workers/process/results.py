@@ -34,19 +34,26 @@ class Results:
     def __init__(self, store: JobStore, limits: JobLimits) -> None:
         self._store, self._limits = store, limits
 
-    def store(self, claim: Claim, outcome_of: Callable[[], Outcome], then_take: int, terms: Terms) -> Taken:
-        """Store the result of one job, or why it has none, and take others by the same commit."""
+    def store(
+        self, claim: Claim, outcome_of: Callable[[], Outcome], then_take: int, terms: Terms
+    ) -> Taken | None:
+        """Store the result of one job, or why it has none, and take others by the same commit.
+
+        None if none were asked for: those of a job without a result are taken by nobody.
+        """
         try:
             kept, taken = self._store.finish(claim, outcome_of(), then_take=then_take, **terms)
         except (Exception, CancelledError) as fault:
             self.record(claim, fault)
-            return Taken()
+            return None
         if not kept:
             _tell_too_late(claim)
-        return taken
+        return taken if then_take else None
 
-    def store_all(self, ended: Sequence[tuple[Claim, SolveOutcome]], then_take: int, terms: Terms) -> Taken:
-        """Store the results of a batch, and take others by the same commit."""
+    def store_all(
+        self, ended: Sequence[tuple[Claim, SolveOutcome]], then_take: int, terms: Terms
+    ) -> Taken | None:
+        """Store the results of a batch, and take others by the same commit; None as in :meth:`store`."""
         try:
             held, taken = self._store.finish_problems(ended, then_take=then_take, **terms)
         except Exception as fault:
@@ -55,11 +62,11 @@ class Results:
             # One of them cannot be stored. Alone each tells whether it is the one.
             for claim, outcome in ended:
                 self.store(claim, partial(_same, outcome), 0, terms)
-            return Taken()
+            return None
         for claim, _ in ended:
             if claim.job_id not in held:
                 _tell_too_late(claim)
-        return taken
+        return taken if then_take else None
 
     def record(self, claim: Claim, fault: BaseException) -> None:
         """Write why an attempt has no result."""

@@ -85,6 +85,8 @@ class Runner:
         self._results = Results(store, limits)
         self._size = BatchSize()
         self._shares = LaneShares()
+        self._is_dry = False
+        """Nothing was left in the queue when results were stored, a moment ago."""
         self._reconcile_at = self._watch_at = 0.0
 
     @property
@@ -95,6 +97,10 @@ class Runner:
     def fill(self) -> list[str]:
         """Take jobs for the free slots; return the ids of those that are solved already."""
         finished: list[str] = []
+        if self._is_dry and not self._waiting:
+            # What is queued since then rings the bell or is found by the next poll.
+            self._is_dry = False
+            return finished
         while free := self._slots - len(self._runs):
             if self._waiting:
                 self._start(self._next_waiting())
@@ -122,11 +128,12 @@ class Runner:
                 taken = self._finish_alone(run, then_take, owed)
             else:
                 taken = self._finish_batch(run, then_take, owed)
+            self._is_dry = taken == Taken()
             self._remove(run)
             waiting = {claim.job_id for claim in self._waiting}
             finished += (claim.job_id for claim in run.claims if claim.job_id not in waiting)
-            # No job came, perhaps because none was asked for.
-            finished += self._begin(taken, owed if taken != Taken() else (), 1)
+            if taken is not None and taken != Taken():
+                finished += self._begin(taken, owed, 1)
         return finished
 
     def keep_leases(self) -> None:
@@ -160,9 +167,11 @@ class Runner:
         if time.monotonic() < self._reconcile_at:
             return
         for job_id in self._store.reconcile(**self._limits.retries()):
+            self._is_dry = False
             logger.warning("job %s: its worker is gone", job_id, extra={"fields": {"job": job_id}})
         repaired = self._store.repair()
         if repaired:
+            self._is_dry = False
             logger.warning("%d deliveries were lost; delivered again", repaired)
         self._reconcile_at = time.monotonic() + RECONCILE_SECONDS
 
@@ -285,6 +294,7 @@ class Runner:
         assert run.ledger is not None
         begun = run.ledger.stop()
         self._size.reset()
+        self._is_dry = False
         while len(run.claims) > begun:
             claim = run.claims[-1]
             if claim.job_id not in run.lost:
@@ -293,24 +303,24 @@ class Runner:
             self._forget(claim)
             self._shares.end(claim.lane, 0.0, was_owed=claim.lane in run.owed)
 
-    def _finish_alone(self, run: Run, then_take: int, owed: Sequence[Lane]) -> Taken:
+    def _finish_alone(self, run: Run, then_take: int, owed: Sequence[Lane]) -> Taken | None:
         (claim,) = run.claims
         with about(**fields_of(claim)):
             if claim.kind is JobKind.SOLVE:
                 self._size.learn(1, (run.ended_at or time.monotonic()) - run.began_at)
             return self._results.store(claim, lambda: result_of(run.future), then_take, self._terms(owed))
 
-    def _finish_batch(self, run: Run, then_take: int, owed: Sequence[Lane]) -> Taken:
+    def _finish_batch(self, run: Run, then_take: int, owed: Sequence[Lane]) -> Taken | None:
         try:
             outcomes: list[SolveOutcome | None] = result_of(run.future)
         except (Exception, CancelledError) as fault:
             self._break_up(run, fault)
-            return Taken()
+            return None
         computed = zip(run.claims, outcomes, strict=False)
         ended = [(claim, o) for claim, o in computed if o is not None and claim.job_id not in run.lost]
         done = {claim.job_id for claim, _ in ended}
         again = [claim for claim in run.held if claim.job_id not in done]
-        taken = Taken()
+        taken = None
         if ended:
             terms = self._terms(owed)
             taken = self._results.store_all(ended, 0 if again else then_take, terms)

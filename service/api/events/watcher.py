@@ -87,7 +87,9 @@ class EventWatcher:
 
     def wake(self) -> None:
         """Look soon, since something was changed. From any thread."""
-        self._from_any_thread(self._news.set)
+        # A new listener wakes it too. Without any, each submission would wake the event loop twice in vain.
+        if self._listeners:
+            self._from_any_thread(self._news.set)
 
     def stop(self) -> None:
         """End all streams: the service stops. From any thread, and from signal handlers."""

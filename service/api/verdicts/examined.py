@@ -47,18 +47,29 @@ class Examiner:
         content = self._kept.in_memory([problem.keys.answer]).get(problem.keys.answer)
         return None if content is None else ExaminedProblem(json.loads(content), self._entries(problem))
 
+    def kept(self, problems: Sequence[ToExamine]) -> dict[str, str]:
+        """Return what is kept of problems; the store is asked for what this process does not know."""
+        return self._kept.get(_keys(problems))
+
     async def examine(
-        self, problems: Sequence[ToExamine], claimant: Claimant, *, crashes: int = 1
+        self,
+        problems: Sequence[ToExamine],
+        claimant: Claimant,
+        *,
+        crashes: int = 1,
+        kept: Mapping[str, str] | None = None,
     ) -> list[ExaminedProblem]:
         """Return the answers of one child to some problems; raises what :meth:`VerdictQueue.ask` raises.
 
+        ``kept`` is what :meth:`kept` returns of them, for callers who have asked already.
+
         If all are refused, what was found is stored here, since there is no job to store it with.
         """
-        keys = {key for problem in problems for key in (problem.keys.verdict, problem.keys.windows)}
-        if len(self._kept.in_memory(list(keys))) == len(keys):
-            kept = self._kept.get(list(keys))
-        else:
-            kept = await run_in_threadpool(self._kept.get, list(keys))
+        keys = _keys(problems)
+        if kept is None and len(self._kept.in_memory(keys)) == len(keys):
+            kept = self._kept.get(keys)
+        elif kept is None:
+            kept = await run_in_threadpool(self._kept.get, keys)
         reply = json.loads(
             await self._verdicts.ask(examine_problems, _text(problems, kept), claimant, crashes=crashes)
         )
@@ -80,6 +91,10 @@ class Examiner:
     def _entries(self, problem: ToExamine) -> tuple[Entry, ...]:
         kept = self._kept.in_memory([problem.keys.verdict, problem.keys.windows])
         return tuple(Entry(key, content) for key, content in kept.items())
+
+
+def _keys(problems: Sequence[ToExamine]) -> list[str]:
+    return list({key for problem in problems for key in (problem.keys.verdict, problem.keys.windows)})
 
 
 def _text(problems: Sequence[ToExamine], kept: Mapping[str, str]) -> str:
