@@ -23,6 +23,17 @@ from workers.sweeping.plan import make_plan
 KEPT = ("period", "period.error", "energy", "energy.error", "error")
 ACCURACIES = [{"tier": "draft"}, {"tolerance": "1e-9"}, {"tier": "standard"}, {"tier": "high"}]
 TIMES = [{"stop": 5, "samples": 4}, {"periods": "7/3", "samples": 4}]
+OUTPUTS = {
+    None: (),
+    ("period", "gamma", "omega", "invariants"): (
+        "invariants.energy.drift",
+        "invariants.geometric.drift",
+        "invariants.areas.drift",
+    ),
+    ("omega", "stability"): ("stability.trace", "stability.trace.error", "stability.trusted_time"),
+    ("orientation", "stability"): ("precession.psi1", "precession.psi3.error", "stability.exponent"),
+}
+"""Asked for, and what is kept of them besides."""
 AXES = ["/motion/lambda", "/motion/start/g1", "/body/B", "/potential/parameters/k"]
 
 
@@ -33,7 +44,10 @@ def no_hurry(monkeypatch):
     chunk._solver_of.cache_clear()
 
 
-def sweep(case: Case, pointer: str, values: list[Fraction], **rest: object) -> dict[str, object]:
+def sweep(
+    case: Case, pointer: str, values: list[Fraction], outputs: tuple[str, ...] | None, **rest: object
+) -> dict[str, object]:
+    rest |= {} if outputs is None else {"outputs": list(outputs)}
     motion = case.motion
     signs = {"g1_sign": motion.g1_sign, "g3_sign": motion.g3_sign, "window": motion.window}
     start = {"start": {"g1": str(motion.g1_sign * values[0])}} if pointer.endswith("g1") else {}
@@ -50,8 +64,8 @@ def sweep(case: Case, pointer: str, values: list[Fraction], **rest: object) -> d
             **rest,
         },
         "axes": [{"pointer": pointer, "values": [str(sign * value) for value in values]}],
-        "keep": list(KEPT),
-        "series": True,
+        "keep": [*KEPT, *OUTPUTS[outputs]],
+        "series": "orientation" not in (outputs or ()),
     }
 
 
@@ -61,13 +75,14 @@ def sweep(case: Case, pointer: str, values: list[Fraction], **rest: object) -> d
     st.lists(st.fractions(Fraction(1, 10), 1, max_denominator=997), min_size=3, max_size=3, unique=True),
     st.sampled_from(ACCURACIES),
     st.sampled_from(TIMES),
+    st.sampled_from(list(OUTPUTS)),
 )
-@settings(max_examples=examples(6, 60), deadline=None)
-def test_a_point_has_every_bit_of_its_own_job(case, pointer, values, accuracy, time):
+@settings(max_examples=examples(8, 100), deadline=None)
+def test_a_point_has_every_bit_of_its_own_job(case, pointer, values, accuracy, time, outputs):
     if pointer == "/body/B":
         # No body has all of them.
         values = [case.A + case.C - value for value in values[:2]] + [2 * (case.A + case.C)]
-    document = sweep(case, pointer, values, accuracy=accuracy, time=time)
+    document = sweep(case, pointer, values, outputs, accuracy=accuracy, time=time)
     swept = read_sweep(document)
     # The finest tier has compiled code for rational potentials of bodies with A = 2C alone.
     assert make_plan(swept).quick is not None or accuracy == {"tier": "high"}

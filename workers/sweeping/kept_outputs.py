@@ -47,7 +47,7 @@ class KeptOutputs:
     ) -> "OutputsOfGroup | None":
         """Return what works them out for the points of a group, on the curves of these λ².
 
-        ``starts`` are the \\|g1\\| at which the motions start, if they vary. None if it cannot be done.
+        ``starts`` are the sizes of g1 at which the motions start, if they vary. None if it cannot be done.
         """
         frame = make_frame(self.problem.body, side.motion)
         if frame is None:

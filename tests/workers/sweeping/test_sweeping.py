@@ -256,6 +256,62 @@ IN_BLOCKS |= {
         (LAMBDA, uniform("1/2", 1, 3)), keep=("invariants.kovalevskaya",), outputs=["gamma", "invariants"]
     ),
 }
+STABILITY = (
+    "stability.trace",
+    "stability.trace.error",
+    "stability.exponent",
+    "stability.exponent.error",
+    "stability.trusted_time",
+)
+PRECESSION = ("precession.psi1", "precession.psi1.error", "precession.psi3", "precession.psi3.error")
+STEADY = {"type": "gravity", "a": -1}
+IN_BLOCKS |= {
+    "stability": sweep(
+        (A, uniform(-2, -1, 2)),
+        (LAMBDA, uniform("1/2", 1, 3)),
+        keep=("period", "energy", *STABILITY),
+        outputs=["gamma", "stability"],
+    ),
+    "stability through the poles, stable and not, along the moment that it depends on": sweep(
+        ("/body/B", values("3/2", 2, "14/5", 3, 5)),
+        keep=STABILITY,
+        outputs=["stability"],
+        potential=STEADY,
+        motion={"type": "planar", "nu": 2},
+        series=False,
+    ),
+    "a trace that is 2, left to single jobs": sweep(
+        ("/body/B", values("3/2", 1)),
+        keep=STABILITY,
+        outputs=["stability"],
+        potential=STEADY,
+        series=False,
+    ),
+    "precession": sweep(
+        (NU, values(-2, "-1/3", "1/3", 2)),
+        keep=("error", *PRECESSION),
+        outputs=["omega", "orientation"],
+        potential=expression("-abs(g1)"),
+        series=False,
+    ),
+    "precession and stability, A < C, draft": sweep(
+        (LAMBDA, uniform("1/2", 3, 3)),
+        keep=(*PRECESSION, *STABILITY),
+        outputs=["gamma", "orientation", "stability"],
+        body={"A": 1, "B": "3/2", "C": 2},
+        potential=expression("-g3"),
+        accuracy=DRAFT,
+        series=False,
+        motion={"type": "planar", "lambda": 1, "start": {"at": "equator", "s_sign": -1}},
+    ),
+    "precession and stability of librations from a point": sweep(
+        ("/motion/start/g1", values("1/5", "3/10")),
+        keep=(*PRECESSION, *STABILITY),
+        outputs=["orientation", "stability"],
+        motion={"type": "planar", "lambda": 1, "start": {"g1": "1/5"}},
+        series=False,
+    ),
+}
 IN_BLOCKS |= {
     "the end of the times": sweep(("/time/stop", values(1, 10, -1, "1/3"))),
     "their start, numbers alone": sweep(
@@ -454,6 +510,16 @@ ONE_BY_ONE = {
         body={"A": 2, "B": 2, "C": 1},
         potential=expression("a*g1", a=-1),
     ),
+    "high, stability": sweep(
+        (LAMBDA, uniform("1/2", 1, 2)), keep=STABILITY, outputs=["gamma", "stability"], accuracy=HIGH
+    ),
+    "axes that are all but vertical": sweep(
+        (LAMBDA, values("1/100000000", 1)),
+        keep=PRECESSION,
+        outputs=["orientation"],
+        potential=STEADY,
+        series=False,
+    ),
     "orientation": sweep(
         (A, uniform(-2, -1, 2)), keep=("precession.psi1",), outputs=["gamma", "omega", "orientation"]
     ),
@@ -590,6 +656,7 @@ def test_a_sweep_that_says_so_goes_in_blocks(name, monkeypatch):
     points = decode_points(computed(document).data)
     # Each refusal but that of no motion, two points for comparison, and those that doubles leave in doubt.
     in_doubt = {"poles passed by convention", "one window or several", "high, one window or several"}
+    in_doubt |= {"a trace that is 2, left to single jobs"}
     allowed = sum(outcome not in (SOLVED, "no_motion") for outcome in points.outcomes) + 2
     assert any(outcome in (SOLVED, "no_motion") for outcome in points.outcomes)
     assert name in in_doubt or len(singly) <= allowed or name in SHORTER

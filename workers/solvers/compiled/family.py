@@ -17,8 +17,8 @@ from service.dynamics.motion import Motion
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.arc import Arc
-from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
+from service.dynamics.reduction.window import Window
 from workers.solvers.assembly.description import conventions_of
 from workers.solvers.assembly.periodic import Sampled, asked_times, make_periodic
 from workers.solvers.assembly.place import NOT_MINE, Declined, PeriodicPlace, Place

@@ -52,7 +52,7 @@ def advances_by_doubles(loops: Records, sense: int) -> tuple[Advance, Advance] |
 
 
 def _sum_of_turn(value: float) -> tuple[float, float]:
-    """Return 2π + ``value`` for \|value\| ≤ 2π in two doubles, by Dekker's sums."""
+    """Return the sum of 2π and a value of at most that size in two doubles (Dekker)."""
     hi = TURN + value
     left = value - (hi - TURN) + REST_OF_TURN
     rounded = hi + left

@@ -22,7 +22,7 @@ HARMONICS = 512
 ROUNDEST = 32.0
 """Ratio of the axes up to which so many harmonics leave out less than 1e-14: they fall by 31/33 each."""
 MOST_STEPS = 64
-"""From the number of periods that the mean growth says to the one asked for; else periods are gone through."""
+"""From where the mean growth leads to the period asked for; after more, all periods are gone through."""
 
 
 def trusted_time(
@@ -123,9 +123,7 @@ class RotatingNorms:
         delta = angles - np.pi * np.round(angles / np.pi)
         sine = np.sin(delta)
         safe = np.where(sine == 0.0, 1.0, sine)
-        sums = np.where(
-            sine == 0.0, last + 1.0, np.sin((last + 1) * delta) / safe * np.cos(last * delta)
-        )
+        sums = np.where(sine == 0.0, last + 1.0, np.sin((last + 1) * delta) / safe * np.cos(last * delta))
         return float(self.harmonics[0] * (last + 1) + self.harmonics[1:] @ sums)
 
     def reach(self, goal: float, least: int) -> int | None:

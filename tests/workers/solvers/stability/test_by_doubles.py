@@ -1,4 +1,4 @@
-"""Stability in compiled doubles: against balls, Lamé's closed form, literature numbers; and what is declined."""
+"""Stability in compiled doubles: against balls, Lamé's closed form, known numbers; and what is declined."""
 
 from dataclasses import replace
 from fractions import Fraction
@@ -109,7 +109,9 @@ def agree(problem: AdmissibleCase, rigid_body: RigidBody, motion: PlanarMotion) 
     # Two routes, each with its own error.
     assert abs(found.trace - slow.trace) <= found.error + slow.error
     both = found.multipliers_error + slow.multipliers_error
-    assert all(abs(one - other) <= both for one, other in zip(found.multipliers, slow.multipliers, strict=True))
+    assert all(
+        abs(one - other) <= both for one, other in zip(found.multipliers, slow.multipliers, strict=True)
+    )
     assert found.verdict == slow.verdict
     assert abs(found.exponent - slow.exponent) <= found.exponent_error + slow.exponent_error
 

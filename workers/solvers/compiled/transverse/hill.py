@@ -4,7 +4,8 @@ The equation is that of :mod:`workers.solvers.stability.hill`, B q̇ = −M, Ṁ
 
 .. math::
     c = (A-C)\Bigl[\frac{(B-C) r^2}{A} + \frac{(A-B) p^2}{C}\Bigr]
-        - \frac{(A-C) B g_2}{Q} Y[V] + \Bigl(1 + \frac{B g_2^2}{Q}\Bigr) \frac{\partial^2 V}{\partial\varphi^2},
+        - \frac{(A-C) B g_2}{Q} Y[V]
+        + \Bigl(1 + \frac{B g_2^2}{Q}\Bigr) \frac{\partial^2 V}{\partial\varphi^2},
 
 Q = A g1² + C g3² and Y = (−g1 g2/C, g1²/C − g3²/A, g2 g3/A). It depends on the place alone: on the way back
 a libration finds the same c.

@@ -96,7 +96,7 @@ def _product(jets: FloatArray, i: int, j: int, n: int) -> None:
 
 @kernel
 def _quotient(jets: FloatArray, i: int, j: int, n: int) -> None:
-    """v = x/y: (v y)' = x' and (v y)'' = x'' are solved for v' and v''."""
+    """V = x/y: (v y)' = x' and (v y)'' = x'' are solved for v' and v''."""
     for m in range(WIDTH):
         x, x1, x2, xy = jets[V, i, m], jets[D, i, m], jets[E, i, m], jets[Y, i, m]
         a, a1, a2, ay = jets[V_ERROR, i, m], jets[D_ERROR, i, m], jets[E_ERROR, i, m], jets[Y_ERROR, i, m]

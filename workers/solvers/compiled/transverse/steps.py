@@ -57,7 +57,7 @@ def solve_in_place(matrix: FloatArray, right: FloatArray) -> None:
 
 @kernel
 def cross(alpha: FloatArray, beta: FloatArray, q: FloatArray, m: FloatArray, end: FloatArray) -> None:
-    """Fill in the solutions from (1, 0) and (0, 1) at the stages, shapes (2, stages), and at the end (2, 2)."""
+    """Fill in the solutions from (1, 0) and (0, 1) at the stages (2, stages), and at the end (2, 2)."""
     matrix, right = np.zeros((WIDTH, WIDTH)), np.empty((WIDTH, 2))
     for i in range(WIDTH):
         right[i, 0], right[i, 1] = 1.0, 0.0

@@ -1,11 +1,12 @@
 r"""The monodromy of Hill's equation over one turn of an orbit, from its time map, compiled.
 
-It is what :mod:`workers.solvers.stability.monodromy` does in balls: the panels are those of the time map, which
-resolve the motion; each is halved until its propagator is the product of those of its halves. On the way back
-over its half turn a libration finds the same c, and a panel's propagator P becomes R P⁻¹ R, R = diag(1, −1).
+It is what :mod:`workers.solvers.stability.monodromy` does in balls: the panels are those of the time map,
+which resolve the motion; each is halved until its propagator is the product of those of its halves. On the
+way back over its half turn a libration finds the same c, and a panel's propagator P becomes R P⁻¹ R, where
+R = diag(1, −1).
 
-The trace is off by what halving changed and determinants lack to 1, carried by the norms of what is before and
-after; and to first order, with the monodromy K(x) that begins at x, by
+The trace is off by what halving changed and determinants lack to 1, carried by the norms of what is before
+and after; and to first order, with the monodromy K(x) that begins at x, by
 
 .. math:: \int |K_{01} δβ| + |K_{10} δα| \,dx
 
@@ -18,160 +19,36 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Places
-from workers.solvers.compiled.evaluation.curve import loop_points, place, radicands_with_bounds
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import inlined, kernel
-from workers.solvers.compiled.records import NODES, Formula, Loop, Panel, Records
-from workers.solvers.compiled.time_map.series import POINTS, at, distance, last_coefficients
-from workers.solvers.compiled.transverse.hill import coefficients
+from workers.solvers.compiled.records import Formula, Records
 from workers.solvers.compiled.transverse.jets import WIDTH
-from workers.solvers.compiled.transverse.steps import STAGES, WEIGHTS, cross
+from workers.solvers.compiled.transverse.parts import (
+    ALPHA,
+    ALPHA_ERROR,
+    BETA,
+    BETA_ERROR,
+    C_ERROR,
+    RELATIVE,
+    ROWS,
+    C,
+    M,
+    Q,
+    cross_part,
+    doubt_of_ends,
+    error_of_rate,
+    is_integrable,
+)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-EPSILON = 2.0**-52
-RESOLVED = 1e-14
-ROUNDINGS = 4.0
+RESOLVED, ROUNDINGS = 1e-14, 4.0 * 2.0**-52
 """As those of :mod:`workers.solvers.stability.monodromy`."""
 MOST = 96
 """Panels, and those that wait: motions that need more are left to balls."""
-PLACES, AMPLIFIED = 8, 2.0
-"""Of a panel, where the rounding of P is looked at; what interpolation makes of roundings at its nodes."""
-DISTANCES = (2.0**-16, 2.0**-26)
-"""From a pole, in θ."""
-NEAREST = 0.99
-"""Of a pole to the end of a libration, in parts of its half width."""
 ERROR, EXCURSION, SPEED, LOOKED_AT = range(4, 8)
 """Places in what :func:`turn` fills in, after the matrix: see there."""
-Q, M, ALPHA, BETA, C, C_ERROR, RELATIVE, ALPHA_ERROR, BETA_ERROR, ROWS = 0, 2, 4, 5, 6, 7, 8, 9, 10, 11
-"""Rows of stages: q and M/(B ω) of both solutions, the coefficients, c, and errors, multiplied by weights."""
-
-
-@inlined
-def _put(loop: Loop, places: Places, k: int, anchor: int, w: float) -> None:
-    places.below[k], places.above[k], places.sine[k], places.cosine[k], places.speed[k] = place(
-        loop, anchor, w
-    )
-
-
-@kernel
-def _doubt_of_ends(formula: Formula, loop: Loop, places: Places, panels: Records, number: int) -> float:
-    """Return by how much the ends of a libration, zeros of P, may be wrong in v."""
-    if loop.rotates:
-        return 0.0
-    places.sine[0], places.cosine[0] = loop.s_lower, loop.c_lower
-    places.sine[1], places.cosine[1] = loop.s_upper, loop.c_upper
-    radicands_with_bounds(formula, loop, places, 2)
-    doubt = 0.0
-    for k in range(2):
-        panel = panels[0 if k == 0 else number - 1]
-        _, slope = at(panel, panel.first if k == 0 else panel.last)
-        rate = slope * 2.0 / (panel.high - panel.low)
-        # dt/du = π Z/(c √K), and P' = 2 h K at the end.
-        root = math.pi * loop.z / (places.c[k] * rate)
-        doubt = max(doubt, places.bound[k] / (2.0 * loop.half_width * root * root))
-    return doubt + EPSILON
-
-
-@kernel
-def _error_of_rate(formula: Formula, loop: Loop, panel: Panel, places: Places) -> tuple[float, float]:
-    """Return the relative error of dt/dx on a panel, and an absolute one.
-
-    The rounding of P is looked at where the series was made. Where nothing is proved, the last coefficients
-    say what a series leaves out, as for the time map (:mod:`compiled.time_map.error`).
-    """
-    is_half = panel.last - panel.first < 2.0
-    for k in range(PLACES):
-        j = 2 * k
-        if is_half:
-            j = k if panel.last > 0.0 else NODES - 1 - k
-        _put(loop, places, k, panel.anchor, distance(panel, POINTS[j]))
-    radicands_with_bounds(formula, loop, places, PLACES)
-    total = 0.0
-    for k in range(PLACES):
-        total += places.bound[k] / abs(places.radicand[k])
-    noise = AMPLIFIED * 0.5 * total / PLACES + 8.0 * EPSILON
-    if not math.isnan(panel.proved):
-        return noise + panel.proved, 0.0
-    return noise, 2.0 * last_coefficients(panel.slopes)
-
-
-@kernel
-def _cross(
-    formula: Formula,
-    loop: Loop,
-    panel: Panel,
-    spans: tuple[float, float],
-    about: tuple[float, float, float, float, float],
-    moments: FloatArray,
-    places: Places,
-    jets: FloatArray,
-    stages: FloatArray,
-    end: FloatArray,
-) -> float:
-    """Fill in the propagator of a part of a panel, and the rows of its ``stages``; return max p² + r².
-
-    ``about`` are ω, B ω, the doubt of the ends, and the relative and the absolute error of dt/dx.
-    """
-    frequency, scale, doubt, relative, absolute = about
-    middle, half = 0.5 * (spans[0] + spans[1]), 0.5 * (spans[1] - spans[0])
-    alpha, beta, c, errors = stages[ALPHA], stages[BETA], stages[C], stages[C_ERROR]
-    for k in range(WIDTH):
-        _put(loop, places, k, panel.anchor, distance(panel, middle + half * STAGES[k]))
-    fastest = coefficients(formula, loop, moments, places, jets, c, errors)
-    for k in range(WIDTH):
-        _, slope = at(panel, middle + half * STAGES[k])
-        alpha[k], beta[k] = frequency * (slope * half), c[k] / scale * (slope * half)
-    cross(alpha, beta, stages[Q:M], stages[M:ALPHA], end)
-    for k in range(WIDTH):
-        j = k if k < WIDTH - 1 else k - 1
-        error = errors[k]
-        if doubt > 0.0:
-            error += doubt * abs((c[j + 1] - c[j]) / (places.below[j + 1] - places.below[j]))
-        stages[RELATIVE, k] = WEIGHTS[k] * relative
-        stages[ALPHA_ERROR, k] = WEIGHTS[k] * absolute * half * frequency
-        stages[BETA_ERROR, k] = (
-            WEIGHTS[k] * (absolute * half * abs(c[k]) + abs(alpha[k] / frequency) * error) / scale
-        )
-    return fastest
-
-
-@kernel
-def _is_integrable(
-    formula: Formula,
-    loop: Loop,
-    scale: float,
-    moments: FloatArray,
-    places: Places,
-    jets: FloatArray,
-    c: FloatArray,
-    errors: FloatArray,
-) -> bool:
-    """Tell whether |c| times the distance from each pole falls towards it, as is required in balls."""
-    middle = math.atan2(loop.s_middle, loop.c_middle)
-    for pole in range(-1, 3):
-        if loop.rotates:
-            if pole < 0 or pole > 1:
-                continue
-            anchor, w = 2 * pole, 0.0
-        else:
-            share = (math.pi * pole - middle) / loop.half_width
-            if abs(share) >= 1.0:
-                continue
-            if abs(share) > NEAREST:
-                return False
-            anchor, w = 1, math.asin(share) / math.pi
-        for k in range(WIDTH):
-            side = 1.0 if k % 2 else -1.0
-            _put(loop, places, k, anchor, w + side * DISTANCES[(k // 2) % 2] / math.pi)
-        coefficients(formula, loop, moments, places, jets, c, errors)
-        for k in range(2):
-            far = max(abs(c[k]), scale) * DISTANCES[0]
-            if not abs(c[2 + k]) * DISTANCES[1] < 0.5 * far:
-                return False
-    return True
 
 
 @inlined
@@ -212,13 +89,13 @@ def _merge(
             size += product[i, j] ** 2
             change += (product[i, j] - whole[i, j]) ** 2
     size = math.sqrt(size)
-    stray = abs(product[0, 0] * product[1, 1] - product[0, 1] * product[1, 0] - 1.0) + ROUNDINGS * EPSILON
+    stray = abs(product[0, 0] * product[1, 1] - product[0, 1] * product[1, 0] - 1.0) + ROUNDINGS
     return math.sqrt(change) + stray * size, size
 
 
 @kernel
 def _error_from_roundings(stages: FloatArray, K: FloatArray) -> float:
-    """Return what the roundings at the stages of a part do to the trace; K is the monodromy from its start."""
+    """Return what roundings at the stages of a part do to the trace, K being the monodromy from its start."""
     total = 0.0
     for k in range(WIDTH):
         q0, q1, m0, m1 = stages[Q, k], stages[Q + 1, k], stages[M, k], stages[M + 1, k]
@@ -277,7 +154,7 @@ def turn(
     """Fill in the monodromy of (q, M/(B ω)) from u = 0, and say whether that was possible.
 
     ``out``, shape (8,), has the matrix row by row, the error of its trace, the excursion, the largest
-    \\|(p, r)\\| and the number of places looked at. ``moments`` are A, B, C, B − C, A − C, A − B.
+    size of (p, r) and the number of places looked at. ``moments`` are A, B, C, B − C, A − C, A − B.
     """
     loop, places = loops[0], desks[0].places
     # No discs are worked on here.
@@ -289,21 +166,21 @@ def turn(
     frequency = 2.0 * math.pi / founds[0].period
     scale = moments[1] * frequency
     c, noise = stages[0, C], stages[0, C_ERROR]
-    if not _is_integrable(formula, loop, scale * frequency, moments, places, jets, c, noise):
+    if not is_integrable(formula, loop, scale * frequency, moments, places, jets, c, noise):
         return False
-    doubt = _doubt_of_ends(formula, loop, places, panels, len(panels))
+    doubt = doubt_of_ends(formula, loop, places, panels, len(panels))
     shift = 0.0 if loop.rotates else 2.0 * doubt / loop.half_width
     product = np.empty((2, 2))
     count, looked_at, speed = 0, 0, 0.0
     for n in range(len(panels)):
         panel = panels[n]
-        relative, absolute = _error_of_rate(formula, loop, panel, places)
+        relative, absolute = error_of_rate(formula, loop, panel, places)
         about = (frequency, scale, doubt, relative + shift, absolute)
         ranges[0, 0], ranges[0, 1] = panel.first, panel.last
         if count + 2 > 2 * MOST:
             return False
         span = (panel.first, panel.last)
-        _cross(formula, loop, panel, span, about, moments, places, jets, stages[count], waiting[0])
+        cross_part(formula, loop, panel, span, about, moments, places, jets, stages[count], waiting[0])
         looked_at += WIDTH
         pending = 1
         while pending:
@@ -316,13 +193,13 @@ def turn(
             for half in range(2):
                 span = (left, middle) if half == 0 else (middle, right)
                 to, end = stages[count + half], parts[count + half]
-                fast = _cross(formula, loop, panel, span, about, moments, places, jets, to, end)
+                fast = cross_part(formula, loop, panel, span, about, moments, places, jets, to, end)
                 speed = max(speed, fast)
             looked_at += 2 * WIDTH
             error, size = _merge(waiting[pending], first, second, product)
             if not size < math.inf:
                 return False
-            if error <= (RESOLVED + ROUNDINGS * EPSILON) * size:
+            if error <= (RESOLVED + ROUNDINGS) * size:
                 errors[count // 2] = error
                 count += 2
                 continue
@@ -332,7 +209,12 @@ def turn(
     if not loop.rotates:
         for n in range(count):
             there, back = parts[count - 1 - n], parts[count + n]
-            back[0, 0], back[0, 1], back[1, 0], back[1, 1] = there[1, 1], there[0, 1], there[1, 0], there[0, 0]
+            back[0, 0], back[0, 1], back[1, 0], back[1, 1] = (
+                there[1, 1],
+                there[0, 1],
+                there[1, 0],
+                there[0, 0],
+            )
     _assemble(parts, errors, stages, count, not loop.rotates, out)
     out[SPEED], out[LOOKED_AT] = math.sqrt(speed), looked_at
     return bool(out[ERROR] < math.inf)
