@@ -230,6 +230,22 @@ IN_BLOCKS |= {
     "high, parameters that shorten the formula": sweep(
         (A, values(-1, 1, 0, "-1/50")), (B, values("1/50", 1, 0)), potential=THREE_TERMS, accuracy=HIGH
     ),
+    "high, of moments that are not double": sweep(
+        (LAMBDA, uniform("3/4", 1, 2)),
+        (A, values("1/5", "1/7")),
+        body={"A": "17/10", "C": 1},
+        potential=expression("(A*g1^2+C*g3^2)*(g2^2-1/2+a*g2^3)", a="1/5"),
+        keep=("period", "period.error", "error"),
+        accuracy=HIGH,
+    ),
+    "high, the same in periods, without a series": sweep(
+        (LAMBDA, uniform("3/4", 1, 2)),
+        body={"A": "17/10", "C": 1},
+        potential=expression("(A*g1^2+C*g3^2)*(g2^2-1/2+g2^3/5)"),
+        time={"periods": "7/3", "samples": 5},
+        series=False,
+        accuracy=HIGH,
+    ),
     "high, late": sweep(
         (LAMBDA, uniform("1/2", 2, 3)), accuracy=HIGH, time={"start": 1e6, "stop": 1000010, "samples": 5}
     ),
@@ -488,12 +504,6 @@ ONE_BY_ONE = {
     "gravity that is not admissible but for c = 0": sweep(
         ("/potential/c", values(0, "1/2")), potential={"type": "gravity", "a": -1, "c": 0}
     ),
-    "high, of moments that are not double": sweep(
-        (LAMBDA, uniform(1, 2, 2)),
-        body={"A": "17/10", "C": 1},
-        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
-        accuracy=HIGH,
-    ),
     "high, of what is no sum of powers": sweep(
         (A, uniform(1, 2, 2)),
         potential=expression("-a*g1*exp(2*g1^2+g3^2-2*g1^2-g3^2)+sqrt(2)*g1", a=1),
@@ -676,7 +686,7 @@ SHORTER = {
 
 @pytest.mark.parametrize(
     "name",
-    ["high, of moments that are not double", "orientation", "any state, with invariants"],
+    ["certified", "orientation", "any state, with invariants"],
 )
 def test_other_sweeps_go_point_by_point(name):
     plan = make_plan(read_sweep(ONE_BY_ONE[name]))
@@ -759,7 +769,7 @@ def test_states_go_through_kernels_alone(name, count, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "is_judged"),
     [
-        ("high, of moments that are not double", True),
+        ("certified", True),
         ("orientation", True),
         ("admissible for one value", False),
         ("any state, with invariants", False),
