@@ -134,8 +134,9 @@ class BlockSolver:
         if self._quick.time_places:
             own = [each for place in places.tolist() if (each := times[place]) is not None]
         rests = group.rests if self._grade == "high" else None
+        rows, sampling = group.rows, self._sampling
         swept = sweep_sets(
-            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, sizes, own, rests
+            body, side.motion, group.program, rows, chosen, sampling, self._grade, sizes, own, rests
         )
         if swept is None or side.rational is None:
             return swept
