@@ -103,7 +103,7 @@ def test_comparison_at_the_start_alone_confirms_nothing():
 
 
 def test_a_witness_that_cannot_follow_is_no_disagreement():
-    """A field of 1e-150: the motion takes 1e75, and the integrator's steps are too short to see it move."""
+    """A field of 1e-150: the motion takes 1e75, and no step of an integrator sees it move."""
     document = {
         "body": {"A": 2, "B": "3/2", "C": 1},
         "potential": {"type": "expression", "expression": "-g1*1e-150"},
@@ -120,7 +120,7 @@ def test_a_witness_that_cannot_follow_is_no_disagreement():
     assert (warning["code"], warning["pointer"]) == ("no_cross_check", "/method")
     said = describe(summary, {})
     assert "DISAGREES" not in said
-    assert "could not follow the motion from t = 0 on: the steps" in said
+    assert "could not follow the motion from t = 0 on: the " in said
 
 
 def test_weak_kink_that_both_runs_cross_alike_is_no_disagreement():

@@ -55,6 +55,7 @@ class CompiledIntegrator:
 
     name = "taylor"
     finest = 1e-20
+    coarsest = 1e-11  # longer steps are cut again when they are held against the equations, and cost more
     tightening = 100.0
 
     def __init__(

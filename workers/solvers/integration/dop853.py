@@ -39,6 +39,7 @@ class Dop853Integrator:
 
     name = "dop853"
     finest = 3e-14  # SciPy takes no relative tolerance below 100 ulp, 2.2e-14
+    coarsest = 1e-6  # above it a method of order 8 is not in its element
     tightening = 4.0  # the error is proportional to the tolerance
 
     def __init__(self, body: RigidBody, potential: Potential, rounding: Rounding = nearest_double) -> None:

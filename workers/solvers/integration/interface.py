@@ -75,6 +75,8 @@ class Integrator(Protocol):
     name: str
     finest: float
     """Local tolerance below which rounding, not truncation, makes the error."""
+    coarsest: float
+    """Largest local tolerance, whatever is asked: beyond it the method is not in its element."""
     tightening: float
     """How much tighter the second of two runs must be for other steps and a smaller error."""
 

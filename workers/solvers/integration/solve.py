@@ -34,8 +34,6 @@ CHECK_TIMES = 257
 asked the difference may vanish there by chance."""
 FIRST_TRY = 0.01
 """Local tolerance of the first try in parts of the tolerance: errors of some hundred steps add up."""
-COARSEST = 1e-6
-"""Largest local tolerance, whatever is asked: above it a method of order 8 is not in its element."""
 
 
 def integrate_state(
@@ -199,7 +197,7 @@ def tolerances(integrator: Integrator, tolerance: float) -> list[float]:
     """Return the local tolerances to try, of the coarser run: by the tolerance, then the finest."""
     finest = integrator.finest * integrator.tightening
     first = FIRST_TRY * tolerance
-    return [min(first, COARSEST), finest] if first > finest else [finest]
+    return [min(first, integrator.coarsest), finest] if first > finest else [finest]
 
 
 def _held_motion(held: "Held", times: FloatArray, rests: FloatArray | None, local_tolerance: float) -> Motion:

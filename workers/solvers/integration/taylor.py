@@ -133,6 +133,7 @@ class TaylorIntegrator:
 
     name = "heyoka"
     finest = 1e-20
+    coarsest = 1e-6
     tightening = 100.0  # two orders: two tolerances within one order would take the same steps
 
     def __init__(self, body: RigidBody, potential: Potential, rounding: Rounding = nearest_double) -> None:
