@@ -475,7 +475,7 @@ IN_SLICES = {
     "moments, of what is no sum of powers": sweep(
         (MOMENT_A, values("17/10", "9/5", "9/10", 1)),
         (LAMBDA, uniform("1/2", 1, 2)),
-        potential=expression("-abs(g1)^(2*(A-C)/A) + (A*g1^2 + C*g3^2)/(20 + g2)"),
+        potential=expression("-abs(g1)^(2*(A-C)/A) + 1/20/abs(g3)^(2*(A-C)/C) + (A*g1^2 + C*g3^2)/(20 + g2)"),
         time=SMALL,
     ),
     "a parameter under a function": sweep(
