@@ -3,7 +3,8 @@
 Prints all tables and writes them into their places in docs/performance.md and README.md, with the
 picture and with what ``GET /v1/accuracy`` ships. ``python -m tests.benchmarks PART ...`` measures and writes
 these parts alone; ``--quick`` measures less, prints, and writes nothing; ``--against FOLDER`` times whole
-jobs of another revision that is checked out there, in turns with ours, and writes nothing.
+jobs of another revision that is checked out there, and its start where it is installed there, in turns with
+ours, and writes nothing.
 """
 
 import argparse
@@ -15,6 +16,7 @@ from tests.benchmarks.against import against
 from tests.benchmarks.measuring import Effort, circumstances, say
 from tests.benchmarks.parts import PARTS
 from tests.benchmarks.report import text_of_table
+from tests.benchmarks.starting import starting_against
 from workers.computation.compiled_code import keep_compiled_code
 
 
@@ -34,6 +36,8 @@ def main() -> int:
         say(line)
     if arguments.against:
         say(text_of_table(against(arguments.against, effort)))
+        if (command := arguments.against.resolve() / ".venv" / "bin" / "polhode").exists():
+            say(text_of_table(starting_against(command, effort)))
     else:
         for name in arguments.parts or PARTS:
             start = time.perf_counter()

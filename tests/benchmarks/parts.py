@@ -13,6 +13,7 @@ from tests.benchmarks import (
     precision,
     report,
     service,
+    starting,
     stored,
     sweep,
     sweep_service,
@@ -138,6 +139,7 @@ PARTS: Mapping[str, Part] = {
     "tier-costs": tier_costs,
     "tiers": partial(tables, "tiers", (costs.tiers, costs.outputs, costs.parts)),
     "certified": partial(tables, "certified", (certified.others,)),
+    "starting": partial(tables, "starting", (starting.starting,)),
     "service": partial(tables, "service", (service.around,)),
     "throughput": partial(
         tables, "throughput", (throughput.engines, lists.lists, throughput.service, throughput.growth)

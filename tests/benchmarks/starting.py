@@ -10,12 +10,15 @@ import os
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 import time
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import median
+
+from tests.benchmarks.measuring import Effort, Table, in_words
 
 PATIENCE = 300.0
 PROBLEM = {
@@ -38,13 +41,65 @@ STATE = {
 KINDS = ("draft", "standard", "high", "certified", "integration", "sweep")
 """What is used for the first time, and again, when the workers are warm. A service that does not tell of its
 workers is asked as soon as it is ready."""
+_USES = ("first", "warm")
 ROWS = (
     "polhode --help",
     "serve: until /readyz answers 200",
     "serve: until the first solution, draft",
     "serve: until the workers are warm",
-    *(f"{which} {kind}" for kind in KINDS for which in ("first", "warm")),
+    *(f"{which} {kind}" for kind in KINDS for which in _USES),
 )
+
+
+OURS = Path(sys.executable).with_name("polhode")
+AGAINST: dict[str, float] = {"polhode --help": 0.5, "serve: until the first solution, draft": 0.45}
+"""Shares of what another revision takes that are asked of ours."""
+WARM = 2.0
+"""The first use of anything, when the workers are said to be warm, may take so many times a later one."""
+
+
+def starting(effort: Effort) -> Table:
+    """Return how long this installation takes to start, and first uses beside later ones."""
+    seconds = medians([OURS], effort.repeats(5))[0]
+    rows = [(name, in_words(seconds[name]), "", "") for name in ROWS if name.split(" ")[0] not in _USES]
+    for kind in KINDS:
+        first, warm = (seconds[f"{use} {kind}"] for use in _USES)
+        ratio = f"{first / warm:.1f}×"
+        told = ratio if first <= WARM * warm else f"**{ratio}, missed**"
+        rows.append((f"first use: {kind}", in_words(first), in_words(warm), told))
+    remark = (
+        "By the clock, medians, each round with a new database; a first use comes after `/readyz` has said "
+        f"that the workers are warm, and is asked to take at most {WARM:g} times a later one."
+    )
+    return Table(
+        "From nothing to an answer", remark, ("what", "first", "later", "first / later"), tuple(rows)
+    )
+
+
+def starting_against(command: Path, effort: Effort) -> Table:
+    """Return the same for another installation and this one, in turns, with what is asked of ours."""
+    theirs, ours = medians([command, OURS], effort.repeats(5))
+    rows = []
+    for name in ROWS:
+        ratio, asked = ours[name] / theirs[name], AGAINST.get(name)
+        told = f"{ratio:.2f}×"
+        if asked is not None and not ratio <= asked:
+            told = f"**{told}, missed**"
+        rows.append(
+            (name, in_words(theirs[name]), in_words(ours[name]), told, f"≤ {asked}×" if asked else "")
+        )
+    heads = ("what", "there", "here", "here / there", "asked")
+    return Table("Starts of two revisions", "By the clock, medians, in turns.", heads, tuple(rows))
+
+
+def medians(commands: Sequence[Path], rounds: int) -> list[dict[str, float]]:
+    """Return the median seconds of each row for each command, which are run in turns."""
+    measured = [measure(command) for _ in range(rounds) for command in commands]
+    count = len(commands)
+    return [
+        {name: median(each[row] for each in measured[k::count]) for row, name in enumerate(ROWS)}
+        for k in range(count)
+    ]
 
 
 def main() -> None:
@@ -53,12 +108,10 @@ def main() -> None:
     parser.add_argument("commands", nargs="+", type=absolute, metavar="POLHODE")
     parser.add_argument("--rounds", type=int, default=5)
     asked = parser.parse_args()
-    measured = [measure(command) for _ in range(asked.rounds) for command in asked.commands]
-    count = len(asked.commands)
-    for row, name in enumerate(ROWS):
-        medians = [median(each[row] for each in measured[k::count]) for k in range(count)]
-        ratios = " ".join(f"{value / medians[0]:.2f}x" for value in medians[1:])
-        print(f"{name:<40}", *(f"{value:8.3f} s" for value in medians), ratios)  # noqa: T201
+    found = medians(asked.commands, asked.rounds)
+    for name in ROWS:
+        ratios = " ".join(f"{each[name] / found[0][name]:.2f}x" for each in found[1:])
+        print(f"{name:<40}", *(f"{each[name]:8.3f} s" for each in found), ratios)  # noqa: T201
 
 
 def absolute(text: str) -> Path:
