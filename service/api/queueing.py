@@ -87,5 +87,5 @@ async def _finish(job: Job, inside: Resources, seconds: int) -> Job:
         return ended.is_finished
 
     if not job.is_finished:
-        await inside.doorbell.wait_for(job.id, is_finished=is_finished, timeout=seconds)
+        await inside.doorbell.wait_for(job.id, is_finished=is_finished, timeout=seconds, is_new=True)
     return ended

@@ -60,7 +60,7 @@ class AttemptOutcome(StrEnum):
     LOST = "lost"
     """The child or the whole worker died; only this is retried, and counted."""
     RETURNED = "returned"
-    """The worker was asked to stop and returned the job to the queue."""
+    """The worker returned it to the queue: it was asked to stop, or a job that it took together took long."""
     CANCELLED = "cancelled"
 
 

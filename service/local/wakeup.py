@@ -81,25 +81,32 @@ class Doorbell:
         self._notify()
 
     async def wait_for(
-        self, job_id: str, *, is_finished: Callable[[], Awaitable[bool]], timeout: float
+        self,
+        job_id: str,
+        *,
+        is_finished: Callable[[], Awaitable[bool]],
+        timeout: float,
+        is_new: bool = False,
     ) -> bool:
         """Return whether the job is finished within ``timeout`` seconds; blocks no thread.
 
-        ``is_finished`` asks the store: whenever a worker reports the job, at once if one has done so
-        already, at regular intervals, and at the end. After :meth:`close` nothing waits.
+        ``is_finished`` asks the store: at once, whenever a worker reports the job, and at regular
+        intervals. A job that is ``is_new`` was queued by this process a moment ago: there is nothing to
+        see of it yet, unless a worker has reported it already. After :meth:`close` nothing waits.
         """
         deadline = time.monotonic() + timeout
         with self._registered(job_id) as woken:
+            looks = not is_new
             while True:
-                rest = deadline - time.monotonic()
-                if rest > 0 and not self._closed:
-                    with contextlib.suppress(TimeoutError):
-                        await asyncio.wait_for(woken.wait(), min(rest, _LOOK_SECONDS))
-                woken.clear()
-                if await is_finished():
+                if looks and await is_finished():
                     return True
-                if time.monotonic() >= deadline or self._closed:
+                looks = True
+                rest = deadline - time.monotonic()
+                if rest <= 0 or self._closed:
                     return False
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(woken.wait(), min(rest, _LOOK_SECONDS))
+                woken.clear()
 
     def announce(self, job_id: str) -> None:
         """Wake the clients that wait for that job."""

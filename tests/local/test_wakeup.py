@@ -64,6 +64,21 @@ def test_a_job_that_finished_before_the_wait_is_seen(doorbell):
     assert wait_for(doorbell, "job-1", is_finished=lambda: True, timeout=0.0)
 
 
+@pytest.mark.usefixtures("bell_alone")
+def test_a_new_job_is_not_looked_at_before_it_is_reported_even_if_it_was_before_the_wait(doorbell):
+    looks = []
+
+    def look() -> bool:
+        looks.append(len(looks))
+        return True
+
+    doorbell.announce("job-1")
+    assert wait_for(doorbell, "job-1", is_finished=look, timeout=3600.0, is_new=True)
+    assert looks == [0]
+    assert not wait_for(doorbell, "job-2", is_finished=look, timeout=0.0, is_new=True)
+    assert looks == [0]
+
+
 def test_a_job_that_another_machine_finished_is_found_by_looking(doorbell):
     finished = threading.Event()
     threading.Timer(0.05, finished.set).start()

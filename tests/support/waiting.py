@@ -7,11 +7,13 @@ from collections.abc import Callable
 from service.local.wakeup import Doorbell
 
 
-def wait_for(doorbell: Doorbell, job_id: str, *, is_finished: Callable[[], bool], timeout: float) -> bool:
+def wait_for(
+    doorbell: Doorbell, job_id: str, *, is_finished: Callable[[], bool], timeout: float, is_new: bool = False
+) -> bool:
     async def look() -> bool:
         return is_finished()
 
-    return asyncio.run(doorbell.wait_for(job_id, is_finished=look, timeout=timeout))
+    return asyncio.run(doorbell.wait_for(job_id, is_finished=look, timeout=timeout, is_new=is_new))
 
 
 def wait_until(is_true: Callable[[], bool], *, seconds: float = 120.0) -> bool:

@@ -20,7 +20,7 @@ class AttemptOut(ResponseModel):
     started_at: datetime = Field(description="When it began, UTC.")
     ended_at: datetime | None = Field(description="When it ended; null while it runs.")
     outcome: Literal["succeeded", "failed", "cancelled", "lost", "returned"] | None = Field(
-        description="`lost`: the worker or its child process died; `returned`: the worker stopped regularly."
+        description="`lost`: the worker or its child process died; `returned`: not computed."
     )
     detail: str | None = Field(description="The reason, where there is one.")
 
@@ -101,7 +101,7 @@ class RateOut(ResponseModel):
     failed: int = Field(description="With an error.")
     cancelled: int = Field(description="By a client.")
     lost: int = Field(description="By the death of a worker or its child process.")
-    returned: int = Field(description="By the regular end of a worker.")
+    returned: int = Field(description="Returned to the queue.")
 
 
 class StatusOut(ResponseModel):
