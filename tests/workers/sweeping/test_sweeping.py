@@ -304,10 +304,11 @@ IN_BLOCKS |= {
         series=False,
     ),
     "precession": sweep(
-        (NU, values(-2, "-1/3", "1/3", 2)),
+        (NU, values("1/3", 1, 2)),
         keep=("error", *PRECESSION),
         outputs=["omega", "orientation"],
-        potential=expression("-abs(g1)"),
+        potential=STEADY,
+        motion={"type": "planar", "nu": 1},
         series=False,
     ),
     "precession and stability, A < C, draft": sweep(
@@ -524,7 +525,7 @@ ONE_BY_ONE = {
         (LAMBDA, uniform("1/2", 1, 2)), keep=STABILITY, outputs=["gamma", "stability"], accuracy=HIGH
     ),
     "axes that are all but vertical": sweep(
-        (LAMBDA, values("1/100000000", 1)),
+        (LAMBDA, values("1/10000", 1)),
         keep=PRECESSION,
         outputs=["orientation"],
         potential=STEADY,
