@@ -1,7 +1,7 @@
 """Computes a block of points at once by compiled doubles with bounds; doubtful points are left out."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -120,15 +120,21 @@ class BlockSolver:
         self, points: SweptPoints, parameters: Parameters, side: Side, group: Group, chosen: Sequence[fmpq]
     ) -> Swept | None:
         body, at, places = self._quick.problem.body, self._quick.start_place, group.places
-        if side.rational is not None:
-            exact = [parameters.exact(place) for place in places.tolist()]
-            starts = None if at is None else [points.exact(at, place) for place in places.tolist()]
-            begun = None if starts is None else [abs(_fraction(start)) for start in starts]
-            return sweep_by_roots(side.rational, exact, chosen, self._sampling, begun)
         sizes = None if at is None else np.abs(points.doubles[at, places])
-        return sweep_sets(
-            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, sizes
+        is_high = self._grade == "high"
+        rests = group.rests if is_high else None
+        swept = sweep_sets(
+            body, side.motion, group.program, group.rows, chosen, self._sampling, self._grade, sizes, rests
         )
+        if swept is None or side.rational is None:
+            return swept
+        left = np.flatnonzero(np.isinf(swept.errors))
+        numbers = places[left].tolist()
+        exact = [parameters.exact(place) for place in numbers]
+        starts = None if at is None else [points.exact(at, place) for place in numbers]
+        begun = None if starts is None else [abs(_fraction(start)) for start in starts]
+        curves = [chosen[place] for place in left.tolist()]
+        return swept.with_others(left, sweep_by_roots(side.rational, exact, curves, self._sampling, begun))
 
     def _along(
         self,
@@ -183,10 +189,17 @@ class BlockSolver:
             shared = self._program(key)
             if shared is None:
                 continue
-            exact = [parameters.exact(place) for place in here.tolist()] if shared.needs_exact else None
+            is_high = self._grade == "high"
+            exact = None
+            if shared.needs_exact or is_high:
+                exact = [parameters.exact(place) for place in here.tolist()]
             rows = shared.rows(parameters.doubles[here], exact)
             generic = shared.are_generic(rows)
-            groups.append(shared.group(rows[generic], here[generic]))
+            group = shared.group(rows[generic], here[generic])
+            if is_high:
+                numbers = [parameters.exact(place) for place in group.places.tolist()]
+                group = replace(group, rests=shared.rests(group.rows, numbers))
+            groups.append(group)
             places = np.setdiff1d(places, here[generic])
         documents = {place: self._potential_at(points, place) for place in places.tolist()}
         return [

@@ -15,10 +15,10 @@ from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.batch import NO_TIMES, Batch, Tier, bounds_of, solve_batch
 from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.evaluation.program import Program
-from workers.solvers.compiled.frame import Frame, make_frame
+from workers.solvers.compiled.frame import logarithm_of, make_frame, with_rests
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.compiled.records import FOUND, Records, copied, new_records
-from workers.solvers.compiled.solve import START_ULPS
+from workers.solvers.compiled.solve import START_ULPS, is_start_kept
 from workers.solvers.compiled.time_map.sampling import sample_one
 
 FloatArray = NDArray[np.float64]
@@ -45,6 +45,26 @@ class Swept:
 
     None where nobody needs to look there.
     """
+
+    def with_others(self, places: IntArray, others: "Swept") -> "Swept":
+        """Return these motions with ``others``, solved in another way, at ``places`` (others,)."""
+
+        def put(mine: FloatArray, theirs: FloatArray) -> FloatArray:
+            whole = mine.copy()
+            whole[places] = theirs
+            return whole
+
+        passes_pole = self.passes_pole.copy()
+        passes_pole[places] = others.passes_pole
+        return replace(
+            self,
+            periods=put(self.periods, others.periods),
+            period_errors=put(self.period_errors, others.period_errors),
+            errors=put(self.errors, others.errors),
+            times=put(self.times, others.times) if self.times.ndim > 1 else self.times,
+            samples=put(self.samples, others.samples) if self.samples.shape[2] else self.samples,
+            passes_pole=passes_pole,
+        )
 
 
 DEPTHS = (1.0 / math.cosh(13.0), 1e-9, 1e-14, 1e-25, 1e-50, 1e-100)
@@ -76,21 +96,26 @@ def sweep_sets(
     sampling: Sampling,
     tier: Tier,
     starts: FloatArray | None = None,
+    rests: FloatArray | None = None,
 ) -> Swept | None:
     """Solve the program with each of the ``rows`` of constants, on the curve of the same place's λ².
 
     ``motion`` gives everything but λ, and but |g1| at its start where there are ``starts``, shape (sets,).
-    None if motions of its kind are not solved here.
+    ``rests`` are what the constants leave out, where the tier asks for them. None if motions of its kind are
+    not solved here.
     """
     frame = make_frame(body, motion)
     if frame is None:
         return None
-    loops = _loops(frame, lambdas_squared)
+    if rests is None:
+        loops = frame.loops(logarithms_of(lambdas_squared))
+    else:
+        loops = with_rests(frame, body, lambdas_squared)
     if starts is not None:
         loops["size_of_g1"] = starts
-    batch = Batch(program, rows, loops, tier, columns=sampling.columns)
+    batch = Batch(program, rows, loops, tier, columns=sampling.columns, rests=rests)
     late = _lateness(batch) if isinstance(motion.start, StartAtPoint) else np.zeros(len(loops))
-    if isinstance(sampling.time, TimePeriods) and len(sampling.columns):
+    if isinstance(sampling.time, TimePeriods) and sampling.has_times and _depend(sampling, rests):
         return _each_with_its_times(batch, sampling.time, late)
     shared = not isinstance(sampling.time, TimePeriods) and sampling.has_times
     asked = sample_times(sampling.time, None) if shared else NO_TIMES
@@ -101,12 +126,12 @@ def sweep_sets(
 
 def logarithms_of(lambdas_squared: Sequence[fmpq]) -> list[float]:
     """Return the logarithms of λ as a single problem has them, to the last bit."""
-    # Python divides integers of any size with one rounding, as a Fraction is turned into a double.
-    return [0.5 * math.log(int(square.p) / int(square.q)) for square in lambdas_squared]
+    return [logarithm_of(square) for square in lambdas_squared]
 
 
-def _loops(frame: Frame, lambdas_squared: Sequence[fmpq]) -> Records:
-    return frame.loops(logarithms_of(lambdas_squared))
+def _depend(sampling: Sampling, rests: FloatArray | None) -> bool:
+    """Tell whether times in periods are to be those of each period's two doubles, or are asked for at all."""
+    return len(sampling.columns) > 0 or rests is not None
 
 
 def _lateness(batch: Batch) -> FloatArray:
@@ -114,11 +139,14 @@ def _lateness(batch: Batch) -> FloatArray:
 
     It is inf where the start may be at an end of the window, or where there is no motion.
     """
-    states = np.abs(solve_batch(replace(batch, times=AT_START, columns=ALL)).samples[:, 0])
+    run = solve_batch(replace(batch, times=AT_START, columns=ALL))
+    states = np.abs(run.samples[:, 0])
     slowest = states[:, 4] * np.minimum(states[:, 0], states[:, 2])
     late = np.full(len(slowest), np.inf)
     is_sure = slowest > SURE
     late[is_sure] = START_ULPS * EPSILON / slowest[is_sure]
+    if batch.rests is not None:
+        late[~is_start_kept(late, run.found["speed"])] = np.inf
     return late
 
 
@@ -137,12 +165,16 @@ def _each_with_its_times(batch: Batch, time: TimePeriods, late: FloatArray) -> S
     loops, found, desk = copied(batch.loops), new_records(FOUND, sets), new_records(DESK)
     for n in range(sets):
         one = slice(n, n + 1)
-        run = solve_batch(replace(batch, constants=batch.constants[one], loops=batch.loops[one]))
+        rests = None if batch.rests is None else batch.rests[one]
+        run = solve_batch(replace(batch, constants=batch.constants[one], loops=batch.loops[one], rests=rests))
         loops[one], found[one] = run.loops, run.found
         about = run.found[0]
         if about.panels:
-            asked = sample_times(time, Period(float(about.period), 0.0, float(about.period_error)))
+            low = float(run.loops[0].period_lo)
+            asked = sample_times(time, Period(float(about.period), low, float(about.period_error)))
             times[n] = asked.doubles
+            if not len(batch.columns):
+                continue
             sample_one(run.loops, run.panels, times[n], asked.rests, batch.columns, desk, samples[n])
     return _swept(loops, found, _errors(found, np.abs(times).max(axis=1), late), times, samples)
 
@@ -151,7 +183,9 @@ def _swept(
     loops: Records, found: Records, errors: FloatArray, times: FloatArray, samples: FloatArray
 ) -> Swept:
     passes_pole, approaches = pass_a_pole(loops, found), _approaches(loops)
-    return Swept(found["period"], found["period_error"], errors, times, samples, passes_pole, approaches)
+    # What the second double of a period says is left out of the first.
+    period_errors = np.abs(loops["period_lo"]) + found["period_error"]
+    return Swept(found["period"], period_errors, errors, times, samples, passes_pole, approaches)
 
 
 def _latest(sampling: Sampling, periods: FloatArray) -> FloatArray:

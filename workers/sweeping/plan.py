@@ -76,8 +76,7 @@ def make_plan(sweep: Sweep) -> Plan:
 
     * vary nothing but the potential's numbers, λ or nu, B, and g1 at the start,
     * ask, by method ``auto``, for no outputs but period, gamma, omega, and the integrals,
-    * by the tiers ``draft`` and ``standard``, or a tolerance that ``standard`` keeps; by ``high`` and finer
-      tolerances, where the potential is rational and A = 2C (or C = 2A).
+    * by the tiers ``draft``, ``standard`` and ``high``, or a tolerance that one of them keeps.
     """
     problem, potential = sweep.first_problem, sweep.base["potential"]
     if not isinstance(problem.motion, PlanarMotion) or not isinstance(potential, dict):
@@ -135,8 +134,6 @@ def _sides(
     for each in motions:
         rational = _rational(problem, family, each) if is_high else None
         sides[each.sign_of_g1] = Side(each, energies_of(problem.body, family, each), rational)
-    if is_high and any(side.rational is None for side in sides.values()):
-        return None
     keeps_energy = any("energy" in name for name in sweep.keep)
     has_all = all(side.energies is not None for side in sides.values())
     return sides if has_all or not keeps_energy else None

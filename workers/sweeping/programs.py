@@ -20,7 +20,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.tape import Instruction, Tape, with_inputs
 from service.schemas.reading.pointers import with_values
-from workers.solvers.compiled.evaluation.program import Program, make_program
+from workers.solvers.compiled.evaluation.program import Program, make_program, rests_of
 from workers.sweeping.family import Path, potential_of
 
 FloatArray = NDArray[np.float64]
@@ -50,6 +50,16 @@ class Affine:
         if len(at) == 1 and not self.at_zero and abs(self.slopes[at[0]]) == 1:
             return int(self.slopes[at[0]]), at[0]
         return None
+
+    def rests(self, parameters: Sequence[Sequence[fmpq]], doubles: Sequence[float]) -> list[float]:
+        """Return what the ``doubles`` of the constants at each row of parameters leave out."""
+        at_zero, slopes = _ratio(self.at_zero), [(k, _ratio(slope)) for k, slope in enumerate(self.slopes)]
+        found = list[float]()
+        for row, known in zip(parameters, doubles, strict=True):
+            left = sum((slope * row[k] for k, slope in slopes if slope), at_zero)
+            left -= fmpq(*known.as_integer_ratio())
+            found.append(nearest_double(int(left.p), int(left.q)))
+        return found
 
     def doubles(self, parameters: Sequence[Sequence[fmpq]]) -> list[float]:
         """Return the constant at each row of parameters, rounded once."""
@@ -87,6 +97,13 @@ class AffineProgram:
             elif exact is not None:
                 rows[:, slot] = affine.doubles(exact)
         return rows
+
+    def rests(self, rows: FloatArray, exact: Sequence[Sequence[fmpq]]) -> FloatArray:
+        """Return what :meth:`rows` leave out of the constants, of the same shape."""
+        found = np.repeat(rests_of(self.tape, self.constants)[None, :], len(rows), axis=0)
+        for slot, affine in self.varying.items():
+            found[:, slot] = affine.rests(exact, rows[:, slot].tolist())
+        return found
 
     def group(self, rows: FloatArray, places: IntArray) -> "Group":
         """Return points with these constants as a group."""
@@ -158,6 +175,8 @@ class Group:
     """Of one of the points; the others differ in constants only."""
     varying: tuple[int, ...]
     """The places of those constants in a row."""
+    rests: FloatArray | None = None
+    """What the rows leave out of the constants; None where nobody asked for it."""
 
     def tape_of_all(self) -> Tape:
         """Return the tape that has the varying constants as further variables."""
@@ -187,7 +206,8 @@ def _group(members: Sequence[tuple[int, Tape, Program, FloatArray]]) -> Group:
     places, tapes, programs, rows = zip(*members, strict=True)
     columns = zip(*map(_numbers, tapes), strict=True)
     varying = tuple(slot for slot, column in enumerate(columns) if any(n != column[0] for n in column))
-    return Group(programs[0], np.array(rows), np.array(places, dtype=np.int64), tapes[0], varying)
+    rests = np.array([rests_of(tape, row) for tape, row in zip(tapes, rows, strict=True)])
+    return Group(programs[0], np.array(rows), np.array(places, dtype=np.int64), tapes[0], varying, rests)
 
 
 def _tape(

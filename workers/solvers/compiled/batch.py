@@ -20,6 +20,7 @@ Tier = Literal["draft", "standard", "high"]
 TOLERANCES: dict[Tier, float] = {"draft": 1e-8, "standard": 1e-13, "high": 2e-15}
 """Tail of dt/du on a panel against the whole, below which it is resolved."""
 
+_NO_RESTS = np.empty((0, 0))
 NO_TIMES = SampleTimes(np.zeros(0), np.zeros(0))
 
 
@@ -37,6 +38,9 @@ class Batch:
     """At which all of them are sampled."""
     columns: IntArray = field(default_factory=lambda: np.arange(6))
     """Numbers of the variables that are sampled."""
+    rests: FloatArray | None = None
+    """What the constants leave out, of the same shape; then the loops have their rests as well, and motions
+    are solved with twice the digits where doubles would lose some (:mod:`.doubled`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +76,7 @@ def solve_batch(batch: Batch) -> BatchResult:
         batch.program.code,
         batch.program.result,
         batch.constants,
+        _NO_RESTS if batch.rests is None else batch.rests,
         TOLERANCES[batch.tier],
         times.doubles,
         times.rests,
@@ -87,7 +92,7 @@ def solve_batch(batch: Batch) -> BatchResult:
 
 def bounds_of(found: Records) -> Bounds:
     """Return what the errors of samples are made of."""
-    return Bounds(found["period_error"], found["speed"], found["rate_error"], found["largest"])
+    return Bounds(found["time_error"], found["speed"], found["rate_error"], found["largest"])
 
 
 def errors_of(found: Records, latest: FloatArray | float) -> FloatArray:

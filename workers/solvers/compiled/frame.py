@@ -3,8 +3,10 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
+from flint import arb, ctx, fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
@@ -13,6 +15,9 @@ from workers.solvers.compiled.records import LOOP, Loop, Records, copied
 from workers.solvers.compiled.windows.arcs import AUTOMATIC, EQUATOR, POINT, REST
 
 FloatArray = NDArray[np.float64]
+
+REST_BITS = 160
+"""Of logarithms, whose doubles and rests have 106."""
 
 _EMPTY = np.zeros(1, dtype=LOOP)
 
@@ -40,6 +45,32 @@ class Frame:
         loops = copied(self.shared, len(logarithms))
         loops["log_lambda"] = self.primed(np.array(logarithms))
         return loops
+
+
+def with_rests(frame: Frame, body: RigidBody, lambdas_squared: Sequence[fmpq]) -> Records:
+    """Return the loops of the client's λ² with what the doubles of their numbers leave out, shape (sets,).
+
+    The logarithms are those of :meth:`Frame.loops`, each with its own rest.
+    """
+    mirrored = bool(frame.loop.mirrored)
+    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
+    loops = frame.loops([logarithm_of(square) for square in lambdas_squared])
+    alpha, factor = A / C, C / ((A - C) * A)
+    loops["alpha_low"] = float(alpha - Fraction(float(frame.loop.alpha)))
+    loops["factor_low"] = float(factor - Fraction(float(frame.loop.factor)))
+    with ctx.workprec(REST_BITS):
+        turned = arb(-1) / (2 * arb(fmpq(alpha.numerator, alpha.denominator))) if mirrored else arb(1) / 2
+        loops["log_lambda_low"] = [
+            float(arb(square).log() * turned - known)
+            for square, known in zip(lambdas_squared, loops["log_lambda"].tolist(), strict=True)
+        ]
+    return loops
+
+
+def logarithm_of(square: fmpq) -> float:
+    """Return log λ of λ²."""
+    # Python divides integers of any size with one rounding, as a Fraction is turned into a double.
+    return 0.5 * math.log(int(square.p) / int(square.q))
 
 
 def make_frame(body: RigidBody, motion: PlanarMotion) -> Frame | None:

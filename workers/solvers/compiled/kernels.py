@@ -1,9 +1,11 @@
 """Compiles functions by numba, and keeps their machine code in the folder that was passed in."""
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast  # Any: numba has no types
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, TypeVar, cast  # Any: numba has no types
 
 import numba
+from numba.core import types
+from numba.extending import intrinsic
 
 from workers.solvers.compiled import code_folder
 
@@ -20,6 +22,28 @@ def kernel(function: F) -> F:
 
     code_folder.when_named(keep)
     return cast("F", compiled)
+
+
+class _Builder(Protocol):
+    """What is used of the one that writes instructions."""
+
+    def fma(self, a: object, b: object, c: object) -> object: ...
+
+
+def _fused(_: object, __: object, ___: object, ____: object) -> tuple[object, object]:
+    def build(_: object, builder: _Builder, __: object, operands: Sequence[object]) -> object:
+        a, b, c = operands
+        return builder.fma(a, b, c)
+
+    number = types.float64
+    return number(number, number, number), build
+
+
+fused: Callable[[float, float, float], float] = cast(
+    "Callable[[float, float, float], float]", intrinsic(_fused)
+)
+"""Gives a b + c with one rounding, in kernels: an instruction where the processor has it, else a function of
+the C library that has the same bits."""
 
 
 def inlined(function: F) -> F:

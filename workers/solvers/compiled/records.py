@@ -29,12 +29,16 @@ class Formula(NamedTuple):
     result: int
     """See :class:`.Program`."""
     constants: FloatArray
+    lows: FloatArray
+    """What the doubles of the constants leave out."""
     registers: FloatArray
     """Of the interpreter: shape (4, registers, POINTS)."""
     centres: FloatArray
     radii: FloatArray
     powers: FloatArray
     """Rows of discs: shapes (rows, LANES) and (rows,); see :mod:`compiled.discs.arithmetic`."""
+    harmonics: FloatArray
+    """Of dt/du, its cosine series in πu where it is known by that, else empty."""
 
 
 class Start(NamedTuple):
@@ -70,6 +74,10 @@ class Loop:
     """The client's |g1| at a point where the motion is asked to start."""
     log_lambda: float
     """Primed."""
+    alpha_low: float
+    factor_low: float
+    log_lambda_low: float
+    """What the doubles of these leave out; 0 where nobody asks for it."""
     z: float
     g: float
     rotates: bool
@@ -164,6 +172,8 @@ class Found:
     """Of the time map; 0: not decided."""
     period: float
     period_error: float
+    time_error: float
+    """Of a time within one period."""
     speed: float
     """Largest time derivative of any variable."""
     largest: float

@@ -4,20 +4,27 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from flint import fmpq
+from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion, StartAtPoint
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.batch import Batch, BatchResult, Tier, solve_batch
-from workers.solvers.compiled.evaluation.program import Program, make_program
-from workers.solvers.compiled.frame import Frame, make_frame
-from workers.solvers.compiled.motion import Bounds, SpectralMotion
+from workers.solvers.compiled.doubled.time_map import KEPT
+from workers.solvers.compiled.evaluation.program import Program, make_program, rests_of
+from workers.solvers.compiled.frame import Frame, make_frame, with_rests
+from workers.solvers.compiled.motion import Bounds, FloatLike, SpectralMotion
 from workers.solvers.compiled.rational.orbit import rational_orbit
 from workers.solvers.compiled.rational.roots import Radicand, rational_radicand
 from workers.solvers.compiled.records import Records, copied
 from workers.solvers.compiled.time_map.series import time_at
 
+FloatArray = NDArray[np.float64]
+
+LATEST = 1e-9
+"""Time that the rounding of a start may be worth: nearer to an end doubles hardly tell that it is inside."""
 START_ULPS = 8.0
 """Roundings on the way from g1 at the start to the phase there, in 2^-52."""
 
@@ -30,9 +37,10 @@ def solve_spectral(
 ) -> SpectralMotion | None:
     """Return the motion, None if it is not decided here that there is one, which, and that it is periodic.
 
-    The way through a pole is solved for an even A/C (or C/A) only; ``high`` is for
-    A = 2C (or C = 2A) and rational potentials even in g2. The tiers differ by what
-    :meth:`SpectralMotion.error_at` says then.
+    The way through a pole is solved for an even A/C (or C/A) only. The tiers differ by what
+    :meth:`SpectralMotion.error_at` says then. ``high`` is kept with twice the digits where V is a sum of
+    low powers and the motion a libration, else from exact roots where A = 2C (or C = 2A) and V is rational
+    and even in g2.
     """
     frame = make_frame(body, motion)
     if frame is None:
@@ -42,15 +50,48 @@ def solve_spectral(
     except NoClosedFormError:
         return None
     if tier == "high":
+        found = _solve_doubled(body, potential, motion, frame, program, constants)
+        if found is not None:
+            return found
         radicand = rational_radicand(body, potential, motion)
         exact = None if radicand is None else solve_rational(radicand, motion, frame)
         return None if exact is None else _motion(potential, *exact)
-    run = solve_batch(Batch(program, constants[None, :], frame.shared, tier))
-    about = run.found[0]
+    found = _only_one(potential, solve_batch(Batch(program, constants[None, :], frame.shared, tier)))
+    is_late = found is not None and isinstance(motion.start, StartAtPoint)
+    return _later(found, _lateness(found)) if found is not None and is_late else found
+
+
+def _solve_doubled(
+    body: RigidBody,
+    potential: Potential,
+    motion: PlanarMotion,
+    frame: Frame,
+    program: Program,
+    constants: FloatArray,
+) -> SpectralMotion | None:
+    """Return the motion by the kernel that has twice the digits where it needs them, if it is for it."""
+    rests = rests_of(potential.tape, constants)
+    square = motion.lambda_squared
+    loops = with_rests(frame, body, [fmpq(square.numerator, square.denominator)])
+    run = solve_batch(Batch(program, constants[None, :], loops, "high", rests=rests[None, :]))
+    found = _only_one(potential, run)
+    if found is None or not isinstance(motion.start, StartAtPoint):
+        return found
+    late = _lateness(found)
+    return _later(found, late) if is_start_kept(late, found.bounds.speed) else None
+
+
+def is_start_kept(late: FloatLike, speed: FloatLike) -> NDArray[np.bool_]:
+    """Say whether the rounding of a given start, worth so much time, leaves the digits of ``high``."""
+    return np.asarray((np.asarray(late) <= LATEST) & (np.asarray(late) * speed <= KEPT))
+
+
+def _only_one(potential: Potential, run: BatchResult) -> SpectralMotion | None:
+    about, loop = run.found[0], run.loops[0]
     if not about["panels"]:
         return None
-    found = _motion(potential, Period(float(about["period"]), 0.0, float(about["period_error"])), run)
-    return _with_rounded_start(found) if isinstance(motion.start, StartAtPoint) else found
+    period = Period(float(about["period"]), float(loop["period_lo"]), float(about["period_error"]))
+    return _motion(potential, period, run)
 
 
 def solve_rational(
@@ -69,22 +110,26 @@ def solve_rational(
     # The balls know the length of the map, hence the sum of its errors; what lies on the way to a
     # place in it is bounded by half of all there can be, and half of what is left over.
     off = abs(about.period - period.hi)
-    if not (about.panels and off <= about.period_error + 8.0 * EPSILON * period.hi):
+    if not (about.panels and off <= about.time_error + 8.0 * EPSILON * period.hi):
         return None
-    about.period_error = 0.5 * (about.period_error + off) + EPSILON * period.hi
+    about.time_error = 0.5 * (about.time_error + off) + EPSILON * period.hi
     if isinstance(motion.start, StartAtPoint):
         # Slow next to a separatrix, the motion takes long for the rounding of its start.
-        about.period_error += _time_of_one_ulp(run.panels, float(loop.start))
+        about.time_error += _time_of_one_ulp(run.panels, float(loop.start))
     loop.period_hi, loop.period_lo = period.hi, period.lo
     return period, run
 
 
-def _with_rounded_start(found: SpectralMotion) -> SpectralMotion:
-    """Count the rounding of the start as time: long next to the equator, where g1 and g3 hardly change."""
+def _lateness(found: SpectralMotion) -> float:
+    """Return what the rounding of the start is worth as a time: long next to the equator."""
     p, _, r, _, g2, _ = np.abs(found.sample(np.zeros(1))[0]).tolist()
     # g1' = r g2 and g3' = −p g2, q being 0.
     slowest = g2 * min(p, r)
-    late = START_ULPS * EPSILON / slowest if slowest > 0.0 else math.inf
+    return START_ULPS * EPSILON / slowest if slowest > 0.0 else math.inf
+
+
+def _later(found: SpectralMotion, late: float) -> SpectralMotion:
+    """Count the rounding of the start as time."""
     return replace(found, bounds=replace(found.bounds, time=found.bounds.time + late))
 
 
@@ -98,6 +143,6 @@ def _time_of_one_ulp(panels: Records, u: float) -> float:
 
 
 def _motion(potential: Potential, period: Period, run: BatchResult) -> SpectralMotion:
-    _, _, error, speed, largest, rate = run.found[0].item()
+    _, _, _, error, speed, largest, rate = run.found[0].item()
     bounds = Bounds(error, speed, rate, largest)
     return SpectralMotion(period, run.loops, copied(run.panels), bounds, potential)

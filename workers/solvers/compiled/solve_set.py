@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from workers.solvers.compiled.desk import Desk
 from workers.solvers.compiled.discs.arithmetic import new_rows
+from workers.solvers.compiled.doubled.time_map import map_time_doubled
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula, Found, Loop, Records, Start
@@ -23,6 +24,8 @@ from workers.solvers.compiled.windows.arcs import (
     number_windows,
     set_orbit,
 )
+
+NOTHING = np.empty(0)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -45,7 +48,7 @@ def equator_of(alpha: float, log_lambda: float) -> tuple[float, float]:
 def new_formula(code: IntArray, result: int, constants: FloatArray) -> Formula:
     """Return a program with its constants, and what it is worked out on."""
     centres, radii, powers = new_rows(2 * (3 + code.shape[0]))
-    return Formula(code, result, constants, new_registers(code), centres, radii, powers)
+    return Formula(code, result, constants, NOTHING, new_registers(code), centres, radii, powers, NOTHING)
 
 
 @inlined
@@ -106,7 +109,7 @@ def map_time(
     loop.backwards = loop.sense < 0.0
     error, found.rate_error = map_error(formula, loop, panels, number, desk.places)
     found.speed, found.largest = extent(loop, panels, number, desk.moments)
-    found.period, found.period_error = loop.period_hi, turns * error
+    found.period, found.period_error, found.time_error = loop.period_hi, turns * error, turns * error
     if found.period_error < math.inf and found.speed < math.inf and found.rate_error < math.inf:
         found.panels = number
 
@@ -116,6 +119,7 @@ def solve_sets(
     code: IntArray,
     result: int,
     constants: FloatArray,
+    lows: FloatArray,
     tolerance: float,
     times: FloatArray,
     rests: FloatArray,
@@ -137,14 +141,24 @@ def solve_sets(
     for n in range(len(loops)):
         loop, found = loops[n], founds[n]
         formula = Formula(
-            code, result, constants[n], whole.registers, whole.centres, whole.radii, whole.powers
+            code,
+            result,
+            constants[n],
+            lows[n] if len(lows) else NOTHING,
+            whole.registers,
+            whole.centres,
+            whole.radii,
+            whole.powers,
+            NOTHING,
         )
         if not loop.by_roots:
             loop.z, loop.g = equator_of(loop.alpha, loop.log_lambda)
             loop.start, loop.sense = find_orbit(formula, loop, desk)
-        found.panels, found.period, found.period_error = 0, math.nan, math.nan
+        found.panels, found.period, found.period_error, found.time_error = 0, math.nan, math.nan, math.nan
         found.speed, found.largest, found.rate_error = math.nan, math.nan, math.nan
-        if loop.start == loop.start:
+        if loop.start == loop.start and len(lows):
+            map_time_doubled(formula, loop, tolerance, panels, desk, found)
+        elif loop.start == loop.start:
             map_time(formula, loop, tolerance, panels, desk, found)
         if found.panels == 0:
             out[n] = math.nan

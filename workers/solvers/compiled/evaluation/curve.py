@@ -8,10 +8,15 @@ which the distances to the ends and the sines keep all their digits.
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from workers.solvers.compiled.desk import Moments, Places
 from workers.solvers.compiled.evaluation.interpreter import derivative, derivative_with_bound
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula, Loop
+
+FloatArray = NDArray[np.float64]
 
 
 @kernel
@@ -146,6 +151,20 @@ def factor_by_roots(loop: Loop, below: float, above: float, sine: float, cosine:
     return float(value)
 
 
+@kernel
+def _by_harmonics(harmonics: FloatArray, loop: Loop, places: Places, count: int) -> None:
+    """Fill in dt/du by Clenshaw's recurrence: of its cosine series in θ, v = m − h cos θ."""
+    twice, b1, b2 = places.noise, places.rate, places.radicand
+    for m in range(count):
+        twice[m] = (places.above[m] - places.below[m]) / loop.half_width
+        b1[m], b2[m] = 0.0, 0.0
+    for k in range(len(harmonics) - 1, 0, -1):
+        for m in range(count):
+            b1[m], b2[m] = (harmonics[k] - b2[m]) + twice[m] * b1[m], b1[m]
+    for m in range(count):
+        b1[m] = (harmonics[0] - b2[m]) + 0.5 * twice[m] * b1[m]
+
+
 @inlined
 def rates(
     formula: Formula,
@@ -154,6 +173,9 @@ def rates(
     count: int,
 ) -> None:
     """Fill in dt/du at places that are there as :func:`place` has them."""
+    if len(formula.harmonics):
+        _by_harmonics(formula.harmonics, loop, places, count)
+        return
     if loop.by_roots:
         loop_points(loop, places, count)
         for k in range(count):

@@ -1,6 +1,8 @@
 """A formula as arrays of instructions and constants: kernels interpret them, no formula is compiled."""
 
+import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,9 @@ from service.dynamics.formula.tree import VARIABLES
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+_REST_OF_PI = 1.2246467991473532e-16
+_ALL_EXACT = 2**53
 
 _OPERATIONS = ("constant", "add", "subtract", "multiply", "divide", "negate", "power", "general_power")
 _FUNCTIONS = ("exp", "log", "sin", "cos", "tan", "abs", "sign")
@@ -33,6 +38,27 @@ class Program:
     def key(self) -> bytes:
         """Return what two formulas of one structure have in common."""
         return self.code.tobytes() + self.result.to_bytes(4, "little")
+
+
+def rests_of(tape: Tape, constants: FloatArray) -> FloatArray:
+    """Return what the doubles of a tape's constants leave out, in the order of :func:`make_program`.
+
+    NaN where a constant has no double.
+    """
+    rests = [0.0] * (len(tape.variables) - len(VARIABLES))
+    for instruction in tape.instructions:
+        if instruction.operation == "pi" or instruction.number is not None:
+            rests.append(rest_of(instruction.number, float(constants[len(rests)])))
+    return np.array(rests)
+
+
+def rest_of(number: Fraction | None, known: float) -> float:
+    """Return what a double leaves out of a number, of π for None; NaN where that is no small number."""
+    if number is None:
+        return _REST_OF_PI
+    if number.denominator == 1 and abs(number.numerator) < _ALL_EXACT:
+        return 0.0
+    return float(number - Fraction(known)) if math.isfinite(known) else math.nan
 
 
 def make_program(tape: Tape) -> tuple[Program, FloatArray]:

@@ -1,0 +1,161 @@
+"""The kernel of ``high`` for any ratio of the moments: its ends, its harmonics, its period and samples."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from flint import arb, ctx
+
+from service.dynamics.problem import PlanarMotion, StartAtPoint, StartAtRest
+from tests.support.planar import body, formula
+from workers.solvers.compiled.desk import DESK
+from workers.solvers.compiled.doubled import curve, derivative, harmonics, time_map
+from workers.solvers.compiled.evaluation.program import make_program, rest_of, rests_of
+from workers.solvers.compiled.records import new_records
+from workers.solvers.compiled.solve import is_start_kept, solve_spectral
+from workers.solvers.compiled.solve_set import new_formula
+from workers.solvers.planar.choose import enclose
+
+LIBRATION = "(A*g1^2+C*g3^2)*(g2^2-1/2+g2^3/5)"
+LAMBDA = PlanarMotion(Fraction(4, 5), start=StartAtRest(-1))
+NU = PlanarMotion(None, nu=Fraction(1))
+CASES = {
+    "A = 1.4 C": (body("7/5", 1, "6/5"), LIBRATION, LAMBDA),
+    "A = 1.7 C": (body("17/10", 1, "13/10"), LIBRATION, PlanarMotion(Fraction(4, 5))),
+    "A = 3 C": (body(3, 1, "5/2"), LIBRATION, LAMBDA),
+    "A < C": (body(1, "17/10", "13/10"), LIBRATION, PlanarMotion(Fraction(6, 5), g3_sign=-1)),
+    "A = 2 C": (body(2, 1, "3/2"), "-g1 + 1/(20*g3^2)", NU),
+    "A = 2 C, between rests": (body(2, 1, "3/2"), "-g1 + 1/(50*g3^2) + 6/5*(g1^2-g2^2)", NU),
+    "real powers": (body(3, 1, "5/2"), "-abs(g1)^(4/3) + 1/(20*g3^2)", PlanarMotion(Fraction(1))),
+    "from a point": (
+        body("17/10", 1, "13/10"),
+        LIBRATION,
+        PlanarMotion(Fraction(4, 5), start=StartAtPoint(Fraction(2, 5), g2_sign=-1, s_sign=-1)),
+    ),
+}
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request):
+    rigid_body, text, motion = CASES[request.param]
+    potential = formula(text, rigid_body)
+    found = solve_spectral(rigid_body, potential, motion, tier="high")
+    assert found is not None
+    assert not found.loop.by_roots
+    return rigid_body, potential, motion, found
+
+
+def test_the_period_has_twice_the_digits(case):
+    *problem, found = case
+    with ctx.workprec(256):
+        exact = enclose(*problem, [], 192).period
+        off = abs(arb(found.period.hi) + arb(found.period.lo) - exact)
+        assert off <= found.period.error
+    # It is 1e-15 after 1e5 periods at least, which the kernel demands itself.
+    assert found.period.error <= time_map.EXACT * found.period.hi
+
+
+@pytest.mark.parametrize("turns", [1, 10, 1000])
+def test_samples_keep_the_tier_at_late_times(case, turns):
+    *problem, found = case
+    times = (turns - np.linspace(0.0, 1.0, 13)) * found.period.hi
+    states = enclose(*problem, [Fraction(t) for t in times.tolist()], 128).states
+    samples = found.sample(times)
+    with ctx.workprec(256):
+        worst = max(
+            float(abs(value - arb(double)).upper())
+            for state, row in zip(states, samples.tolist(), strict=True)
+            for value, double in zip(state, row, strict=True)
+        )
+    # The tier promises 1e-13.
+    assert worst <= found.error_at(times) <= 1e-13
+
+
+def formula_of(text, rigid_body):
+    potential = formula(text, rigid_body)
+    program, constants = make_program(potential.tape)
+    made = new_formula(program.code, program.result, constants)
+    return potential, made._replace(lows=rests_of(potential.tape, constants))
+
+
+def test_the_derivative_is_that_of_balls():
+    rigid_body = body("17/10", 1, "13/10")
+    potential, made = formula_of("abs(g1)^(17/10)/3 - g2*(g1/g3 - pi*g3^3) + sqrt(g3)*(-g2)", rigid_body)
+    g = np.zeros((6, 2))
+    g[0::2] = [[0.3, -0.2], [0.7, -0.6], [0.5, 0.9]]
+    row = derivative.derivative_doubled(made, g, 2)
+    registers = made.registers
+    with ctx.workprec(200):
+        for m in range(2):
+            at = [arb(value) for value in g[0::2, m].tolist()]
+            exact = _derivative(at)
+            value = arb(registers[derivative.SLOPE, row, m]) + arb(registers[derivative.SLOPE_LOW, row, m])
+            # A few roundings of 2^-104 for each of ten terms of size 1.
+            assert abs(value - exact) < 2.0**-94
+    assert potential.tape.instructions
+
+
+def _derivative(at):
+    """D of the formula above, by hand."""
+    g1, g2, g3 = at
+    size = abs(g1)
+    first = (arb(17) / 30) * size ** (arb(7) / 10) * (1 if g1 > 0 else -1) - g2 / g3
+    third = g2 * g1 / g3**2 + 3 * arb.pi() * g2 * g3**2 - g2 / (2 * g3.sqrt())
+    return g1 * third - g3 * first
+
+
+def test_other_functions_are_left_to_others():
+    rigid_body = body("17/10", 1, "13/10")
+    _, made = formula_of("exp(g1)", rigid_body)
+    row = derivative.derivative_doubled(made, np.full((6, 1), 0.5), 1)
+    assert np.isnan(made.registers[derivative.SLOPE, row, 0])
+    narrow = formula("-g1 + g1/(1000*(g2^2+1/1000))*0 + exp(-g1)/1000", body(2, 1))
+    assert solve_spectral(body(2, 1), narrow, NU, tier="high") is None
+
+
+def test_ends_are_zeros_to_twice_the_digits(case):
+    _, potential, _, found = case
+    loops = found.loops.copy()
+    loop = loops[0]
+    program, constants = make_program(potential.tape)
+    made = new_formula(program.code, program.result, constants)
+    made = made._replace(lows=rests_of(potential.tape, constants))
+    sheet = np.empty((curve.ROWS, harmonics.TOGETHER + 16))
+    middle = np.arctan2(loop.s_middle, loop.c_middle)
+    places = new_records(DESK)[0].places
+    around = curve.curve_of(loop)
+    low, high, off = curve.ends_of(
+        made, loop, around, middle - loop.half_width, middle + loop.half_width, sheet, places
+    )
+    # Its claim, of Newton's step and of roundings, is as small as the kernel demands.
+    assert off <= 2.0 * curve.STEEP * (high[0] - low[0])
+    again = curve.ends_of(made, loop, around, low[0], high[0], sheet, places)
+    for one, other in ((low, again[0]), (high, again[1])):
+        assert abs((one[0] - other[0]) + (one[1] - other[1])) <= off + again[2]
+
+
+def test_a_rest_is_what_a_double_leaves_out():
+    assert rest_of(Fraction(3), 3.0) == 0.0
+    assert Fraction(0.1) + Fraction(rest_of(Fraction(1, 10), 0.1)) == pytest.approx(
+        Fraction(1, 10), abs=1e-33
+    )
+    with ctx.workprec(200):
+        assert abs(arb(np.pi) + arb(rest_of(None, np.pi)) - arb.pi()) < 2.0**-105
+    assert np.isnan(rest_of(Fraction(10) ** 400, np.inf))
+
+
+def test_a_start_that_rounding_moves_far_is_not_kept():
+    assert is_start_kept(1e-15, 1.0)
+    assert not is_start_kept(1e-8, 1e-9)
+    assert not is_start_kept(1e-12, 1.0)
+    assert not is_start_kept(np.inf, 1.0)
+
+
+def test_next_to_a_separatrix_motions_of_rational_potentials_are_left_to_their_roots():
+    rigid_body = body(2, 1, "3/2")
+    # The gap is 1e-8 of (1 + √5)/4.
+    critical = Fraction("0.80901699437494742410229341718281905886")
+    potential = formula(f"-g1 + ({critical * (1 + Fraction(1, 10**8))})*(g1^2-g2^2)", rigid_body)
+    found = solve_spectral(rigid_body, potential, NU, tier="high")
+    assert found is not None
+    assert found.loop.by_roots

@@ -1,0 +1,196 @@
+"""Arithmetic on numbers of twice the digits, each a double and what it leaves out (Dekker 1971).
+
+A sum, product, quotient or root is off by a few 2^-104 of itself, sines and cosines by as much of 1, powers
+by that times the size of the logarithm besides.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from flint import arb, ctx
+from numpy.typing import NDArray
+
+from workers.solvers.compiled.kernels import fused, kernel
+
+FloatArray = NDArray[np.float64]
+
+Twice = tuple[float, float]
+"""A double and the rest."""
+
+SIXTEENTHS: Final = 16
+"""Of π, between the angles whose sines are kept."""
+HALVINGS: Final = 5
+"""Of the argument of the exponential function before its series."""
+
+
+def doubled(value: arb) -> Twice:
+    """Return a ball of enough bits as a double and the rest."""
+    high = float(value)
+    return high, float(value - high)
+
+
+def _tables() -> tuple[FloatArray, FloatArray, FloatArray]:
+    with ctx.workprec(160):
+        pairs = [(arb.pi() * k / SIXTEENTHS).sin_cos() for k in range(2 * SIXTEENTHS)]
+        turns = np.array([[*doubled(sine), *doubled(cosine)] for sine, cosine in pairs])
+        steps = np.array([doubled(arb.pi() / SIXTEENTHS), doubled(arb(2).log())])
+        factorials = np.array([doubled(1 / arb(math.factorial(k))) for k in range(20)])
+    return turns, steps, factorials
+
+
+TURNS, STEPS, INVERSE = _tables()
+"""Sines and cosines at the sixteenths of π; π/16 and log 2; 1/k!."""
+
+
+@kernel
+def quick_sum(a: float, b: float) -> Twice:
+    """Return a + b and what that leaves out, |a| ≥ |b|."""
+    total = a + b
+    return total, b - (total - a)
+
+
+@kernel
+def exact_sum(a: float, b: float) -> Twice:
+    """Return a + b and what that leaves out (Knuth)."""
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)
+
+
+@kernel
+def exact_product(a: float, b: float) -> Twice:
+    """Return a b and what that leaves out."""
+    product = a * b
+    return product, fused(a, b, -product)
+
+
+@kernel
+def add(a: Twice, b: Twice) -> Twice:
+    """Return the sum; it has its digits also where much cancels."""
+    high, rest = exact_sum(a[0], b[0])
+    low, left = exact_sum(a[1], b[1])
+    high, rest = quick_sum(high, rest + low)
+    return quick_sum(high, rest + left)
+
+
+@kernel
+def subtract(a: Twice, b: Twice) -> Twice:
+    """Return the difference."""
+    return add(a, (-b[0], -b[1]))
+
+
+@kernel
+def multiply(a: Twice, b: Twice) -> Twice:
+    """Return the product."""
+    high, rest = exact_product(a[0], b[0])
+    return quick_sum(high, rest + (a[0] * b[1] + a[1] * b[0]))
+
+
+@kernel
+def scale(a: Twice, b: float) -> Twice:
+    """Return the product with a double."""
+    high, rest = exact_product(a[0], b)
+    return quick_sum(high, rest + a[1] * b)
+
+
+@kernel
+def divide(a: Twice, b: Twice) -> Twice:
+    """Return the quotient."""
+    first = a[0] / b[0]
+    rest = subtract(a, scale(b, first))
+    second = rest[0] / b[0]
+    rest = subtract(rest, scale(b, second))
+    high, low = quick_sum(first, second)
+    return quick_sum(high, low + rest[0] / b[0])
+
+
+@kernel
+def root(a: Twice) -> Twice:
+    """Return the square root, NaN of what is negative."""
+    if a[0] == 0.0:
+        return 0.0, 0.0
+    near = math.sqrt(a[0]) if a[0] > 0.0 else math.nan
+    rest = subtract(a, exact_product(near, near))
+    high, low = quick_sum(near, 0.5 * rest[0] / near)
+    # One more step of Newton's, with what is left.
+    rest = subtract(a, multiply((high, low), (high, low)))
+    return quick_sum(high, low + 0.5 * rest[0] / near)
+
+
+@kernel
+def sine_and_cosine(angle: Twice) -> tuple[Twice, Twice]:
+    """Return the sine and the cosine of an angle of a few turns."""
+    step = (STEPS[0, 0], STEPS[0, 1])
+    k = math.floor(angle[0] / step[0] + 0.5)
+    x = subtract(angle, scale(step, k))
+    square = multiply(x, x)
+    z = square[0]
+    # The later terms of both series are so small that doubles do.
+    odd = -INVERSE[11, 0] + z * (INVERSE[13, 0] - z * (INVERSE[15, 0] - z * INVERSE[17, 0]))
+    even = -INVERSE[10, 0] + z * (INVERSE[12, 0] - z * (INVERSE[14, 0] - z * INVERSE[16, 0]))
+    s, c, sign = (z * odd, 0.0), (z * even, 0.0), 1.0
+    for n in range(4, 0, -1):
+        s = add(s, (sign * INVERSE[2 * n + 1, 0], sign * INVERSE[2 * n + 1, 1]))
+        c = add(c, (sign * INVERSE[2 * n, 0], sign * INVERSE[2 * n, 1]))
+        s, c = multiply(s, square), multiply(c, square)
+        sign = -sign
+    s, c = add(x, multiply(x, s)), add((1.0, 0.0), c)
+    row = TURNS[int(k) % (2 * SIXTEENTHS)]
+    sine, cosine = (row[0], row[1]), (row[2], row[3])
+    return (
+        add(multiply(sine, c), multiply(cosine, s)),
+        subtract(multiply(cosine, c), multiply(sine, s)),
+    )
+
+
+@kernel
+def exponential(a: Twice) -> Twice:
+    """Return e^a."""
+    two = (STEPS[1, 0], STEPS[1, 1])
+    k = math.floor(a[0] / two[0] + 0.5)
+    if not abs(k) < 1000.0:
+        return math.nan, math.nan
+    shrink = 0.5**HALVINGS
+    x = subtract(a, scale(two, k))
+    x = (x[0] * shrink, x[1] * shrink)
+    z = x[0]
+    later = z * (INVERSE[7, 0] + z * (INVERSE[8, 0] + z * (INVERSE[9, 0] + z * INVERSE[10, 0])))
+    total = (later + z**5 * INVERSE[11, 0], 0.0)
+    for n in range(6, 0, -1):
+        total = add(total, (INVERSE[n, 0], INVERSE[n, 1]))
+        total = multiply(total, x)
+    for _ in range(HALVINGS):
+        # (1 + y)² − 1.
+        total = add((2.0 * total[0], 2.0 * total[1]), multiply(total, total))
+    total = add(total, (1.0, 0.0))
+    whole = int(k)
+    return math.ldexp(total[0], whole), math.ldexp(total[1], whole)
+
+
+@kernel
+def logarithm(a: Twice) -> Twice:
+    """Return log a, NaN of what is not positive."""
+    if not a[0] > 0.0:
+        return math.nan, math.nan
+    near = math.log(a[0])
+    off = subtract(multiply(a, exponential((-near, 0.0))), (1.0, 0.0))
+    return add((near, 0.0), (off[0], off[1] - 0.5 * off[0] * off[0]))
+
+
+@kernel
+def power(base: Twice, exponent: Twice) -> Twice:
+    """Return base^exponent by multiplications for a small integer; NaN where undefined."""
+    size = abs(exponent[0])
+    if exponent[1] == 0.0 and size <= 64.0 and size == math.floor(size):
+        result, factor, left = (1.0, 0.0), base, int(size)
+        while left:
+            if left & 1:
+                result = multiply(result, factor)
+            left >>= 1
+            if left:
+                factor = multiply(factor, factor)
+        return divide((1.0, 0.0), result) if exponent[0] < 0.0 else result
+    if exponent[0] == 0.5 and exponent[1] == 0.0:
+        return root(base)
+    return exponential(multiply(exponent, logarithm(base)))

@@ -1,0 +1,148 @@
+"""The loop, the radicand P = p² on it, and the ends of a libration, with twice the digits."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workers.solvers.compiled.desk import Places
+from workers.solvers.compiled.doubled.arithmetic import (
+    Twice,
+    add,
+    divide,
+    exponential,
+    logarithm,
+    multiply,
+    root,
+    scale,
+    sine_and_cosine,
+    subtract,
+)
+from workers.solvers.compiled.doubled.derivative import SLOPE, SLOPE_LOW, derivative_doubled
+from workers.solvers.compiled.evaluation.interpreter import derivative_with_bound
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.records import Formula, Loop
+
+FloatArray = NDArray[np.float64]
+
+FINER = 2.0**-45
+"""Roundings here against those of doubles: 2^-98 to 2^-53, where those of powers are the largest."""
+FROM_END = 2.0**-28
+"""Distance, against that of both ends, over which the slope of P at an end is a difference."""
+STEEP = 2.0**-92
+"""Of an end, against the distance of both: what may be left open."""
+
+ANGLE, RADICAND, WIDTH, G1, COSINE = 0, 2, 4, 6, 12
+"""Rows of a sheet of places, each followed by its rest: v, P, c = g2/cos v, then g1, g2, g3, and cos v."""
+ROWS = 14
+
+
+class Curve(NamedTuple):
+    """What a loop is made of."""
+
+    alpha: Twice
+    factor: Twice
+    z: Twice
+    g: Twice
+    log_g: Twice
+
+
+@kernel
+def curve_of(loop: Loop) -> Curve:
+    """Return Z and G of Z² + (Z/λ)^2α = 1 by a step of Newton's in log Z from doubles, and the rest."""
+    alpha = (loop.alpha, loop.alpha_low)
+    log_lambda = (loop.log_lambda, loop.log_lambda_low)
+    u = math.log(loop.z)
+    first = exponential((2.0 * u, 0.0))
+    log_g = multiply(alpha, subtract((u, 0.0), log_lambda))
+    second = exponential((2.0 * log_g[0], 2.0 * log_g[1]))
+    miss = subtract(add(first, second), (1.0, 0.0))
+    slope = add(first, multiply(alpha, second))
+    log_z = subtract((u, 0.0), divide(miss, (2.0 * slope[0], 2.0 * slope[1])))
+    log_g = multiply(alpha, subtract(log_z, log_lambda))
+    return Curve(alpha, (loop.factor, loop.factor_low), exponential(log_z), exponential(log_g), log_g)
+
+
+@kernel
+def radicands_doubled(formula: Formula, loop: Loop, curve: Curve, sheet: FloatArray, count: int) -> None:
+    """Fill in P, and what it is made of, at places of which v is known."""
+    for m in range(count):
+        sine, cosine = sine_and_cosine((sheet[ANGLE, m], sheet[ANGLE + 1, m]))
+        size = sine if sine[0] > 0.0 else (-sine[0], -sine[1])
+        if curve.alpha[0] == 2.0 and curve.alpha[1] == 0.0:
+            first = multiply(curve.g, multiply(size, size))
+        else:
+            first = exponential(add(curve.log_g, multiply(curve.alpha, logarithm(size))))
+        third = multiply(curve.z, sine)
+        square = subtract((1.0, 0.0), add(multiply(first, first), multiply(third, third)))
+        second = root(square)
+        if cosine[0] < 0.0:
+            second = (-second[0], -second[1])
+        sheet[WIDTH, m], sheet[WIDTH + 1, m] = divide(second, cosine)
+        sheet[COSINE, m], sheet[COSINE + 1, m] = cosine
+        first = scale(first, loop.sign1)
+        one, other = (third, first) if loop.mirrored else (first, third)
+        sheet[G1, m], sheet[G1 + 1, m] = one
+        sheet[G1 + 2, m], sheet[G1 + 3, m] = second
+        sheet[G1 + 4, m], sheet[G1 + 5, m] = other
+    row = derivative_doubled(formula, sheet[G1:], count)
+    slope, low = formula.registers[SLOPE], formula.registers[SLOPE_LOW]
+    for m in range(count):
+        one, other = (sheet[G1, m], sheet[G1 + 1, m]), (sheet[G1 + 4, m], sheet[G1 + 5, m])
+        up, down = (one, other) if loop.mirrored else (other, one)
+        value = multiply(curve.factor, divide(multiply(up, (slope[row, m], low[row, m])), down))
+        sign = -1.0 if loop.mirrored else 1.0
+        sheet[RADICAND, m], sheet[RADICAND + 1, m] = sign * value[0], sign * value[1]
+
+
+@kernel
+def roundings_of(formula: Formula, loop: Loop, sheet: FloatArray, count: int, places: Places) -> None:
+    """Fill in a bound of the rounding of P on the sheet: that of doubles at the same places, made finer."""
+    D, ulps = derivative_with_bound(formula, sheet[G1], sheet[G1 + 2], sheet[G1 + 4], count)
+    for m in range(count):
+        factor, cosine = sheet[G1 + 4, m] / sheet[G1, m], sheet[COSINE, m]
+        factor = loop.factor * abs(1.0 / factor if loop.mirrored else factor)
+        # g2 is a difference, off by so much of its square.
+        away = abs(D[m]) * (6.0 + 1.0 / (cosine * cosine))
+        places.bound[m] = FINER * factor * (ulps[m] + away) * 2.0**-53
+
+
+@kernel
+def ends_of(
+    formula: Formula, loop: Loop, curve: Curve, lower: float, upper: float, sheet: FloatArray, places: Places
+) -> tuple[Twice, Twice, float]:
+    """Return both ends of a libration by a step of Newton's from doubles, and a bound of what they are off.
+
+    The bound is NaN where it is not a small one. The slope is a difference, off by the square of its step.
+    """
+    away = FROM_END * (upper - lower)
+    ends = ((lower, 0.0), (upper, 0.0))
+    sheet[ANGLE + 1, :6] = 0.0
+    for k in range(3):
+        sheet[ANGLE, k] = lower + (k - 1) * away
+        sheet[ANGLE, 3 + k] = upper + (k - 1) * away
+    radicands_doubled(formula, loop, curve, sheet, 6)
+    found = ends
+    rises = np.empty(2)
+    for k in range(2):
+        rise = (sheet[RADICAND, 3 * k + 2] - sheet[RADICAND, 3 * k]) / (
+            sheet[ANGLE, 3 * k + 2] - sheet[ANGLE, 3 * k]
+        )
+        rises[k] = rise
+        miss = (sheet[RADICAND, 3 * k + 1], sheet[RADICAND + 1, 3 * k + 1])
+        step = divide(miss, (rise, 0.0))
+        at = subtract((sheet[ANGLE, 3 * k + 1], 0.0), step)
+        found = (at, found[1]) if k == 0 else (found[0], at)
+    for k in range(2):
+        at = found[0] if k == 0 else found[1]
+        sheet[ANGLE, k], sheet[ANGLE + 1, k] = at
+    radicands_doubled(formula, loop, curve, sheet, 2)
+    left = np.empty(2)
+    for k in range(2):
+        left[k] = abs(sheet[RADICAND, k])
+    roundings_of(formula, loop, sheet, 2, places)
+    off = 0.0
+    for k in range(2):
+        off = max(off, (left[k] + places.bound[k]) / abs(rises[k]))
+    return found[0], found[1], (2.0 * off if off <= STEEP * (upper - lower) else math.nan)

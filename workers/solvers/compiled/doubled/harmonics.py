@@ -1,0 +1,195 @@
+r"""The rate dt/du of a libration as a cosine series, and its period with twice the digits.
+
+Between rest points v = m − h cos θ, θ = πu, and f = dt/du is an analytic, even function of θ of period 2π.
+With K = P/((v − v₋)(v₊ − v)) and the ends known to twice the digits, f keeps its digits next to them. Its
+mean over n places θ = (j + ½)π/n is half a period up to the harmonics 2n, 4n, … of f, which are far smaller
+than the last ones that n places tell. That they fall off like those before is evidence, no bound: this is for
+sums of low powers (:mod:`.evaluation.low_degree`), which have no other features.
+"""
+
+import math
+
+import numpy as np
+from flint import arb, ctx
+from numpy.typing import NDArray
+
+from workers.solvers.compiled.desk import Places
+from workers.solvers.compiled.doubled.arithmetic import (
+    Twice,
+    add,
+    divide,
+    doubled,
+    multiply,
+    root,
+    subtract,
+)
+from workers.solvers.compiled.doubled.curve import (
+    ANGLE,
+    RADICAND,
+    WIDTH,
+    Curve,
+    radicands_doubled,
+    roundings_of,
+)
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.records import Formula, Loop
+
+FloatArray = NDArray[np.float64]
+
+FEWEST, MOST = 48, 384
+"""Places."""
+TOGETHER = 48
+RESOLVED = 2.0**-51
+"""The last harmonics against the mean, from which on the series is that of doubles."""
+FAR = 1e-4
+"""The same, above which twice as many places are too few."""
+LAST = 4
+"""Harmonics of which the largest counts."""
+REST_OF_PI = 1.2246467991473532e-16
+
+
+def _table() -> FloatArray:
+    with ctx.workprec(160):
+        return np.array([doubled((arb.pi() * t / (2 * MOST)).cos()) for t in range(4 * MOST)])
+
+
+COSINES = _table()
+"""At multiples of π/(2 MOST), a turn in all."""
+
+
+@kernel
+def rates_doubled(
+    formula: Formula,
+    loop: Loop,
+    curve: Curve,
+    ends: tuple[Twice, Twice],
+    sheet: FloatArray,
+    count: int,
+    rates: FloatArray,
+) -> None:
+    """Fill in dt/du, a column and its rest, at places whose v is known."""
+    numerator = multiply((math.pi, REST_OF_PI), curve.z)
+    radicands_doubled(formula, loop, curve, sheet, count)
+    for m in range(count):
+        at = (sheet[ANGLE, m], sheet[ANGLE + 1, m])
+        near, far = subtract(at, ends[0]), subtract(ends[1], at)
+        radicand = (sheet[RADICAND, m], sheet[RADICAND + 1, m])
+        rate = multiply(numerator, root(divide(multiply(near, far), radicand)))
+        rate = divide(rate, (sheet[WIDTH, m], sheet[WIDTH + 1, m]))
+        rates[m, 0], rates[m, 1] = rate
+
+
+@kernel
+def _errors_of(
+    formula: Formula,
+    loop: Loop,
+    ends: tuple[Twice, Twice],
+    off: float,
+    sheet: FloatArray,
+    count: int,
+    places: Places,
+    rates: FloatArray,
+) -> float:
+    """Return the sum of the errors of rates, by roundings and by what the ends are off."""
+    roundings_of(formula, loop, sheet, count, places)
+    errors = 0.0
+    for m in range(count):
+        near, far = sheet[ANGLE, m] - ends[0][0], ends[1][0] - sheet[ANGLE, m]
+        relative = places.bound[m] / abs(sheet[RADICAND, m]) + 2.0 * off * (1.0 / near + 1.0 / far)
+        errors += rates[m, 0] * (0.5 * relative + 2.0**-98)
+    return errors
+
+
+@kernel
+def _put_angles(ends: tuple[Twice, Twice], number: int, first: int, count: int, sheet: FloatArray) -> None:
+    """Put v = m − h cos θ on the sheet, θ = (j + ½)π/n from j = ``first``."""
+    middle, half = add(ends[0], ends[1]), subtract(ends[1], ends[0])
+    middle, half = (0.5 * middle[0], 0.5 * middle[1]), (0.5 * half[0], 0.5 * half[1])
+    for m in range(count):
+        t = (2 * (first + m) + 1) * (MOST // number)
+        cosine = (COSINES[t, 0], COSINES[t, 1])
+        at = subtract(middle, multiply(half, cosine))
+        sheet[ANGLE, m], sheet[ANGLE + 1, m] = at
+
+
+@kernel
+def _fold(rates: FloatArray, number: int, mean: Twice, folded: FloatArray) -> None:
+    """Put sums and differences of the rates, their mean less, at places as far from the middle.
+
+    Harmonics are sums of the ones if they are even, of the others if they are odd: two rows each, with rests.
+    """
+    for j in range(number // 2):
+        one = subtract((rates[j, 0], rates[j, 1]), mean)
+        other = subtract((rates[number - 1 - j, 0], rates[number - 1 - j, 1]), mean)
+        folded[0, j], folded[1, j] = add(one, other)
+        folded[2, j], folded[3, j] = subtract(one, other)
+
+
+@kernel
+def _largest_of(folded: FloatArray, number: int, end: int) -> float:
+    """Return the largest of the harmonics before ``end``, to the digits of the rates."""
+    largest = 0.0
+    stride = MOST // number
+    for k in range(end - LAST, end):
+        row, total = 2 * (k % 2), (0.0, 0.0)
+        for j in range(number // 2):
+            t = k * (2 * j + 1) * stride % (4 * MOST)
+            value = (folded[row, j], folded[row + 1, j])
+            total = add(total, multiply(value, (COSINES[t, 0], COSINES[t, 1])))
+        largest = max(largest, 2.0 * abs(total[0]) / number)
+    return largest
+
+
+@kernel
+def _fill_series(folded: FloatArray, number: int, mean: Twice, series: FloatArray) -> None:
+    """Fill in all harmonics, as doubles."""
+    stride = MOST // number
+    series[0] = mean[0]
+    for k in range(1, number):
+        row, total, other = 2 * (k % 2), 0.0, 0.0
+        t, step = k * stride, 2 * k * stride
+        # Two sums, of which each has half the roundings.
+        for j in range(0, number // 2, 2):
+            total += folded[row, j] * COSINES[t % (4 * MOST), 0]
+            other += folded[row, j + 1] * COSINES[(t + step) % (4 * MOST), 0]
+            t += 2 * step
+        series[k] = 2.0 * (total + other) / number
+
+
+@kernel
+def find_harmonics(
+    formula: Formula,
+    loop: Loop,
+    curve: Curve,
+    ends: tuple[Twice, Twice],
+    off: float,
+    sheet: FloatArray,
+    places: Places,
+    series: FloatArray,
+) -> tuple[int, Twice, float]:
+    """Fill in the cosine series of dt/du; return its length (0: none), its mean and the error of that."""
+    rates, folded = np.empty((MOST, 2)), np.empty((4, MOST // 2))
+    number = FEWEST
+    while number <= MOST:
+        errors, total = 0.0, (0.0, 0.0)
+        for first in range(0, number, TOGETHER):
+            count = min(TOGETHER, number - first)
+            _put_angles(ends, number, first, count, sheet)
+            here = rates[first : first + count]
+            rates_doubled(formula, loop, curve, ends, sheet, count, here)
+            errors += _errors_of(formula, loop, ends, off, sheet, count, places, here)
+        for j in range(number):
+            total = add(total, (rates[j, 0], rates[j, 1]))
+        mean = divide(total, (float(number), 0.0))
+        _fold(rates, number, mean, folded)
+        last = _largest_of(folded, number, number)
+        if not last < math.inf:
+            return 0, mean, math.nan
+        if last <= RESOLVED * mean[0]:
+            before = _largest_of(folded, number, number - number // 4)
+            # From n to 2n they fall as from 3n/4 to n, four times over: half of that is kept.
+            fall = min(1.0, last / before) if before > 0.0 else 1.0
+            _fill_series(folded, number, mean, series)
+            return number, mean, 4.0 * last * fall * fall + errors / number + 2.0**-98 * mean[0]
+        number *= 4 if last > FAR * mean[0] else 2
+    return 0, (math.nan, 0.0), math.nan

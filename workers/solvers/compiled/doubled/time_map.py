@@ -1,0 +1,151 @@
+"""Builds a time map whose rate keeps all digits of doubles, and whose period keeps twice as many."""
+
+import math
+
+import numpy as np
+
+from workers.solvers.compiled.desk import Desk
+from workers.solvers.compiled.doubled.arithmetic import Twice, add, scale, sine_and_cosine, subtract
+from workers.solvers.compiled.doubled.curve import ANGLE, ROWS, Curve, curve_of, ends_of
+from workers.solvers.compiled.doubled.harmonics import MOST, TOGETHER, find_harmonics, rates_doubled
+from workers.solvers.compiled.evaluation.curve import place
+from workers.solvers.compiled.evaluation.low_degree import is_of_low_degree
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.records import Formula, Found, Loop, Panel, Records
+from workers.solvers.compiled.time_map.error import EPSILON
+from workers.solvers.compiled.time_map.panels import build_panels
+from workers.solvers.compiled.time_map.sampling import extent
+from workers.solvers.compiled.time_map.series import at, distance, time_at
+
+SHARES = (0.23, 0.71)
+"""Of panels in turn, where their series are held against the formula."""
+SEEN, OWN = 4.0, 4.0
+"""Times what is seen there; and roundings of a series at a place, in 2^-52."""
+START = 8.0
+"""Roundings of the phase at the start, in 2^-52."""
+KEPT, EXACT = 8e-14, 1e-20
+"""The largest error of a variable within one period, and of the period relative to it; motions with larger
+ones are left to others: ``high`` promises 1e-13 at late times as well."""
+MIDDLE = 2.0**-80
+"""Sine or cosine of the middle of an arc that is symmetric about a pole or the equator."""
+
+
+@kernel
+def map_time_doubled(
+    formula: Formula, loop: Loop, tolerance: float, panels: Records, desk: Desk, found: Found
+) -> None:
+    """Build the time map, set period and origin, and say what is known.
+
+    The number of panels is 0 where that is not as good as doubles allow, in a rotation, and where V is no sum
+    of low powers: of another, a few places do not tell what is between them.
+    """
+    if loop.rotates or not is_of_low_degree(formula):
+        return
+    sheet = np.empty((ROWS, TOGETHER + 16))
+    curve = curve_of(loop)
+    middle = math.atan2(loop.s_middle, loop.c_middle)
+    lower, upper = middle - loop.half_width, middle + loop.half_width
+    low_end, high_end, off = ends_of(formula, loop, curve, lower, upper, sheet, desk.places)
+    if not off < math.inf:
+        return
+    ends = (low_end, high_end)
+    _set_ends(loop, curve, ends)
+    series = np.empty(MOST)
+    length, mean, error = find_harmonics(formula, loop, curve, ends, off, sheet, desk.places, series)
+    if length == 0:
+        return
+    known = Formula(
+        formula.code,
+        formula.result,
+        formula.constants,
+        formula.lows,
+        formula.registers,
+        formula.centres,
+        formula.radii,
+        formula.powers,
+        series[:length],
+    )
+    squares = np.empty((0, 1))
+    number, total = build_panels(known, loop, tolerance, panels, desk, 0, panels[:0], squares)
+    if number == 0:
+        return
+    loop.period_hi, loop.period_lo = 2.0 * mean[0], 2.0 * mean[1]
+    loop.origin, loop.origin_lo = time_at(panels, number, loop.start)
+    loop.backwards = loop.sense < 0.0
+    worst = _worst_seen(formula, loop, curve, ends, panels, number) + OWN * EPSILON
+    found.rate_error = worst
+    found.speed, found.largest = extent(loop, panels, number, desk.moments)
+    found.period, found.period_error = loop.period_hi, 2.0 * error
+    # Its length is known: what lies on the way to a place in it is bounded by half of all there can be.
+    astray = abs((total - mean[0]) - mean[1])
+    found.time_error = worst * mean[0] + 0.5 * astray + EPSILON * mean[0]
+    is_symmetric = loop.s_middle == 0.0 or loop.c_middle == 0.0
+    if loop.start != 0.0 and loop.start != 1.0 and not (is_symmetric and loop.start == 0.5):
+        found.time_error += START * EPSILON * _rate_at(panels, number, loop.start)
+    # The series are all of one function: their lengths are its mean, up to roundings.
+    is_one = astray <= 2.0 * worst * mean[0]
+    is_exact = found.period_error <= EXACT * found.period
+    if is_one and is_exact and found.time_error * found.speed + worst * found.largest <= KEPT:
+        found.panels = number
+
+
+@kernel
+def _set_ends(loop: Loop, curve: Curve, ends: tuple[Twice, Twice]) -> None:
+    """Round what the loop is made of, once."""
+    loop.z, loop.g = curve.z[0], curve.g[0]
+    loop.half_width = 0.5 * subtract(ends[1], ends[0])[0]
+    sine, cosine = sine_and_cosine(ends[0])
+    loop.s_lower, loop.c_lower = sine[0], cosine[0]
+    sine, cosine = sine_and_cosine(ends[1])
+    loop.s_upper, loop.c_upper = sine[0], cosine[0]
+    sine, cosine = sine_and_cosine(scale(add(ends[0], ends[1]), 0.5))
+    loop.s_middle, loop.c_middle = sine[0], cosine[0]
+    if abs(cosine[0]) < MIDDLE:
+        loop.s_middle, loop.c_middle = math.copysign(1.0, sine[0]), 0.0
+    elif abs(sine[0]) < MIDDLE:
+        loop.s_middle, loop.c_middle = 0.0, math.copysign(1.0, cosine[0])
+
+
+@kernel
+def _x_of(panel: Panel, n: int) -> float:
+    return float(panel.first + (panel.last - panel.first) * SHARES[n % 2])
+
+
+@kernel
+def _worst_seen(
+    formula: Formula,
+    loop: Loop,
+    curve: Curve,
+    ends: tuple[Twice, Twice],
+    panels: Records,
+    number: int,
+) -> float:
+    """Return what is to be counted of the largest departure of the series from the rate of the formula."""
+    sheet, rates = np.empty((ROWS, TOGETHER + 16)), np.empty((TOGETHER, 2))
+    worst = 0.0
+    for begin in range(0, number, TOGETHER):
+        count = min(TOGETHER, number - begin)
+        for m in range(count):
+            panel = panels[begin + m]
+            x = _x_of(panel, begin + m)
+            below, above, _, _, _ = place(loop, panel.anchor, distance(panel, x))
+            is_low = below < above
+            v = add(ends[0], (below, 0.0)) if is_low else subtract(ends[1], (above, 0.0))
+            sheet[ANGLE, m], sheet[ANGLE + 1, m] = v
+        rates_doubled(formula, loop, curve, ends, sheet, count, rates)
+        for m in range(count):
+            panel = panels[begin + m]
+            _, slope = at(panel, _x_of(panel, begin + m))
+            seen = abs(slope / (0.5 * (panel.high - panel.low)) / rates[m, 0] - 1.0)
+            if not seen <= worst:
+                worst = seen
+    return SEEN * worst
+
+
+@kernel
+def _rate_at(panels: Records, number: int, u: float) -> float:
+    """Return dt/du at u, from the panel that holds it."""
+    begin, end = max(u - 2.0**-20, 0.0), min(u + 2.0**-20, 1.0)
+    before, _ = time_at(panels, number, begin)
+    after, _ = time_at(panels, number, end)
+    return float((after - before) / (end - begin))
