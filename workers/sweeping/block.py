@@ -128,13 +128,14 @@ class BlockSolver:
         )
         if swept is None or side.rational is None:
             return swept
-        left = np.flatnonzero(np.isinf(swept.errors))
+        left = np.flatnonzero(~swept.is_kept)
         numbers = places[left].tolist()
         exact = [parameters.exact(place) for place in numbers]
         starts = None if at is None else [points.exact(at, place) for place in numbers]
         begun = None if starts is None else [abs(_fraction(start)) for start in starts]
         curves = [chosen[place] for place in left.tolist()]
-        return swept.with_others(left, sweep_by_roots(side.rational, exact, curves, self._sampling, begun))
+        by_roots = sweep_by_roots(side.rational, exact, curves, self._sampling, begun)
+        return swept.with_others(left, by_roots)
 
     def _along(
         self,

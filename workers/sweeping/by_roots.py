@@ -144,6 +144,7 @@ class _Found:
             self._times,
             self._samples,
             pass_a_pole(self._loops, self._about),
+            is_solved,
             None,
         )
 

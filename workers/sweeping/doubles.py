@@ -18,7 +18,7 @@ from workers.solvers.compiled.evaluation.program import Program
 from workers.solvers.compiled.frame import logarithm_of, make_frame, with_rests
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.compiled.records import FOUND, Records, copied, new_records
-from workers.solvers.compiled.solve import START_ULPS, is_start_kept
+from workers.solvers.compiled.solve import START_ULPS, is_kept
 from workers.solvers.compiled.time_map.sampling import sample_one
 
 FloatArray = NDArray[np.float64]
@@ -40,6 +40,8 @@ class Swept:
     samples: FloatArray
     """Shape (sets, times, columns)."""
     passes_pole: BoolArray
+    is_kept: BoolArray
+    """Those that have the digits of ``high`` within a period."""
     approaches: FloatArray | None
     """Poisson variables of points on the way to each pole, shape (sets, 2, depths, 3); see :data:`DEPTHS`.
 
@@ -47,15 +49,17 @@ class Swept:
     """
 
     def with_others(self, places: IntArray, others: "Swept") -> "Swept":
-        """Return these motions with ``others``, solved in another way, at ``places`` (others,)."""
+        """Return these motions with ``others`` at ``places`` (others,), where another way has solved them."""
+        solved = others.is_kept
+        places = places[solved]
 
         def put(mine: FloatArray, theirs: FloatArray) -> FloatArray:
             whole = mine.copy()
-            whole[places] = theirs
+            whole[places] = theirs[solved]
             return whole
 
-        passes_pole = self.passes_pole.copy()
-        passes_pole[places] = others.passes_pole
+        passes_pole, kept = self.passes_pole.copy(), self.is_kept.copy()
+        passes_pole[places], kept[places] = others.passes_pole[solved], True
         return replace(
             self,
             periods=put(self.periods, others.periods),
@@ -64,6 +68,7 @@ class Swept:
             times=put(self.times, others.times) if self.times.ndim > 1 else self.times,
             samples=put(self.samples, others.samples) if self.samples.shape[2] else self.samples,
             passes_pole=passes_pole,
+            is_kept=kept,
         )
 
 
@@ -121,7 +126,7 @@ def sweep_sets(
     asked = sample_times(sampling.time, None) if shared else NO_TIMES
     run = solve_batch(replace(batch, times=asked if len(sampling.columns) else NO_TIMES))
     latest = np.abs(asked.doubles).max() if shared else _latest(sampling, run.found["period"])
-    return _swept(run.loops, run.found, _errors(run.found, latest, late), asked.doubles, run.samples)
+    return _swept(run.loops, run.found, late, latest, asked.doubles, run.samples)
 
 
 def logarithms_of(lambdas_squared: Sequence[fmpq]) -> list[float]:
@@ -139,22 +144,12 @@ def _lateness(batch: Batch) -> FloatArray:
 
     It is inf where the start may be at an end of the window, or where there is no motion.
     """
-    run = solve_batch(replace(batch, times=AT_START, columns=ALL))
-    states = np.abs(run.samples[:, 0])
+    states = np.abs(solve_batch(replace(batch, times=AT_START, columns=ALL)).samples[:, 0])
     slowest = states[:, 4] * np.minimum(states[:, 0], states[:, 2])
     late = np.full(len(slowest), np.inf)
     is_sure = slowest > SURE
     late[is_sure] = START_ULPS * EPSILON / slowest[is_sure]
-    if batch.rests is not None:
-        late[~is_start_kept(late, run.found["speed"])] = np.inf
     return late
-
-
-def _errors(found: Records, latest: FloatArray | float, late: FloatArray) -> FloatArray:
-    """Return the bounds of the errors of samples up to |t| = ``latest``; inf where not decided."""
-    bounds = bounds_of(found)
-    errors = replace(bounds, time=bounds.time + late).error_at(latest, found["period"], found["period_error"])
-    return np.where((found["panels"] > 0) & ~np.isnan(errors), errors, np.inf)
 
 
 def _each_with_its_times(batch: Batch, time: TimePeriods, late: FloatArray) -> Swept:
@@ -176,16 +171,34 @@ def _each_with_its_times(batch: Batch, time: TimePeriods, late: FloatArray) -> S
             if not len(batch.columns):
                 continue
             sample_one(run.loops, run.panels, times[n], asked.rests, batch.columns, desk, samples[n])
-    return _swept(loops, found, _errors(found, np.abs(times).max(axis=1), late), times, samples)
+    return _swept(loops, found, late, np.abs(times).max(axis=1), times, samples)
 
 
 def _swept(
-    loops: Records, found: Records, errors: FloatArray, times: FloatArray, samples: FloatArray
+    loops: Records,
+    found: Records,
+    late: FloatArray,
+    latest: FloatArray | float,
+    times: FloatArray,
+    samples: FloatArray,
 ) -> Swept:
-    passes_pole, approaches = pass_a_pole(loops, found), _approaches(loops)
+    bounds = bounds_of(found)
+    bounds = replace(bounds, time=bounds.time + late)
+    # Of samples up to |t| = latest; inf where not decided.
+    errors = bounds.error_at(latest, found["period"], found["period_error"])
+    is_solved = (found["panels"] > 0) & ~np.isnan(errors)
     # What the second double of a period says is left out of the first.
     period_errors = np.abs(loops["period_lo"]) + found["period_error"]
-    return Swept(found["period"], period_errors, errors, times, samples, passes_pole, approaches)
+    return Swept(
+        found["period"],
+        period_errors,
+        np.where(is_solved, errors, np.inf),
+        times,
+        samples,
+        pass_a_pole(loops, found),
+        is_solved & is_kept(bounds),
+        _approaches(loops),
+    )
 
 
 def _latest(sampling: Sampling, periods: FloatArray) -> FloatArray:

@@ -92,6 +92,8 @@ class Loop:
     """Sine and cosine at the ends and in the middle."""
     direction: float
     """Of a rotation."""
+    place: float
+    """v at the start, unrolled, as far as doubles tell; only where zeros of P were looked for."""
     start: float
     """u at the start; NaN: not decided."""
     sense: float

@@ -12,10 +12,9 @@ from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion, StartAtPoint
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.batch import Batch, BatchResult, Tier, solve_batch
-from workers.solvers.compiled.doubled.time_map import KEPT
 from workers.solvers.compiled.evaluation.program import Program, make_program, rests_of
 from workers.solvers.compiled.frame import Frame, make_frame, with_rests
-from workers.solvers.compiled.motion import Bounds, FloatLike, SpectralMotion
+from workers.solvers.compiled.motion import Bounds, SpectralMotion
 from workers.solvers.compiled.rational.orbit import rational_orbit
 from workers.solvers.compiled.rational.roots import Radicand, rational_radicand
 from workers.solvers.compiled.records import Records, copied
@@ -23,8 +22,8 @@ from workers.solvers.compiled.time_map.series import time_at
 
 FloatArray = NDArray[np.float64]
 
-LATEST = 1e-9
-"""Time that the rounding of a start may be worth: nearer to an end doubles hardly tell that it is inside."""
+KEPT = 8e-14
+"""Error of a variable within a period that leaves room to what comes with time: ``high`` promises 1e-13."""
 START_ULPS = 8.0
 """Roundings on the way from g1 at the start to the phase there, in 2^-52."""
 
@@ -51,11 +50,11 @@ def solve_spectral(
         return None
     if tier == "high":
         found = _solve_doubled(body, potential, motion, frame, program, constants)
-        if found is not None:
+        if found is not None and is_kept(found.bounds):
             return found
         radicand = rational_radicand(body, potential, motion)
         exact = None if radicand is None else solve_rational(radicand, motion, frame)
-        return None if exact is None else _motion(potential, *exact)
+        return found if exact is None else _motion(potential, *exact)
     found = _only_one(potential, solve_batch(Batch(program, constants[None, :], frame.shared, tier)))
     is_late = found is not None and isinstance(motion.start, StartAtPoint)
     return _later(found, _lateness(found)) if found is not None and is_late else found
@@ -77,13 +76,15 @@ def _solve_doubled(
     found = _only_one(potential, run)
     if found is None or not isinstance(motion.start, StartAtPoint):
         return found
-    late = _lateness(found)
-    return _later(found, late) if is_start_kept(late, found.bounds.speed) else None
+    return _later(found, _lateness(found))
 
 
-def is_start_kept(late: FloatLike, speed: FloatLike) -> NDArray[np.bool_]:
-    """Say whether the rounding of a given start, worth so much time, leaves the digits of ``high``."""
-    return np.asarray((np.asarray(late) <= LATEST) & (np.asarray(late) * speed <= KEPT))
+def is_kept(bounds: Bounds) -> NDArray[np.bool_]:
+    """Say whether a motion has the digits of ``high`` within a period; one or many of them.
+
+    One that has not may have them from exact roots.
+    """
+    return np.asarray(bounds.time * bounds.speed + bounds.rate * bounds.largest <= KEPT)
 
 
 def _only_one(potential: Potential, run: BatchResult) -> SpectralMotion | None:

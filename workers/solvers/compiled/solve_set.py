@@ -83,6 +83,7 @@ def find_orbit(formula: Formula, loop: Loop, desk: Desk) -> tuple[float, float]:
         return math.nan, 1.0
     lo, hi = desk.arcs[chosen].lo, desk.arcs[chosen].hi
     set_orbit(loop, half, lo, hi)
+    loop.place = half * at
     if abs(at - 0.5 * (lo + hi)) < 1e-15:
         u = 0.5
     else:

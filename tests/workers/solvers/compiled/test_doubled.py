@@ -11,8 +11,9 @@ from tests.support.planar import body, formula
 from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.doubled import curve, derivative, harmonics, time_map
 from workers.solvers.compiled.evaluation.program import make_program, rest_of, rests_of
+from workers.solvers.compiled.motion import Bounds
 from workers.solvers.compiled.records import new_records
-from workers.solvers.compiled.solve import is_start_kept, solve_spectral
+from workers.solvers.compiled.solve import KEPT, is_kept, solve_spectral
 from workers.solvers.compiled.solve_set import new_formula
 from workers.solvers.planar.choose import enclose
 
@@ -144,11 +145,11 @@ def test_a_rest_is_what_a_double_leaves_out():
     assert np.isnan(rest_of(Fraction(10) ** 400, np.inf))
 
 
-def test_a_start_that_rounding_moves_far_is_not_kept():
-    assert is_start_kept(1e-15, 1.0)
-    assert not is_start_kept(1e-8, 1e-9)
-    assert not is_start_kept(1e-12, 1.0)
-    assert not is_start_kept(np.inf, 1.0)
+def test_what_is_kept_is_told_from_its_bounds():
+    assert is_kept(Bounds(0.25 * KEPT, 2.0, 0.25 * KEPT, 2.0))
+    assert not is_kept(Bounds(0.3 * KEPT, 2.0, 0.3 * KEPT, 2.0))
+    assert not is_kept(Bounds(np.nan, 1.0, 0.0, 1.0))
+    assert not is_kept(Bounds(np.inf, 1.0, 0.0, 1.0))
 
 
 def test_next_to_a_separatrix_motions_of_rational_potentials_are_left_to_their_roots():

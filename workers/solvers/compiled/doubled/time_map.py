@@ -7,7 +7,13 @@ import numpy as np
 from workers.solvers.compiled.desk import Desk
 from workers.solvers.compiled.doubled.arithmetic import Twice, add, scale, sine_and_cosine, subtract
 from workers.solvers.compiled.doubled.curve import ANGLE, ROWS, Curve, curve_of, ends_of
-from workers.solvers.compiled.doubled.harmonics import MOST, TOGETHER, find_harmonics, rates_doubled
+from workers.solvers.compiled.doubled.harmonics import (
+    MOST,
+    REST_OF_PI,
+    TOGETHER,
+    find_harmonics,
+    rates_doubled,
+)
 from workers.solvers.compiled.evaluation.curve import place
 from workers.solvers.compiled.evaluation.low_degree import is_of_low_degree
 from workers.solvers.compiled.kernels import kernel
@@ -16,6 +22,7 @@ from workers.solvers.compiled.time_map.error import EPSILON
 from workers.solvers.compiled.time_map.panels import build_panels
 from workers.solvers.compiled.time_map.sampling import extent
 from workers.solvers.compiled.time_map.series import at, distance, time_at
+from workers.solvers.compiled.windows.arcs import POINT
 
 SHARES = (0.23, 0.71)
 """Of panels in turn, where their series are held against the formula."""
@@ -23,9 +30,8 @@ SEEN, OWN = 4.0, 4.0
 """Times what is seen there; and roundings of a series at a place, in 2^-52."""
 START = 8.0
 """Roundings of the phase at the start, in 2^-52."""
-KEPT, EXACT = 8e-14, 1e-20
-"""The largest error of a variable within one period, and of the period relative to it; motions with larger
-ones are left to others: ``high`` promises 1e-13 at late times as well."""
+COARSEST, EXACT = 1e-9, 1e-20
+"""The largest error of a variable within one period, and of the period relative to it, that is claimed."""
 MIDDLE = 2.0**-80
 """Sine or cosine of the middle of an arc that is symmetric about a pole or the equator."""
 
@@ -70,6 +76,10 @@ def map_time_doubled(
     if number == 0:
         return
     loop.period_hi, loop.period_lo = 2.0 * mean[0], 2.0 * mean[1]
+    is_symmetric = loop.s_middle == 0.0 or loop.c_middle == 0.0
+    is_between = loop.start != 0.0 and loop.start != 1.0 and not (is_symmetric and loop.start == 0.5)
+    if is_between:
+        loop.start = _start_between(loop, ends)
     loop.origin, loop.origin_lo = time_at(panels, number, loop.start)
     loop.backwards = loop.sense < 0.0
     worst = _worst_seen(formula, loop, curve, ends, panels, number) + OWN * EPSILON
@@ -79,14 +89,27 @@ def map_time_doubled(
     # Its length is known: what lies on the way to a place in it is bounded by half of all there can be.
     astray = abs((total - mean[0]) - mean[1])
     found.time_error = worst * mean[0] + 0.5 * astray + EPSILON * mean[0]
-    is_symmetric = loop.s_middle == 0.0 or loop.c_middle == 0.0
-    if loop.start != 0.0 and loop.start != 1.0 and not (is_symmetric and loop.start == 0.5):
+    if is_between:
         found.time_error += START * EPSILON * _rate_at(panels, number, loop.start)
     # The series are all of one function: their lengths are its mean, up to roundings.
     is_one = astray <= 2.0 * worst * mean[0]
     is_exact = found.period_error <= EXACT * found.period
-    if is_one and is_exact and found.time_error * found.speed + worst * found.largest <= KEPT:
+    if is_one and is_exact and found.time_error * found.speed + worst * found.largest <= COARSEST:
         found.panels = number
+
+
+@kernel
+def _start_between(loop: Loop, ends: tuple[Twice, Twice]) -> float:
+    """Return u at a start between the ends, which doubles had not known as well."""
+    quarter = (0.5 * math.pi, 0.5 * REST_OF_PI)
+    at = (loop.place, 0.0)
+    if loop.kind != POINT:
+        # On the equator.
+        at = scale(quarter, math.floor(loop.place / quarter[0] + 0.5))
+    near, far = subtract(at, ends[0])[0], subtract(ends[1], at)[0]
+    if not (near > 0.0 and far > 0.0):
+        return math.nan
+    return 2.0 / math.pi * math.atan2(math.sqrt(near), math.sqrt(far))
 
 
 @kernel
