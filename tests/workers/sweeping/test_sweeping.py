@@ -228,6 +228,22 @@ IN_BLOCKS |= {
     "high, parameters that shorten the formula": sweep(
         (A, values(-1, 1, 0, "-1/50")), (B, values("1/50", 1, 0)), potential=THREE_TERMS, accuracy=HIGH
     ),
+    "high, of moments that are not double": sweep(
+        (LAMBDA, uniform("3/4", 1, 2)),
+        (A, values("1/5", "1/7")),
+        body={"A": "17/10", "C": 1},
+        potential=expression("(A*g1^2+C*g3^2)*(g2^2-1/2+a*g2^3)", a="1/5"),
+        keep=("period", "period.error", "error"),
+        accuracy=HIGH,
+    ),
+    "high, the same in periods, without a series": sweep(
+        (LAMBDA, uniform("3/4", 1, 2)),
+        body={"A": "17/10", "C": 1},
+        potential=expression("(A*g1^2+C*g3^2)*(g2^2-1/2+g2^3/5)"),
+        time={"periods": "7/3", "samples": 5},
+        series=False,
+        accuracy=HIGH,
+    ),
     "high, late": sweep(
         (LAMBDA, uniform("1/2", 2, 3)), accuracy=HIGH, time={"start": 1e6, "stop": 1000010, "samples": 5}
     ),
@@ -295,12 +311,6 @@ IN_SLICES = {
 ONE_BY_ONE = {
     "gravity that is not admissible but for c = 0": sweep(
         ("/potential/c", values(0, "1/2")), potential={"type": "gravity", "a": -1, "c": 0}
-    ),
-    "high, of moments that are not double": sweep(
-        (LAMBDA, uniform(1, 2, 2)),
-        body={"A": "17/10", "C": 1},
-        potential={"type": "homogeneous", "A": [0, "1/10"], "B": [-1], "C": ["1/20"]},
-        accuracy=HIGH,
     ),
     "high, of what is no sum of powers": sweep(
         (A, uniform(1, 2, 2)),
@@ -428,7 +438,7 @@ SHORTER = {
 
 @pytest.mark.parametrize(
     "name",
-    ["high, of moments that are not double", "times", "any state"],
+    ["certified", "times", "any state"],
 )
 def test_other_sweeps_go_point_by_point(name):
     plan = make_plan(read_sweep(ONE_BY_ONE[name]))
@@ -457,7 +467,7 @@ def test_slices_of_a_sweep_go_in_blocks(name, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "is_judged"),
     [
-        ("high, of moments that are not double", True),
+        ("certified", True),
         ("times", True),
         ("admissible for one value", False),
         ("any state", False),

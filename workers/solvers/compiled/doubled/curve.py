@@ -30,7 +30,7 @@ FINER = 2.0**-45
 """Roundings here against those of doubles: 2^-98 to 2^-53, where those of powers are the largest."""
 FROM_END = 2.0**-28
 """Distance, against that of both ends, over which the slope of P at an end is a difference."""
-STEEP = 2.0**-92
+STEEP = 2.0**-78
 """Of an end, against the distance of both: what may be left open."""
 
 ANGLE, RADICAND, WIDTH, G1, COSINE = 0, 2, 4, 6, 12
