@@ -8,6 +8,7 @@ take :func:`exact_instants`.
 from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from service.dynamics.solution.dense_output import Period, two_product
 
 FloatArray = NDArray[np.float64]
 
+FEW_SAMPLES = 4096
+"""Of what is remembered."""
 _WHOLE_DOUBLES = 2**53
 """Every integer up to it is a double."""
 
@@ -52,7 +55,7 @@ def sample_times(times: Times, period: Period | None) -> SampleTimes:
         raise PeriodNeededError(
             "times in periods need a periodic motion; give start and stop", pointer="/time"
         )
-    return _multiples(_in_doubles(times), period.hi, period.lo)
+    return _multiples(_turns(times), period.hi, period.lo)
 
 
 def sample_times_of_each(times: TimePeriods, periods: FloatArray) -> SampleTimes:
@@ -60,7 +63,20 @@ def sample_times_of_each(times: TimePeriods, periods: FloatArray) -> SampleTimes
 
     Each row is, to the last bit, what :func:`sample_times` returns for its period alone.
     """
-    return _multiples(_in_doubles(times), periods[:, None], 0.0)
+    return _multiples(_turns(times), periods[:, None], 0.0)
+
+
+def _turns(times: TimePeriods) -> SampleTimes:
+    """Return the numbers of periods; lists and sweeps ask for the same ones with each problem."""
+    return _few_turns(times) if times.samples <= FEW_SAMPLES else _in_doubles(times)
+
+
+@lru_cache(maxsize=16)
+def _few_turns(times: TimePeriods) -> SampleTimes:
+    found = _in_doubles(times)
+    # Every caller has the same arrays.
+    found.doubles.flags.writeable = found.rests.flags.writeable = False
+    return found
 
 
 def _multiples(turns: SampleTimes, hi: FloatArray | float, lo: float) -> SampleTimes:

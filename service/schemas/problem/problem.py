@@ -11,6 +11,7 @@ from service.dynamics.numerics import NUMERICS
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem, StateMotion
 from service.schemas.problem.classical_motion import ClassicalMotionIn
+from service.schemas.problem.known import read_known
 from service.schemas.problem.members import MEMBERS
 from service.schemas.problem.motions import PlanarMotionIn, StateMotionIn
 from service.schemas.problem.potential_model import PotentialModel
@@ -197,6 +198,9 @@ def motion_of(motion: object, potential: object) -> PlanarMotion | StateMotion |
 
 
 def _read(document: object, model: type[ProblemIn | ValidationIn]) -> _Reading:
+    known = read_known(document) if model is ProblemIn else None
+    if known is not None:
+        return _Reading(known.parts, known.body, known.potential, [])
     parts, faults = read_parts(document, model, MEMBERS)
     faults += combination_faults(document, parts)
     body, potential = read_setting(document, parts, faults)

@@ -37,7 +37,7 @@ def read_setting(
         else:
             # Rules between the parts are checked even if no body has the given moments.
             moments = RigidBody(body_in.A, body_in.B, body_in.C, allow_unphysical=True)
-            faults += _motion_faults(moments, document, parts)
+            faults += motion_faults(moments, document, parts)
             try:
                 body = RigidBody(body_in.A, body_in.B, body_in.C, body_in.allow_unphysical)
             except DynamicsError as error:
@@ -97,7 +97,8 @@ def _faults_of_unread(document: object, moments: RigidBody | None) -> Iterator[F
             yield from MODELS[kind].faults_of_unread(rest, moments)
 
 
-def _motion_faults(body: RigidBody, document: object, parts: Mapping[str, object]) -> Iterator[Fault]:
+def motion_faults(body: RigidBody, document: object, parts: Mapping[str, object]) -> Iterator[Fault]:
+    """Yield a fault for each demand of the motion that the body does not meet."""
     kind = _motion_kind(document)
     if kind == "planar":
         try:

@@ -58,13 +58,16 @@ def read_parts(
         faults = [_fault(details, model, members) for details in found[: MAX_FAULTS + 1]]
         bad = {str(details["loc"][0]) for details in found if details["loc"]}
         return {
-            name: _read_part(model, name, document) for name in model.model_fields if name not in bad
+            name: read_part(model, name, document) for name in model.model_fields if name not in bad
         }, faults
     return {name: getattr(whole, name) for name in model.model_fields}, []
 
 
-def _read_part(model: type[BaseModel], name: str, document: dict[str, object]) -> object:
+def read_part(model: type[BaseModel], name: str, document: dict[str, object]) -> object:
+    """Return one part of ``document``, its default if it was left out; raises pydantic's ValidationError."""
     if name not in document:
+        if model.model_fields[name].is_required():
+            raise KeyError(name)
         return model.model_fields[name].get_default(call_default_factory=True, validated_data={})
     return _adapter(model, name).validate_python(document[name])
 

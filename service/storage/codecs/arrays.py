@@ -11,6 +11,7 @@ few per cent for many times the time.
 import json
 import math
 import struct
+import threading
 from collections.abc import Mapping
 
 import numpy as np
@@ -24,6 +25,7 @@ FloatArray = NDArray[np.float64]
 _MAGIC = b"PLH1"
 _WIDTH = 8
 _LEVEL = 1
+_OF_THREAD = threading.local()
 
 
 class CodecError(ValueError):
@@ -99,8 +101,17 @@ def pack_arrays(arrays: Mapping[str, FloatArray], extra: Mapping[str, object]) -
     entries = [{"name": name, "shape": list(array.shape)} for name, array in arrays.items()]
     header = json.dumps({"arrays": entries, **extra}, separators=(",", ":")).encode()
     body = b"".join(_shuffle(array) for array in arrays.values())
-    frame = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True).compress(body)
+    frame = _compressor().compress(body)
     return _MAGIC + struct.pack("<I", len(header)) + header + frame
+
+
+def _compressor() -> zstandard.ZstdCompressor:
+    """Return the thread's own: making one takes as long as compressing a trajectory; threads share none."""
+    found: zstandard.ZstdCompressor | None = getattr(_OF_THREAD, "compressor", None)
+    if found is None:
+        found = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True)
+        _OF_THREAD.compressor = found
+    return found
 
 
 def unpack_arrays(packet: bytes) -> tuple[dict[str, FloatArray], dict[str, object]]:

@@ -34,6 +34,9 @@ FINEST_AT_JUMPS = 1e5
 """Pieces to the period where p jumps for doubles."""
 DRAFTED = 0.01
 """Share of a draft's tolerance that its function of time may depart between the samples."""
+LEFT_OUT = 4.0
+"""Allowed tails to which what the series of a draft leave out may add up: twice the sum of all coefficients
+that follow, which fall by a third or more. Departures are seen at few places, and a draft can afford it."""
 PIECES_OF_A_DRAFT = 4
 """That it begins with."""
 BESIDE = arb(2) ** -56
@@ -44,7 +47,7 @@ class SamplesItself(Protocol):
     """A motion that can be sampled at any time with less error than by way of the dense output."""
 
     def resolved(self, pieces: int, atol: float) -> ResolvedMotion | None:
-        """Return what :func:`.resolve_motion` does for one period, from so many pieces on; None if not here."""
+        """Return one period in pieces, from so many on; None if :func:`.resolve_motion` has to do it."""
         ...
 
     def sample(self, times: FloatArray, rests: FloatArray | None = None) -> FloatArray:
@@ -106,6 +109,8 @@ def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
     resolved = _resolved(problem, found, orbit) if problem.wants_series else nothing_resolved(period.hi)
     columns = COLUMNS[: resolved.coefficients.shape[2]]
     error = resolved.error + found.error + resolved.moved(found.time_error)
+    if problem.accuracy.tier == "draft" and problem.wants_series:
+        error += LEFT_OUT * DRAFTED * problem.tolerance
     dense = DenseOutput(columns, resolved.breaks, resolved.coefficients, period, error)
     samples, reached = np.zeros((0, len(COLUMNS))), 0.0
     if len(times):

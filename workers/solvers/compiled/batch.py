@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.sampling import SampleTimes
-from workers.solvers.compiled.desk import DESK
+from workers.solvers.compiled.desk import own_desk
 from workers.solvers.compiled.evaluation.program import Program
 from workers.solvers.compiled.motion import Bounds
 from workers.solvers.compiled.records import FOUND, MAX_PANELS, PANEL, Records, copied, new_records
@@ -84,7 +84,7 @@ def solve_batch(batch: Batch) -> BatchResult:
         loops,
         panels,
         found,
-        new_records(DESK),
+        own_desk(),
         samples,
     )
     return BatchResult(loops, found, samples, panels[: int(found[-1]["panels"])] if sets else panels[:0])

@@ -3,11 +3,13 @@
 They lie in records that Python has made once (:mod:`compiled.records` says why).
 """
 
+import threading
+
 import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.blocks import STRIDE
-from workers.solvers.compiled.records import ARC, CUT, MAX_ARCS, MAX_PANELS, Records, rows
+from workers.solvers.compiled.records import ARC, CUT, MAX_ARCS, MAX_PANELS, Records, new_records, rows
 
 FloatArray = NDArray[np.float64]
 
@@ -117,3 +119,16 @@ DESK = np.dtype(
     ),
     align=True,
 )
+
+_OF_THREAD = threading.local()
+
+
+def own_desk() -> Records:
+    """Return the desk of this thread, shape (1,), with whatever was left on it.
+
+    It is so large that the system hands it out page by page: a new one takes longer than many a motion.
+    """
+    found: Records | None = getattr(_OF_THREAD, "desk", None)
+    if found is None:
+        found = _OF_THREAD.desk = new_records(DESK)
+    return found

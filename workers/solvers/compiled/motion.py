@@ -1,5 +1,6 @@
 """A periodic planar motion in doubles: samples at any time, with a bound of their error."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,9 +13,8 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.reduction.window import EndKind
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.assembly.dense import FINEST, ResolvedMotion
-from workers.solvers.compiled.desk import DESK, PLACES
-from workers.solvers.compiled.evaluation.curve import loop_points
-from workers.solvers.compiled.records import Loop, Records, new_records
+from workers.solvers.compiled.desk import own_desk
+from workers.solvers.compiled.records import Loop, Records
 from workers.solvers.compiled.time_map.pieces import NODES, resolve_one
 from workers.solvers.compiled.time_map.sampling import sample_one
 
@@ -73,31 +73,29 @@ class SpectralMotion:
     @property
     def ends(self) -> tuple[EndKind, EndKind]:
         """Return where |g1| is smallest, where it is largest."""
-        loop = self.loop
-        if loop.rotates:
+        # Its items: numpy takes several times longer for attributes.
+        loop = self.loops[0]
+        if loop["rotates"]:
             return "pole", "equator"
-        middle = float(np.arctan2(loop.s_middle, loop.c_middle))
-        half_turns = np.array([middle - loop.half_width, middle + loop.half_width]) / np.pi
+        middle, half = math.atan2(loop["s_middle"], loop["c_middle"]), float(loop["half_width"])
+        lower, upper = (middle - half) / math.pi, (middle + half) / math.pi
         # v is a multiple of π at the poles, and halfway between at the equator.
-        poles, equators = np.diff(np.floor(half_turns))[0], np.diff(np.floor(half_turns + 0.5))[0]
-        return "pole" if poles else "rest", "equator" if equators else "rest"
+        passes_pole = math.floor(lower) != math.floor(upper)
+        passes_equator = math.floor(lower + 0.5) != math.floor(upper + 0.5)
+        return "pole" if passes_pole else "rest", "equator" if passes_equator else "rest"
 
     @property
     def g1(self) -> tuple[float, float]:
         """Return g1, with its sign, at the two ends."""
-        loop, places = self.loop, new_records(PLACES)[0]
-        # Both ends, and the equator.
-        places.sine[:3] = loop.s_lower, loop.s_upper, 1.0
-        places.cosine[:3] = loop.c_lower, loop.c_upper, 0.0
-        loop_points(loop, places, 3)
-        values = np.abs((places.g3 if loop.mirrored else places.g1)[:3]).tolist()
-        sizes = sorted(values[:2])
-        if self.ends[0] == "pole":
-            sizes[0] = 0.0
-        if self.ends[1] == "equator":
-            sizes[1] = values[2]
-        sign = float(np.sign(self.columns(np.zeros(1), ("g1",))[0, 0]))
-        return sign * sizes[0] + 0.0, sign * sizes[1]
+        loop, ends = self.loops[0], self.ends
+        # |g1| = G |sin v|^α in primed axes, and |g3| = Z |sin v|.
+        power, size = (
+            (1.0, float(loop["z"])) if loop["mirrored"] else (float(loop["alpha"]), float(loop["g"]))
+        )
+        least, most = sorted(abs(float(loop[sine])) for sine in ("s_lower", "s_upper"))
+        least, most = (0.0 if ends[0] == "pole" else least), (1.0 if ends[1] == "equator" else most)
+        sign = math.copysign(1.0, self.columns(np.zeros(1), ("g1",))[0, 0])
+        return sign * size * least**power + 0.0, sign * size * most**power
 
     def energy(self, body: RigidBody) -> Estimate:
         """Return h = (A p² + C r²)/2 + V, from a place where nothing special happens."""
@@ -120,10 +118,10 @@ class SpectralMotion:
         )
 
     def resolved(self, pieces: int, atol: float) -> ResolvedMotion | None:
-        """Return what :func:`.resolve_motion` does for one period, from so many pieces on; None if not here."""
+        """Return one period in pieces, from so many on; None if :func:`.resolve_motion` has to do it."""
         ends, series = np.empty(PIECES), np.empty((PIECES, NODES, 6))
         done, departure, states = resolve_one(
-            self.loops, self.panels, self.period.hi, pieces, atol, FINEST, new_records(DESK), ends, series
+            self.loops, self.panels, self.period.hi, pieces, atol, FINEST, own_desk(), ends, series
         )
         if not done:
             return None
@@ -141,5 +139,5 @@ class SpectralMotion:
         times = np.ascontiguousarray(times, dtype=np.float64)
         rests = np.ascontiguousarray(rests, dtype=np.float64)
         out = np.empty((len(times), len(columns)))
-        sample_one(self.loops, self.panels, times, rests, columns, new_records(DESK), out)
+        sample_one(self.loops, self.panels, times, rests, columns, own_desk(), out)
         return out

@@ -1,7 +1,7 @@
 """Resolves a motion in time, piece by piece, as :func:`workers.solvers.assembly.dense.resolve_motion` does.
 
-For motions that are smooth all along: no passage, no kink, no narrow feature. What is below is that algorithm
-around a sampler that is compiled too, so that the pieces of a generation take one call and no array of Python.
+For motions that are smooth all along: no passage, no kink, no narrow feature. It is that algorithm around a
+sampler that is compiled too: the pieces of a generation take one call and no array of Python.
 """
 
 import math

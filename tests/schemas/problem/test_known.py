@@ -1,0 +1,87 @@
+"""What was read before is read no other way: the same problem, the same document, the same faults."""
+
+import copy
+
+import pytest
+
+from service.dynamics.potentials.potential import FormulaPotential
+from service.schemas.problem.known import read_known
+from service.schemas.problem.problem import check_problem
+from service.schemas.problem.sections import ProblemIn
+from service.schemas.reading.faults import InvalidProblemError
+
+DOCUMENT = {
+    "body": {"A": 2, "C": 1},
+    "potential": {"type": "expression", "expression": "a*g1", "parameters": {"a": "-1/3"}},
+    "motion": {"type": "planar", "lambda": "6/5"},
+    "time": {"periods": 1, "samples": 101},
+    "accuracy": {"tier": "draft"},
+}
+
+
+class Other(ProblemIn):
+    """A model that is read as a whole."""
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {},
+        {"motion": {"type": "planar", "nu": 1}},
+        {"motion": {"type": "planar", "lambda": 0.1, "start": {"g1": "1/2"}}},
+        {"body": {"A": "17/10", "B": "13/10", "C": 1}, "outputs": ["gamma", "stability"]},
+        {"potential": {"type": "gravity", "a": -1}, "method": "quadrature"},
+        {"potential": {"type": "homogeneous", "A": ["-1/2", "0.1"]}},
+        {"time": {"times": [0, "1/3"]}, "accuracy": {"tolerance": 1e-9}, "accept": "undecided"},
+    ],
+)
+def test_a_known_document_states_the_same_problem(changed):
+    document = {**DOCUMENT, **changed}
+    whole = check_problem(document, Other)
+    for _ in range(2):
+        assert read_known(document) is not None
+        known = check_problem(copy.deepcopy(document))
+        assert known.problem == whole.problem
+        assert known.canonical == whole.canonical
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"body": {"A": 1, "C": 1}},
+        {"body": {"A": 3, "C": 1}, "motion": {"type": "planar", "nu": 1}},
+        {"motion": {"type": "planar"}},
+        {"motion": {"type": "planar", "lambda": -1}},
+        {"time": None},
+        {"outputs": ["stability"]},
+        {"potential": {"type": "expression", "expression": "x"}},
+        {"unknown": 1},
+    ],
+)
+def test_faults_are_those_of_the_whole_document(changed):
+    check_problem(DOCUMENT)
+    found = []
+    for model in (ProblemIn, Other):
+        with pytest.raises(InvalidProblemError) as refused:
+            check_problem({**DOCUMENT, **changed}, model)
+        found.append([(fault.pointer, fault.code) for fault in refused.value.faults])
+    assert found[0] == found[1]
+
+
+def test_what_is_kept_beside_a_formula_is_for_one_problem():
+    """Programs are made after some evaluations: a job's digits do not depend on the jobs before it."""
+    one, other = (check_problem(DOCUMENT).problem.potential for _ in range(2))
+    assert isinstance(one, FormulaPotential)
+    assert isinstance(other, FormulaPotential)
+    assert one.tape == other.tape
+    assert one.tape.programs is not other.tape.programs
+
+
+def test_numbers_that_are_written_otherwise_are_not_mistaken():
+    """0.1 is 1/10 however it is written, and a double next to it is another number."""
+    as_number, as_text = (
+        check_problem({**DOCUMENT, "potential": {"type": "gravity", "a": a}}).problem for a in (0.1, "1/10")
+    )
+    assert as_number.potential == as_text.potential
+    double = check_problem({**DOCUMENT, "potential": {"type": "gravity", "a": 0.1 + 2.0**-55}}).problem
+    assert double.potential != as_number.potential
