@@ -28,6 +28,7 @@ KEPT = 64
 LONGEST = 4096
 """Characters of what is remembered."""
 SETTING, MOTION = ("body", "potential"), "motion"
+_PLAIN = frozenset((str, int, float, bool, type(None)))
 _FIELDS = frozenset(ProblemIn.model_fields)
 _OTHERS = tuple(name for name in ProblemIn.model_fields if name not in (*SETTING, MOTION))
 
@@ -43,7 +44,7 @@ class Known:
 
 def read_known(document: object) -> Known | None:
     """Return the parts of the document of a planar problem; None if it has faults, or is not of this kind."""
-    if not isinstance(document, dict) or not document.keys() <= _FIELDS:
+    if not isinstance(document, dict) or not document.keys() <= _FIELDS or not _is_plain(document):
         return None
     setting = {name: document.get(name) for name in SETTING}
     others = {name: document[name] for name in _OTHERS if name in document}
@@ -59,6 +60,17 @@ def read_known(document: object) -> Known | None:
             # What is kept beside a formula while it is evaluated is for one problem.
             return Known(parts, stated.body, stated.potential.alone())
     return None
+
+
+def _is_plain(value: object, depth: int = 8) -> bool:
+    """Say whether the text of a value tells all of it: a number may know that no double is near it."""
+    kind = type(value)
+    if kind in _PLAIN:
+        return True
+    if not depth or not isinstance(value, dict | list) or kind not in (dict, list):
+        return False
+    inside = value.values() if isinstance(value, dict) else value
+    return all(_is_plain(each, depth - 1) for each in inside)
 
 
 @dataclass(frozen=True, slots=True)

@@ -109,7 +109,7 @@ def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
     resolved = _resolved(problem, found, orbit) if problem.wants_series else nothing_resolved(period.hi)
     columns = COLUMNS[: resolved.coefficients.shape[2]]
     error = resolved.error + found.error + resolved.moved(found.time_error)
-    if problem.accuracy.tier == "draft" and problem.wants_series:
+    if _is_draft(problem, found) and problem.wants_series:
         error += LEFT_OUT * DRAFTED * problem.tolerance
     dense = DenseOutput(columns, resolved.breaks, resolved.coefficients, period, error)
     samples, reached = np.zeros((0, len(COLUMNS))), 0.0
@@ -137,9 +137,14 @@ def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
     )
 
 
+def _is_draft(problem: Problem, found: Sampled) -> bool:
+    """Say whether no more than a draft is asked of the function of time: samples do not come from it."""
+    return problem.accuracy.tier == "draft" and found.late is not None
+
+
 def _resolved(problem: Problem, found: Sampled, orbit: Orbit) -> ResolvedMotion:
     """Return the function of time over one period, as fine as the problem can tell."""
-    tolerance, is_draft = problem.tolerance, problem.accuracy.tier == "draft"
+    tolerance, is_draft = problem.tolerance, _is_draft(problem, found)
     # Finer than the samples themselves are known, pieces would follow their errors. A draft is not told to
     # more digits than it promises two of.
     least = DRAFTED * tolerance if is_draft else min(1e-14, 1e-3 * tolerance)

@@ -68,5 +68,5 @@ def test_more_pieces_than_there_is_room_for_are_left_to_others(most):
 
 def test_a_motion_that_is_not_finite_is_left_to_others():
     found = motion()
-    found.panels["times"][0, 0] = np.nan
+    found.loops["z"][0] = np.nan
     assert found.resolved(FIRST_PIECES, 1e-14) is None
