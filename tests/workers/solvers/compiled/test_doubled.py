@@ -140,10 +140,11 @@ def test_a_rest_is_what_a_double_leaves_out():
 
 
 def test_what_is_kept_is_told_from_its_bounds():
-    assert is_kept(Bounds(0.25 * KEPT, 2.0, 0.25 * KEPT, 2.0))
-    assert not is_kept(Bounds(0.3 * KEPT, 2.0, 0.3 * KEPT, 2.0))
-    assert not is_kept(Bounds(np.nan, 1.0, 0.0, 1.0))
-    assert not is_kept(Bounds(np.inf, 1.0, 0.0, 1.0))
+    assert is_kept(Bounds(0.25 * KEPT, 2.0, 0.25 * KEPT, 2.0), 1.0, 1e-25)
+    assert not is_kept(Bounds(0.3 * KEPT, 2.0, 0.3 * KEPT, 2.0), 1.0, 1e-25)
+    assert not is_kept(Bounds(np.nan, 1.0, 0.0, 1.0), 1.0, 1e-25)
+    assert not is_kept(Bounds(np.inf, 1.0, 0.0, 1.0), 1.0, 1e-25)
+    assert not is_kept(Bounds(0.0, 1.0, 0.0, 1.0), 1.0, 1e-23)
 
 
 def test_next_to_a_separatrix_motions_of_rational_potentials_are_left_to_their_roots():
