@@ -219,7 +219,7 @@ def _swept(
         times,
         samples,
         pass_a_pole(loops, found),
-        is_solved & is_kept(bounds),
+        is_solved & is_kept(bounds, found["period"], found["period_error"]),
         _approaches(loops),
     )
 

@@ -14,7 +14,7 @@ from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.batch import Batch, BatchResult, Tier, solve_batch
 from workers.solvers.compiled.evaluation.program import Program, make_program, rests_of
 from workers.solvers.compiled.frame import Frame, make_frame, with_rests
-from workers.solvers.compiled.motion import Bounds, SpectralMotion
+from workers.solvers.compiled.motion import Bounds, FloatLike, SpectralMotion
 from workers.solvers.compiled.rational.orbit import rational_orbit
 from workers.solvers.compiled.rational.roots import Radicand, rational_radicand
 from workers.solvers.compiled.records import Records, copied
@@ -22,6 +22,8 @@ from workers.solvers.compiled.time_map.series import time_at
 
 FloatArray = NDArray[np.float64]
 
+LASTING = 1e-24
+"""Of a period, its error: good for 1e8 of them."""
 KEPT = 8e-14
 """Error of a variable within a period that leaves room to what comes with time: ``high`` promises 1e-13."""
 START_ULPS = 8.0
@@ -50,7 +52,7 @@ def solve_spectral(
         return None
     if tier == "high":
         found = _solve_doubled(body, potential, motion, frame, program, constants)
-        if found is not None and is_kept(found.bounds):
+        if found is not None and is_kept(found.bounds, found.period.hi, found.period.error):
             return found
         radicand = rational_radicand(body, potential, motion)
         exact = None if radicand is None else solve_rational(radicand, motion, frame)
@@ -79,12 +81,13 @@ def _solve_doubled(
     return _later(found, _lateness(found))
 
 
-def is_kept(bounds: Bounds) -> NDArray[np.bool_]:
+def is_kept(bounds: Bounds, period: FloatLike, period_error: FloatLike) -> NDArray[np.bool_]:
     """Say whether a motion has the digits of ``high`` within a period; one or many of them.
 
     One that has not may have them from exact roots.
     """
-    return np.asarray(bounds.time * bounds.speed + bounds.rate * bounds.largest <= KEPT)
+    is_lasting = np.asarray(period_error) <= LASTING * np.asarray(period)
+    return np.asarray(bounds.time * bounds.speed + bounds.rate * bounds.largest <= KEPT) & is_lasting
 
 
 def _only_one(potential: Potential, run: BatchResult) -> SpectralMotion | None:

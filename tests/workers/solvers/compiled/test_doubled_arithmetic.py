@@ -8,8 +8,10 @@ from flint import arb, ctx
 
 from workers.solvers.compiled.doubled import arithmetic as doubled
 
-# A few 2^-104, of the value or of 1; powers lose the bits of their logarithm: it is below 2^4 here.
+# A few 2^-104, of the value or of 1.
 ULPS = 2.0**-100
+LARGEST = 2.0**-98
+"""Powers lose the bits of the size of their logarithm, below 2^5 here: what FINER of the kernel counts on."""
 NUMBERS = np.random.default_rng(7).uniform([1e-3, -9.0, -1.0, -1.0], [9.0, 9.0, 1.0, 1.0], (300, 4))
 
 
@@ -36,7 +38,7 @@ def test_operations_keep_their_digits(name, exact):
     operation = getattr(doubled, name)
     with ctx.workprec(300):
         worst = max(float(abs(ball(operation(x, y)) / exact(ball(x), ball(y)) - 1)) for x, y in pairs())
-    assert worst < ULPS
+    assert worst < (LARGEST if name == "power" else ULPS)
 
 
 def test_functions_keep_their_digits():

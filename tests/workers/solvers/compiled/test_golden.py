@@ -55,7 +55,8 @@ def test_the_high_tier_has_every_digit(golden):
     # Roundings of a time of about half a period and of numbers of size 1.
     assert actual <= 2.5e-15
     assert actual <= claimed <= 5e-14
-    assert off(motion.period, golden.period) <= 1e-30
+    # Means of rates with roundings of 2^-104, times what P has lost at places next to its ends.
+    assert off(motion.period, golden.period) <= min(1e-29, motion.period.error)
 
 
 def off(period, golden, trips=1):
