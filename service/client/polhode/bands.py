@@ -140,7 +140,13 @@ def read_change(told: Mapping[str, object]) -> Change:
     """Return a change as the service tells it."""
     lam = Quantity.read(told["lambda"])
     assert lam is not None
-    return Change(lam, str(told["kind"]), Quantity.read(told["g1"]), Quantity.read(told["g2"]), str(told.get("proof", "proved")))
+    return Change(
+        lam,
+        str(told["kind"]),
+        Quantity.read(told["g1"]),
+        Quantity.read(told["g2"]),
+        str(told.get("proof", "proved")),
+    )
 
 
 def columns_of(parts: Sequence[Part]) -> dict[str, object]:

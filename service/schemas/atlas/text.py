@@ -19,7 +19,9 @@ def _lines(atlas: AtlasOut) -> Iterator[str]:
     told += [
         (
             change.lambda_.value,
-            [f"  at λ = {change.lambda_.value!r} ± {change.lambda_.error:.2g}: {KINDS[change.kind]}{_seen(change.proof)}"],
+            [
+                f"  at λ = {change.lambda_.value!r} ± {change.lambda_.error:.2g}: {KINDS[change.kind]}{_seen(change.proof)}"
+            ],
         )
         for change in atlas.changes
     ]

@@ -1,5 +1,6 @@
 """Atlases over HTTP: the document, its other formats, and what is refused."""
 
+import csv
 import io
 import json
 import xml.etree.ElementTree as ET
