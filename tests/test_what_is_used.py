@@ -26,7 +26,7 @@ CALLED_FROM_OUTSIDE = {
 """What names do not lead to, or what begins so, and who calls it. All else that only tests refer to belongs
 into tests/support/witnesses."""
 
-RECORDS = ("workers.solvers.compiled.records", "workers.solvers.compiled.desk")
+RECORDS = tuple(f"workers.solvers.compiled.{name}" for name in ("records", "desk", "general.records"))
 """What compiled code takes instead of our objects has the names of what it is a record of."""
 
 

@@ -20,6 +20,7 @@ ERRORS = {
 HARMLESS: dict[str, str] = {
     "angular_part/doubles.py: tail > RESOLVED * largest": "the integral itself is NaN then, and stays it",
     "atlas/periods.py: change < error": "a sum that is NaN is no improvement, and is not taken",
+    "general/steps.py: tail > INVISIBLE * largest": "a run ends before a step whose series is not finite",
     "integration/twin.py: run.reached > 0.0": "a time, whose sign is asked",
     "integration/followed.py: run.reached > 0.0": "the same",
     "solvers/errors.py: period.error >= 0.0": "its sign is asked, before it is held against the tolerance",
@@ -28,9 +29,20 @@ HARMLESS: dict[str, str] = {
     "time_map/panels.py: tail * half > tolerance * (length + largest * half)": "the same",
 }
 """Comparisons that NaN passes, with the reason why that does no harm."""
+_RETURNED = "what is not below infinity has been returned as NaN before"
 HARMLESS_MAXIMA: dict[str, str] = {
-    "shown/stretches.py: max(defect, size)": "what is not below infinity has been returned as NaN before",
-    "shown/stretches.py: max(drift, departure)": "the same",
+    "general/held.py: max(defect, size)": _RETURNED,
+    "general/held.py: max(drift, far)": "of states that are explained, which those with NaN are not",
+    "general/sampling.py: max(error, safety * gap + rounding * (size + abs(times[begin + m]) * speed))": (
+        _RETURNED
+    ),
+    "general/sampling.py: max(stray, departure)": _RETURNED,
+    "general/twin.py: max(defect, by_defect)": "of runs that hold, which those with NaN do not",
+    "general/twin.py: max(drift, by_drift)": "the same",
+    "shown/stretches.py: max(defect, size)": _RETURNED,
+    "shown/stretches.py: max(drift, far, astray, long)": "the same",
+    "time_map/pieces.py: max(departure, abs(value - states[NODES + j, a]))": "of states that are finite",
+    "time_map/pieces.py: max(departure, far)": _RETURNED,
     "shown/stretches.py: max(drift, far)": "of states that are explained, which those with NaN are not",
 }
 SOURCES = [

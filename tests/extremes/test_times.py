@@ -39,10 +39,9 @@ def test_the_claim_grows_with_the_error_of_the_period(method):
         ).error
         for periods in ("1e12", "1e15")
     ]
-    # The error of the quadrature's period is some 1e-20, that of the closed form's 1e-34: nothing is seen of
-    # the latter before 1e18 periods.
-    grows = claims[1] > 100.0 * claims[0]
-    assert grows == (method == "quadrature")
+    # The error of the quadrature's period is some 1e-20, that of compiled code's 1e-25; what is claimed of
+    # a period without counting turns 1e-14: both are above it after 1e12 and 1e15 periods, or nearly so.
+    assert claims[1] > 100.0 * claims[0]
 
 
 def test_late_times_without_a_closed_form_are_those_of_the_first_period():

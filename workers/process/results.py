@@ -17,7 +17,7 @@ from workers.process.limits import JobLimits
 logger = logging.getLogger(__name__)
 
 
-class Terms(TypedDict):
+class TakingTerms(TypedDict):
     """On which terms further jobs are taken."""
 
     lease_seconds: float
@@ -35,7 +35,7 @@ class Results:
         self._store, self._limits = store, limits
 
     def store(
-        self, claim: Claim, outcome_of: Callable[[], Outcome], then_take: int, terms: Terms
+        self, claim: Claim, outcome_of: Callable[[], Outcome], then_take: int, terms: TakingTerms
     ) -> Taken | None:
         """Store the result of one job, or why it has none, and take others by the same commit.
 
@@ -51,7 +51,7 @@ class Results:
         return taken if then_take else None
 
     def store_all(
-        self, ended: Sequence[tuple[Claim, SolveOutcome]], then_take: int, terms: Terms
+        self, ended: Sequence[tuple[Claim, SolveOutcome]], then_take: int, terms: TakingTerms
     ) -> Taken | None:
         """Store the results of a batch, and take others by the same commit; None as in :meth:`store`."""
         try:

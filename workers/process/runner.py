@@ -22,8 +22,8 @@ from service.logs import about, call_about
 from service.sandbox import Sandbox, SandboxCrashError, SandboxTimeoutError, result_of
 from workers.process.batches import Call, Ledger, compute_in_turn
 from workers.process.limits import JobLimits
-from workers.process.results import Results, Terms, fields_of
-from workers.process.runs import Run, shared_out
+from workers.process.results import Results, TakingTerms, fields_of
+from workers.process.runs import ChildRun, shared_out
 
 logger = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ class Runner:
         self._slots = slots
         self._limits = limits
         self._wake = wake
-        self._runs: list[Run] = []
+        self._runs: list[ChildRun] = []
         self._waiting: deque[Claim] = deque()
         """Claimed jobs of batches that were not computed to their end."""
         self._suspects: set[str] = set()
@@ -222,7 +222,7 @@ class Runner:
                 compute_in_turn, ledger.path, BATCH_SECONDS, compute, calls, seconds=seconds + BATCH_SECONDS
             )
         now = time.monotonic()
-        run = Run(claims, tuple(owed), future, ledger, now, now + START_SECONDS)
+        run = ChildRun(claims, tuple(owed), future, ledger, now, now + START_SECONDS)
         self._runs.append(run)
         for claim in claims:
             self._heartbeats.setdefault(claim.job_id, self._next_heartbeat())
@@ -234,7 +234,7 @@ class Runner:
 
         future.add_done_callback(ended)
 
-    def _terms(self, owed: Sequence[Lane]) -> Terms:
+    def _terms(self, owed: Sequence[Lane]) -> TakingTerms:
         return {
             "lease_seconds": self._limits.lease_seconds,
             "owed": owed,
@@ -247,7 +247,7 @@ class Runner:
     def _next_heartbeat(self) -> float:
         return time.monotonic() + self._limits.lease_seconds / 3
 
-    def _remove(self, run: Run) -> None:
+    def _remove(self, run: ChildRun) -> None:
         """Remove a run that has ended; those of its jobs that wait again keep their claims."""
         self._runs.remove(run)
         run.close()
@@ -283,13 +283,13 @@ class Runner:
                 claims.append(self._waiting.popleft())
         return tuple(claims)
 
-    def _drop(self, run: Run) -> None:
+    def _drop(self, run: ChildRun) -> None:
         """Kill a child that computes what nobody waits for; its other jobs are computed again."""
         run.future.cancel()
         self._waiting.extend(run.held)
         self._remove(run)
 
-    def _take_back(self, run: Run) -> None:
+    def _take_back(self, run: ChildRun) -> None:
         """Queue the jobs again that wait behind a long one of their batch: others may compute them."""
         assert run.ledger is not None
         begun = run.ledger.stop()
@@ -303,14 +303,14 @@ class Runner:
             self._forget(claim)
             self._shares.end(claim.lane, 0.0, was_owed=claim.lane in run.owed)
 
-    def _finish_alone(self, run: Run, then_take: int, owed: Sequence[Lane]) -> Taken | None:
+    def _finish_alone(self, run: ChildRun, then_take: int, owed: Sequence[Lane]) -> Taken | None:
         (claim,) = run.claims
         with about(**fields_of(claim)):
             if claim.kind is JobKind.SOLVE:
                 self._size.learn(1, (run.ended_at or time.monotonic()) - run.began_at)
             return self._results.store(claim, lambda: result_of(run.future), then_take, self._terms(owed))
 
-    def _finish_batch(self, run: Run, then_take: int, owed: Sequence[Lane]) -> Taken | None:
+    def _finish_batch(self, run: ChildRun, then_take: int, owed: Sequence[Lane]) -> Taken | None:
         try:
             outcomes: list[SolveOutcome | None] = result_of(run.future)
         except (Exception, CancelledError) as fault:
@@ -333,7 +333,7 @@ class Runner:
             self._size.learn(len(outcomes), (run.ended_at or time.monotonic()) - run.began_at)
         return taken
 
-    def _break_up(self, run: Run, fault: BaseException) -> None:
+    def _break_up(self, run: ChildRun, fault: BaseException) -> None:
         """Blame the job that its child was computing, and compute the others of the batch again."""
         current = run.current
         is_known = isinstance(fault, SandboxCrashError | SandboxTimeoutError)

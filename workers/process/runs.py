@@ -12,7 +12,7 @@ from workers.process.batches import Ledger
 
 
 @dataclass(slots=True, eq=False)
-class Run:
+class ChildRun:
     """Claimed jobs that one call of a child computes."""
 
     claims: tuple[Claim, ...]

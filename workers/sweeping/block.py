@@ -24,7 +24,7 @@ from workers.sweeping.near_poles import keep_their_sign
 from workers.sweeping.plan import Quick, Side
 from workers.sweeping.points import Parameters, SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.programs import AffineProgram, Group, affine_program, grouped
-from workers.sweeping.solved import NO_MOTION, Found, SolvedBlock, numbers_of_motions
+from workers.sweeping.solved import NO_MOTION, FoundPoints, SolvedBlock, numbers_of_motions
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -62,7 +62,7 @@ class BlockSolver:
         """Solve points of any indices."""
         quick = self._quick
         points = SweptPoints(self._sweep, self._known, indices)
-        found = Found(self._sweep, self._names, len(indices))
+        found = FoundPoints(self._sweep, self._names, len(indices))
         sign, side = next(iter(quick.sides.items()))
         squares, signs = curves_of(points, quick.curve_place, sign, side.motion)
         parameters = points.parameters(quick.coefficients, quick.places)
@@ -81,7 +81,7 @@ class BlockSolver:
 
     def _solve_group(
         self,
-        found: Found,
+        found: FoundPoints,
         points: SweptPoints,
         parameters: Parameters,
         side: Side,

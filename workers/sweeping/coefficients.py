@@ -71,7 +71,7 @@ def coefficients_of(
         given = document.get("parameters")
         parameters = dict(given) if isinstance(given, dict) else {}
         fixed = {name: _ratio(exact_number(value)) for name, value in parameters.items() if name not in names}
-        found = Split(names, {*parameters, *names})
+        found = SplitParameters(names, {*parameters, *names})
         linear = format_tree(fold_tree(tree, found.build)[0])
     except (FormulaError, ValueError):
         return None
@@ -94,7 +94,7 @@ def coefficients_of(
     return coefficients if is_same else None
 
 
-class Split:
+class SplitParameters:
     """Replaces the largest parts that are made of parameters and numbers, of which one varies."""
 
     def __init__(self, varying: Sequence[str], known: set[str]) -> None:

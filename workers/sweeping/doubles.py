@@ -156,11 +156,6 @@ def logarithms_of(lambdas_squared: Sequence[fmpq]) -> list[float]:
     return [logarithm_of(square) for square in lambdas_squared]
 
 
-def _depend(sampling: Sampling, rests: FloatArray | None) -> bool:
-    """Tell whether times in periods are to be those of each period's two doubles, or are asked for at all."""
-    return len(sampling.columns) > 0 or rests is not None
-
-
 def _lateness(batch: Batch) -> FloatArray:
     """Return the time that the rounding of each given start is worth, as a single motion counts it.
 

@@ -25,7 +25,7 @@ from service.dynamics.verdict.proofs.power_sums import Judgement, PowerSum, numb
 from workers.solvers.compiled.records import Records
 from workers.sweeping.emptiness import LOGARITHM
 from workers.sweeping.programs import nearest_double
-from workers.sweeping.templates import Moments
+from workers.sweeping.templates import MomentsOfPoint
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -54,7 +54,7 @@ class _Sums:
 
 
 def have_no_motion(
-    judged: Sequence[tuple[Moments, Judgement]], loops: Records, motion: PlanarMotion
+    judged: Sequence[tuple[MomentsOfPoint, Judgement]], loops: Records, motion: PlanarMotion
 ) -> BoolArray:
     """Tell which points are proved to have p² < 0 all over the half of their loops that ``motion`` names.
 
@@ -106,7 +106,7 @@ def have_no_motion(
 _Row = list[tuple[float, float, float, float, float, float]]
 
 
-def _read(terms: PowerSum, moments: Moments, is_mirrored: bool, motion: PlanarMotion) -> "_Row | None":
+def _read(terms: PowerSum, moments: MomentsOfPoint, is_mirrored: bool, motion: PlanarMotion) -> "_Row | None":
     """Return the terms of p² up to a positive factor, None if there are none or too many."""
     if not terms or len(terms) > MOST_TERMS:
         return None

@@ -16,9 +16,9 @@ from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Num
 from service.dynamics.potentials.families.homogeneous import B_coefficients
 from service.dynamics.potentials.potential import Potential
 from service.schemas.reading.pointers import with_values
-from workers.sweeping.coefficients import Split, value_of
+from workers.sweeping.coefficients import SplitParameters, value_of
 from workers.sweeping.family import Path, potential_of
-from workers.sweeping.templates import Key, Model, Moments, kind_of
+from workers.sweeping.templates import Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
 """A ratio of primes, far from any number that a formula would fold."""
@@ -42,7 +42,7 @@ class FixedModel:
 
     document: Mapping[str, object]
 
-    def values(self, moments: Moments, numbers: Sequence[fmpq]) -> list[fmpq] | None:
+    def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values."""
         return []
 
@@ -50,12 +50,14 @@ class FixedModel:
         """See Model.key."""
         return ()
 
-    def probes(self, moments: Moments, numbers: Sequence[fmpq]) -> list[tuple[list[fmpq], Tape]] | None:
+    def probes(
+        self, moments: MomentsOfPoint, numbers: Sequence[fmpq]
+    ) -> list[tuple[list[fmpq], Tape]] | None:
         """See Model.probes."""
         tape = self.potential(moments, numbers).tape
         return [([], tape), ([], tape)]
 
-    def potential(self, moments: Moments, numbers: Sequence[fmpq]) -> Potential:
+    def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
         """See Model.potential."""
         return potential_of(moments.body(), dict(self.document))
 
@@ -73,7 +75,7 @@ class ExpressionModel:
     parts: tuple[Tree, ...]
     fixed: Mapping[str, fmpq]
 
-    def values(self, moments: Moments, numbers: Sequence[fmpq]) -> list[fmpq] | None:
+    def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values."""
         known = {**self.fixed, "A": moments.A, "C": moments.C}
         if moments.B is not None:
@@ -88,7 +90,9 @@ class ExpressionModel:
         """See Model.key."""
         return tuple(map(kind_of, values))
 
-    def probes(self, moments: Moments, numbers: Sequence[fmpq]) -> list[tuple[list[fmpq], Tape]] | None:
+    def probes(
+        self, moments: MomentsOfPoint, numbers: Sequence[fmpq]
+    ) -> list[tuple[list[fmpq], Tape]] | None:
         """See Model.probes."""
         values = self.values(moments, numbers)
         if values is None:
@@ -108,7 +112,7 @@ class ExpressionModel:
             found.append((probe, potential_of(body, with_values(dict(self.holed), shown)).tape))
         return found
 
-    def potential(self, moments: Moments, numbers: Sequence[fmpq]) -> Potential:
+    def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
         """See Model.potential."""
         values: dict[Path, object] = {
             ("parameters", name): str(value) for name, value in zip(self.names, numbers, strict=True)
@@ -124,7 +128,7 @@ class HomogeneousModel:
     paths: tuple[Path, ...]
     lists: Mapping[str, tuple[fmpq, ...]]
 
-    def values(self, moments: Moments, numbers: Sequence[fmpq]) -> list[fmpq] | None:
+    def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values: coefficients and exponents of each power, then what is beside A g1² + C g3²."""
         lists = {name: list(row) for name, row in self.lists.items()}
         for (name, place), number in zip(self.paths, numbers, strict=True):
@@ -158,7 +162,9 @@ class HomogeneousModel:
         )
         return even, tuple(map(kind_of, values))
 
-    def probes(self, moments: Moments, numbers: Sequence[fmpq]) -> list[tuple[list[fmpq], Tape]] | None:
+    def probes(
+        self, moments: MomentsOfPoint, numbers: Sequence[fmpq]
+    ) -> list[tuple[list[fmpq], Tape]] | None:
         """See Model.probes: all numbers a little larger, each by another share."""
         values = self.values(moments, numbers)
         found: list[tuple[list[fmpq], Tape]] = []
@@ -169,14 +175,14 @@ class HomogeneousModel:
                 number if kind_of(number) in (0, 1, -1) else number * share
                 for number, share in zip((moments.A, moments.C, *numbers), shares, strict=True)
             )
-            near = Moments(A, None, C)
+            near = MomentsOfPoint(A, None, C)
             probe = self.values(near, moved)
             if values is None or probe is None or self.key(probe) != self.key(values):
                 return None
             found.append((probe, self.potential(near, moved).tape))
         return found
 
-    def potential(self, moments: Moments, numbers: Sequence[fmpq]) -> Potential:
+    def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
         """See Model.potential."""
         values: dict[Path, object] = {
             path: str(value) for path, value in zip(self.paths, numbers, strict=True)
@@ -206,7 +212,7 @@ def _expression(
         tree = parse(str(document.get("expression")))
         if not _is_plain(tree, varying):
             return None
-        found = Split(tuple(varying), {*parameters, *names, *_MOMENTS})
+        found = SplitParameters(tuple(varying), {*parameters, *names, *_MOMENTS})
         holed = format_tree(fold_tree(tree, found.build)[0])
         fixed = {name: _ratio(exact_number(value)) for name, value in parameters.items() if name not in names}
     except (FormulaError, ValueError):

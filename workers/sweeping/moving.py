@@ -36,8 +36,15 @@ from workers.sweeping.energies import rounded
 from workers.sweeping.near_poles import keep_their_sign
 from workers.sweeping.points import SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.programs import nearest_double
-from workers.sweeping.solved import INADMISSIBLE, INVALID, NO_MOTION, Found, SolvedBlock, numbers_of_motions
-from workers.sweeping.templates import Key, Model, Moments, Template, own_template, shared_template
+from workers.sweeping.solved import (
+    INADMISSIBLE,
+    INVALID,
+    NO_MOTION,
+    FoundPoints,
+    SolvedBlock,
+    numbers_of_motions,
+)
+from workers.sweeping.templates import Key, Model, MomentsOfPoint, Template, own_template, shared_template
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -75,7 +82,7 @@ class _Point:
     """What a point states."""
 
     place: int
-    moments: Moments
+    moments: MomentsOfPoint
     numbers: list[fmpq]
     template: Template
     row: list[float]
@@ -102,7 +109,7 @@ class MovingSolver:
         """Solve the points ``first`` to ``first + count - 1``."""
         moving = self._moving
         points = SweptPoints(self._sweep, self._known, np.arange(first, first + count))
-        found = Found(self._sweep, self._names, count)
+        found = FoundPoints(self._sweep, self._names, count)
         base = next(iter(moving.motions.items()))
         squares, signs = curves_of(points, moving.curve_place, *base)
         usable = are_numbers(points.doubles.T) & (signs != 0)
@@ -148,15 +155,15 @@ class MovingSolver:
             return None
         return _Point(place, moments, numbers, template, row, values, judgement, judgement.energy)
 
-    def _moments(self, points: SweptPoints, place: int) -> Moments:
+    def _moments(self, points: SweptPoints, place: int) -> MomentsOfPoint:
         body, axes = self._moving.problem.body, self._moving.moments
         A = points.exact(axes["A"], place) if "A" in axes else _ratio(body.A)
         C = points.exact(axes["C"], place) if "C" in axes else _ratio(body.C)
         if "B" in axes:
-            return Moments(A, points.exact(axes["B"], place), C)
-        return Moments(A, None if body.B is None else _ratio(body.B), C)
+            return MomentsOfPoint(A, points.exact(axes["B"], place), C)
+        return MomentsOfPoint(A, None if body.B is None else _ratio(body.B), C)
 
-    def _is_body(self, moments: Moments) -> bool:
+    def _is_body(self, moments: MomentsOfPoint) -> bool:
         """Tell whether there is such a body, and planar motions of it."""
         A, B, C = moments
         if A <= 0 or C <= 0 or A == C or A > LARGEST_RATIO * C or C > LARGEST_RATIO * A:
@@ -166,7 +173,7 @@ class MovingSolver:
         return B > 0 and (self._moving.problem.body.allow_unphysical or abs(A - C) <= B <= A + C)
 
     def _judged(
-        self, moments: Moments, numbers: list[fmpq]
+        self, moments: MomentsOfPoint, numbers: list[fmpq]
     ) -> tuple[Template, list[float], list[fmpq], Judgement] | None:
         values = self._moving.model.values(moments, numbers)
         if values is None or any(value.height_bits() > MOST_BITS for value in values):
@@ -182,7 +189,7 @@ class MovingSolver:
             return None
 
     def _template(
-        self, moments: Moments, numbers: list[fmpq], values: list[fmpq]
+        self, moments: MomentsOfPoint, numbers: list[fmpq], values: list[fmpq]
     ) -> tuple[Template, list[fmpq | None], list[float]] | None:
         """Return the template of a point, its numbers exactly, and rounded."""
         model = self._moving.model
@@ -204,7 +211,7 @@ class MovingSolver:
 
     def _solve_group(
         self,
-        found: Found,
+        found: FoundPoints,
         points: SweptPoints,
         motion: PlanarMotion,
         members: Sequence[_Point],

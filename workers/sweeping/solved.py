@@ -38,7 +38,7 @@ class SolvedBlock:
         return found
 
 
-class Found:
+class FoundPoints:
     """The results of a block, filled in group by group."""
 
     def __init__(self, sweep: Sweep, names: Sequence[str], count: int) -> None:

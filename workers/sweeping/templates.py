@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 Key = tuple[object, ...]
 
 
-class Moments(NamedTuple):
+class MomentsOfPoint(NamedTuple):
     """Those of a body, exactly."""
 
     A: fmpq
@@ -42,16 +42,18 @@ class Moments(NamedTuple):
 class Model(Protocol):
     """A potential with numbers that follow from those on the axes."""
 
-    def values(self, moments: Moments, numbers: Sequence[fmpq]) -> list[fmpq] | None:
+    def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """Return the numbers in the potential at those on its axes; None: left to single jobs."""
 
     def key(self, values: Sequence[fmpq]) -> Key:
         """Return what the structure of the potential depends on."""
 
-    def probes(self, moments: Moments, numbers: Sequence[fmpq]) -> list[tuple[list[fmpq], Tape]] | None:
+    def probes(
+        self, moments: MomentsOfPoint, numbers: Sequence[fmpq]
+    ) -> list[tuple[list[fmpq], Tape]] | None:
         """Return two sets of other values of the same key, and the tape of each; None: there are none."""
 
-    def potential(self, moments: Moments, numbers: Sequence[fmpq]) -> Potential:
+    def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
         """Return the potential at a point itself; raises what its family raises."""
 
 
@@ -96,7 +98,7 @@ class Template:
         )
 
 
-def shared_template(model: Model, moments: Moments, numbers: Sequence[fmpq]) -> Template | None:
+def shared_template(model: Model, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Template | None:
     """Return the template of all points like this one; None if it is not found."""
     try:
         probes = model.probes(moments, numbers)

@@ -34,7 +34,7 @@ _OTHERS = tuple(name for name in ProblemIn.model_fields if name not in (*SETTING
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownProblem:
     """The parts of a document without any fault."""
 
     parts: dict[str, object]
@@ -42,7 +42,7 @@ class Known:
     potential: Potential
 
 
-def read_known(document: object) -> Known | None:
+def read_known(document: object) -> KnownProblem | None:
     """Return the parts of the document of a planar problem; None if it has faults, or is not of this kind."""
     if not isinstance(document, dict) or not document.keys() <= _FIELDS or not _is_plain(document):
         return None
@@ -58,7 +58,7 @@ def read_known(document: object) -> Known | None:
         faults = (*combination_faults(document, parts), *motion_faults(stated.body, document, parts))
         if not faults:
             # What is kept beside a formula while it is evaluated is for one problem.
-            return Known(parts, stated.body, stated.potential.alone())
+            return KnownProblem(parts, stated.body, stated.potential.alone())
     return None
 
 
@@ -99,4 +99,6 @@ def _setting(text: str) -> _Setting | None:
 @lru_cache(maxsize=KEPT)
 def _choices(text: str) -> dict[str, object]:
     document = json.loads(text)
+    if any(ProblemIn.model_fields[name].is_required() for name in _OTHERS if name not in document):
+        raise KeyError(text)
     return {name: read_part(ProblemIn, name, document) for name in _OTHERS}

@@ -66,8 +66,6 @@ def read_parts(
 def read_part(model: type[BaseModel], name: str, document: dict[str, object]) -> object:
     """Return one part of ``document``, its default if it was left out; raises pydantic's ValidationError."""
     if name not in document:
-        if model.model_fields[name].is_required():
-            raise KeyError(name)
         return model.model_fields[name].get_default(call_default_factory=True, validated_data={})
     return _adapter(model, name).validate_python(document[name])
 

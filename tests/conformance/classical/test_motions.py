@@ -50,7 +50,7 @@ def test_a_worked_example_lies_on_the_motion_and_has_its_period(case: Worked):
 def test_integrated_from_a_worked_state_the_relations_stay_and_the_motion_closes(case: Worked):
     problem = read_problem(case.document)
     times = np.append(np.linspace(0, case.span, 101), case.period)
-    found = integrate_state(problem.body, problem.potential, case.omega, case.gamma, times, tolerance=1e-8)
+    found = integrate_state(problem.body, problem.potential, case.omega, case.gamma, times, tolerance=1e-9)
     relations = relations_of(placed(case.document))
     assert max(relations.drifts(found.samples[:-1]).values()) < 1e-10
     # The worked states have 17 digits, which an unstable orbit multiplies in a period.

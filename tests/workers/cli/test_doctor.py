@@ -164,6 +164,7 @@ def test_arrays_that_are_packed_otherwise_are_the_same_numbers(database, solved,
     planar = function_of(database, solved["planar"])
     packed = encode_dense(planar)
     monkeypatch.setattr(codec, "_LEVEL", 19)
+    monkeypatch.delattr(codec._OF_THREAD, "compressor")
     packed_otherwise = encode_dense(planar)
     assert packed_otherwise != packed
     change(database, DenseOutputRow, solved["planar"], data=packed_otherwise)

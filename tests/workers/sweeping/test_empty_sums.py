@@ -12,7 +12,7 @@ from service.dynamics.verdict.proofs.power_sums import judge_power_sum
 from workers.solvers.compiled.frame import Bodies, loops_of
 from workers.sweeping.empty_sums import have_no_motion
 from workers.sweeping.models import model_of
-from workers.sweeping.templates import Moments
+from workers.sweeping.templates import MomentsOfPoint
 
 LOG_LAMBDA = math.log(0.9)
 
@@ -20,7 +20,7 @@ LOG_LAMBDA = math.log(0.9)
 def case(text, A, C, **parameters):
     given = {name: str(value) for name, value in parameters.items()}
     document = {"type": "expression", "expression": text, "parameters": given}
-    moments = Moments(fmpq(A), None, fmpq(C))
+    moments = MomentsOfPoint(fmpq(A), None, fmpq(C))
     potential = model_of(document, (), frozenset()).potential(moments, [])
     return moments, judge_power_sum(moments.A, moments.C, potential.tape), potential
 

@@ -84,7 +84,8 @@ def test_bounds_on_discs_are_those_of_arrays(text, state, radius):
     np.testing.assert_allclose(bounds, others, rtol=1e-9, atol=1e-12)
     centres, radii = equations.integrals_on(state[:, None], np.full((6, 1), radius))
     np.testing.assert_allclose(found[0], centres[:, 0], rtol=0, atol=1e-12)
-    if np.isfinite(radii).all():
+    # Compiled code takes V and its derivatives together: without a bound of these it has none of V.
+    if np.isfinite(radii).all() and np.isfinite(bounds).all():
         np.testing.assert_allclose(found[1], radii[:, 0], rtol=1e-9, atol=1e-12)
 
 

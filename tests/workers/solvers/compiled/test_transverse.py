@@ -54,7 +54,15 @@ def test_jets_of_a_product():
     program, constants = make_program(formula("g1*g3 + 2/g3^2", body(2, 1)).tape)
     none = np.empty(0)
     made = Formula(
-        program.code, program.result, constants, new_registers(program.code), np.empty((0, 0)), none, none
+        program.code,
+        program.result,
+        constants,
+        none,
+        new_registers(program.code),
+        np.empty((0, 0)),
+        none,
+        none,
+        none,
     )
     jets = np.zeros((8, len(program.code) + 3, WIDTH))
     g1, g3 = np.linspace(0.1, 0.8, WIDTH), np.linspace(0.5, 0.3, WIDTH)
@@ -82,7 +90,9 @@ def test_gravity_has_the_coefficient_of_lames_equation():
     )
     none = np.empty(0)
     registers = new_registers(program.code)
-    made = Formula(program.code, program.result, constants, registers, np.empty((0, 0)), none, none)
+    made = Formula(
+        program.code, program.result, constants, none, registers, np.empty((0, 0)), none, none, none
+    )
     places = new_records(PLACES)[0]
     v = np.linspace(0.1, 3.0, WIDTH)
     places.sine[:WIDTH], places.cosine[:WIDTH] = np.sin(v), np.cos(v)

@@ -18,7 +18,10 @@ def largest_q(found: Case, q: float, periods: int) -> np.ndarray:
     state = found.state()
     omega = (state[0], q, state[2])
     times = np.arange(PER_PERIOD * periods) * (found.period.hi / PER_PERIOD)
-    motion = integrate_state(found.body, found.potential, omega, state[3:], times, tolerance=0.1)
+    # heyoka's steps are as fine as doubles allow, whatever the tolerance: what grows are roundings.
+    motion = integrate_state(
+        found.body, found.potential, omega, state[3:], times, tolerance=0.1, integrator="heyoka"
+    )
     return np.abs(motion.samples[:, 1]).reshape(periods, PER_PERIOD).max(axis=1)
 
 

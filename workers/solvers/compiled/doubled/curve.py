@@ -38,7 +38,7 @@ ANGLE, RADICAND, WIDTH, G1, COSINE = 0, 2, 4, 6, 12
 ROWS = 14
 
 
-class Curve(NamedTuple):
+class DoubledCurve(NamedTuple):
     """What a loop is made of."""
 
     alpha: Twice
@@ -49,7 +49,7 @@ class Curve(NamedTuple):
 
 
 @kernel
-def curve_of(loop: Loop) -> Curve:
+def curve_of(loop: Loop) -> DoubledCurve:
     """Return Z and G of Z² + (Z/λ)^2α = 1 by a step of Newton's in log Z from doubles, and the rest."""
     alpha = (loop.alpha, loop.alpha_low)
     log_lambda = (loop.log_lambda, loop.log_lambda_low)
@@ -61,11 +61,13 @@ def curve_of(loop: Loop) -> Curve:
     slope = add(first, multiply(alpha, second))
     log_z = subtract((u, 0.0), divide(miss, (2.0 * slope[0], 2.0 * slope[1])))
     log_g = multiply(alpha, subtract(log_z, log_lambda))
-    return Curve(alpha, (loop.factor, loop.factor_low), exponential(log_z), exponential(log_g), log_g)
+    return DoubledCurve(alpha, (loop.factor, loop.factor_low), exponential(log_z), exponential(log_g), log_g)
 
 
 @kernel
-def radicands_doubled(formula: Formula, loop: Loop, curve: Curve, sheet: FloatArray, count: int) -> None:
+def radicands_doubled(
+    formula: Formula, loop: Loop, curve: DoubledCurve, sheet: FloatArray, count: int
+) -> None:
     """Fill in P, and what it is made of, at places of which v is known."""
     for m in range(count):
         sine, cosine = sine_and_cosine((sheet[ANGLE, m], sheet[ANGLE + 1, m]))
@@ -110,7 +112,13 @@ def roundings_of(formula: Formula, loop: Loop, sheet: FloatArray, count: int, pl
 
 @kernel
 def ends_of(
-    formula: Formula, loop: Loop, curve: Curve, lower: float, upper: float, sheet: FloatArray, places: Places
+    formula: Formula,
+    loop: Loop,
+    curve: DoubledCurve,
+    lower: float,
+    upper: float,
+    sheet: FloatArray,
+    places: Places,
 ) -> tuple[Twice, Twice, float]:
     """Return both ends of a libration by a step of Newton's from doubles, and a bound of what they are off.
 

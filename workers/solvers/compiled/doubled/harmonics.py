@@ -27,7 +27,7 @@ from workers.solvers.compiled.doubled.curve import (
     ANGLE,
     RADICAND,
     WIDTH,
-    Curve,
+    DoubledCurve,
     radicands_doubled,
     roundings_of,
 )
@@ -61,7 +61,7 @@ COSINES = _table()
 def rates_doubled(
     formula: Formula,
     loop: Loop,
-    curve: Curve,
+    curve: DoubledCurve,
     ends: tuple[Twice, Twice],
     sheet: FloatArray,
     count: int,
@@ -160,7 +160,7 @@ def _fill_series(folded: FloatArray, number: int, mean: Twice, series: FloatArra
 def find_harmonics(
     formula: Formula,
     loop: Loop,
-    curve: Curve,
+    curve: DoubledCurve,
     ends: tuple[Twice, Twice],
     off: float,
     sheet: FloatArray,

@@ -6,7 +6,7 @@ import numpy as np
 
 from workers.solvers.compiled.desk import Desk
 from workers.solvers.compiled.doubled.arithmetic import Twice, add, scale, sine_and_cosine, subtract
-from workers.solvers.compiled.doubled.curve import ANGLE, ROWS, Curve, curve_of, ends_of
+from workers.solvers.compiled.doubled.curve import ANGLE, ROWS, DoubledCurve, curve_of, ends_of
 from workers.solvers.compiled.doubled.harmonics import (
     MOST,
     REST_OF_PI,
@@ -113,7 +113,7 @@ def _start_between(loop: Loop, ends: tuple[Twice, Twice]) -> float:
 
 
 @kernel
-def _set_ends(loop: Loop, curve: Curve, ends: tuple[Twice, Twice]) -> None:
+def _set_ends(loop: Loop, curve: DoubledCurve, ends: tuple[Twice, Twice]) -> None:
     """Round what the loop is made of, once."""
     loop.z, loop.g = curve.z[0], curve.g[0]
     loop.half_width = 0.5 * subtract(ends[1], ends[0])[0]
@@ -138,7 +138,7 @@ def _x_of(panel: Panel, n: int) -> float:
 def _worst_seen(
     formula: Formula,
     loop: Loop,
-    curve: Curve,
+    curve: DoubledCurve,
     ends: tuple[Twice, Twice],
     panels: Records,
     number: int,
