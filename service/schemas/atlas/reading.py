@@ -64,7 +64,8 @@ class AtlasIn(WireModel):
 
     body: BodyIn = Field(description="The rigid body; A ≠ C. B is needed for stability only.")
     potential: PotentialIn = Field(
-        description="The potential. Without a formula (`general`, F not constant) the windows are seen, not proved."
+        description="The potential. Without a formula (`general`, F not constant) the windows are seen,"
+        " and not proved."
     )
     lambda_: Annotated[list[Positive], Field(min_length=2, max_length=2), AfterValidator(_forward)] = Field(
         alias="lambda", description="Smallest and largest λ, from 1e-9 to 1e9."

@@ -18,8 +18,8 @@ ChangeOut = Literal[
 ]
 ProofOut = Literal["proved", "seen"]
 _PROOF = (
-    "`proved` for every λ, or `seen`: of a potential without a formula, at the samples and by bisection between"
-    " them; a window narrower than the distance of two samples can be missed."
+    "`proved` for every λ, or `seen`: of a potential without a formula, at the samples and by bisection"
+    " between them; a window narrower than the distance of two samples can be missed."
 )
 WindowKindOut = Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"]
 
@@ -123,7 +123,8 @@ class AtlasChangeOut(ResponseModel):
 
     lambda_: MeasuredOut = Field(
         alias="lambda",
-        description="The change is inside, and outside of all changes there is none: `proof` tells how that is known.",
+        description="The change is inside, and outside of all changes there is none: `proof` tells how that"
+        " is known.",
     )
     kind: ChangeOut = Field(
         description="As λ grows. Where a window appears or vanishes its motion is an equilibrium; where two"

@@ -1,4 +1,4 @@
-"""Atlases of potentials without a formula: against the proved one of the same V, and against single motions."""
+"""Atlases of potentials without a formula: against the proved one of the same V, and single motions."""
 
 from fractions import Fraction
 
@@ -14,9 +14,9 @@ from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula
 
-# V = V1[F] + Q G with V1 = 0 where |g1| = |g3| = s and s² = (1 - g2²)/2, so that G = V(s, g2, s) / Q there. On a
-# curve the energy is -F(w): for A = 2C and g1 > 0 that of -g1 is sqrt(w)/2, that of b/g3² is -2b/w, that of
-# c (g1² - g2²) = c (Q - 1) is -c, with Q = 3s² at s; for C = 2A, mirrored, -g3 has 1/(2w), and b/g1² has -2b w².
+# V = V1[F] + Q G with V1 = 0 where |g1| = |g3| = s and s² = (1 - g2²)/2, so that G = V(s, g2, s)/Q there. On
+# a curve the energy is -F(w): for A = 2C and g1 > 0 that of -g1 is sqrt(w)/2, that of b/g3² is -2b/w, that of
+# c (g1² - g2²) = c (Q - 1) is -c, with Q = 3s² at s; for C = 2A, mirrored, -g3 has 1/(2w), b/g1² has -2b w².
 S2 = "((1-g2^2)/2)"
 AT_S = f"(-sqrt{S2} + (1/20)/{S2}"
 PAIRS = {
