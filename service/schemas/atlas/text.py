@@ -20,10 +20,8 @@ def _lines(atlas: AtlasOut) -> Iterator[str]:
         (
             change.lambda_.value,
             [
-                [
-                    f"  at λ = {change.lambda_.value!r} ± {change.lambda_.error:.2g}: {KINDS[change.kind]}"
-                    f"{_seen(change.proof)}"
-                ],
+                f"  at λ = {change.lambda_.value!r} ± {change.lambda_.error:.2g}: {KINDS[change.kind]}"
+                f"{_seen(change.proof)}"
             ],
         )
         for change in atlas.changes
