@@ -8,9 +8,10 @@ from math import isfinite
 
 from flint import arb
 
-from service.dynamics.atlas.atlas import Atlas, AtlasPart, make_atlas, with_formula
+from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.bands import Band, Measured, WindowSeries
 from service.dynamics.atlas.changes import Change
+from service.dynamics.atlas.parts import Atlas, AtlasPart, Proof
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.atlas.reading import AtlasQuestion, read_atlas
 from service.verdicts.documents import Document, verdict_document
@@ -74,7 +75,6 @@ def _draw(document: object, *, processor: float, clock: float) -> Document:
 
 def _judge(asked: AtlasQuestion) -> tuple[Verdict, Document]:
     """Return the verdict on the potential, and the refusal if it has no atlas, else an empty document."""
-    with_formula(asked.body, asked.potential)
     verdict = decide(asked.body, asked.potential, verdict_deadline())
     answer = verdict_document(asked.body, verdict, asked.potential)
     return verdict, refusal_of_verdict(verdict, answer, asked.accepts_undecided) or {}
@@ -84,13 +84,13 @@ def atlas_document(atlas: Atlas, asked: AtlasQuestion) -> Document:
     """Return the atlas as JSON members."""
     return {
         "lambda": [float(asked.range.lower), float(asked.range.upper)],
-        "parts": [_part(part, wants_period=asked.wants_period) for part in atlas.parts],
-        "changes": [_change(change) for change in atlas.changes],
+        "parts": [_part(part, atlas.proof, wants_period=asked.wants_period) for part in atlas.parts],
+        "changes": [_change(change, atlas.proof) for change in atlas.changes],
         "undecided": [[float(end.mid()) for end in ends] for ends in atlas.undecided],
     }
 
 
-def _part(part: AtlasPart, *, wants_period: bool) -> Document:
+def _part(part: AtlasPart, proof: Proof, *, wants_period: bool) -> Document:
     reason = None
     if part.reason is not None:
         reason = {"code": part.reason.code, "detail": part.reason.message}
@@ -99,6 +99,7 @@ def _part(part: AtlasPart, *, wants_period: bool) -> Document:
         "lambda": [float(part.lower.mid()), float(part.upper.mid())],
         "samples": None if series is None else _samples(series, wants_period=wants_period),
         "reason": reason,
+        "proof": proof,
     }
 
 
@@ -137,12 +138,13 @@ def _known(values: Sequence[float]) -> list[float | None]:
     return [value if isfinite(value) else None for value in values]
 
 
-def _change(change: Change) -> Document:
+def _change(change: Change, proof: Proof) -> Document:
     return {
         "lambda": _enclosed(change.lower, change.upper),
         "kind": change.kind,
         "g1": _measured(change.g1),
         "g2": _measured(change.g2),
+        "proof": proof,
     }
 
 

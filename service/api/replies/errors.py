@@ -14,7 +14,6 @@ URN = "urn:polhode:problem:"
 TITLES: Mapping[str, str] = {
     "accuracy_not_met": "The accuracy cannot be met",
     "ambiguous_length": "The length of the body is ambiguous",
-    "atlas_needs_formula": "An atlas needs a formula",
     "body_too_large": "The body is too large",
     "client_gone": "The client disconnected",
     "cross_origin": "Sent by a page of another origin",

@@ -63,7 +63,7 @@ class Atlas(Generic[CarrierT]):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """The changes: outside of them and of ``undecided`` there is none."""
+        """The changes: outside of them and of ``undecided`` there is none, where ``proof`` is ``proved``."""
         return tuple(map(read_change, items(self.document["changes"])))
 
     @property

@@ -21,17 +21,20 @@ class Change:
     Parameters
     ----------
     lam
-        λ, with the error within which the change is proved to be.
+        λ, with the error within which the change is.
     kind
         As λ grows: ``window_appears``, ``windows_merge``, … as docs/atlas.md lists them.
     g1, g2
         Where on the curve, with estimated errors; None where that is not known.
+    proof
+        ``proved``, or ``seen``: the windows on both sides are seen, and differ.
     """
 
     lam: Quantity
     kind: str
     g1: Quantity | None
     g2: Quantity | None
+    proof: str = "proved"
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +74,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A stretch of λ on which the number, kinds and ends of the windows are proved to stay the same.
+    """A stretch of λ on which the number, kinds and ends of the windows stay the same.
 
     Parameters
     ----------
@@ -83,6 +86,8 @@ class Part:
         The windows; none where there is no motion.
     reason
         Why the windows are not told, as ``code`` and ``detail``; else None.
+    proof
+        ``proved``, or ``seen``: at single λ, so that a window narrower than their distance can be missed.
     """
 
     lower: float
@@ -92,20 +97,21 @@ class Part:
     energy_error: FloatArray
     bands: tuple[Band, ...]
     reason: Mapping[str, object] | None
+    proof: str = "proved"
 
 
 def read_part(told: Mapping[str, object]) -> Part:
     """Return a part as the service tells it."""
     lower, upper = pair(told["lambda"])
-    samples, reason = told["samples"], told["reason"]
+    samples, reason, proof = told["samples"], told["reason"], str(told.get("proof", "proved"))
     if not isinstance(samples, Mapping):
         assert isinstance(reason, Mapping)
         nothing: FloatArray = np.empty(0)
-        return Part(lower, upper, nothing, nothing, nothing, (), reason)
+        return Part(lower, upper, nothing, nothing, nothing, (), reason, proof)
     lam = _numbers(samples["lambda"])
     bands = tuple(_band(window, len(lam)) for window in items(samples["windows"]))
     return Part(
-        lower, upper, lam, _numbers(samples["energy"]), _numbers(samples["energy_error"]), bands, None
+        lower, upper, lam, _numbers(samples["energy"]), _numbers(samples["energy_error"]), bands, None, proof
     )
 
 
@@ -134,7 +140,13 @@ def read_change(told: Mapping[str, object]) -> Change:
     """Return a change as the service tells it."""
     lam = Quantity.read(told["lambda"])
     assert lam is not None
-    return Change(lam, str(told["kind"]), Quantity.read(told["g1"]), Quantity.read(told["g2"]))
+    return Change(
+        lam,
+        str(told["kind"]),
+        Quantity.read(told["g1"]),
+        Quantity.read(told["g2"]),
+        str(told.get("proof", "proved")),
+    )
 
 
 def columns_of(parts: Sequence[Part]) -> dict[str, object]:
@@ -147,8 +159,8 @@ def columns_of(parts: Sequence[Part]) -> dict[str, object]:
     numbers = [_numbers_of(part, band) for _, part, band in rows]
     for name in _NUMBERS:
         found[name] = np.concatenate([each[name] for each in numbers]) if numbers else np.empty(0)
-    for name, word in (("kind", 0), ("smallest_end", 1), ("largest_end", 2)):
-        words = ((band.kind, *band.ends)[word] for _, _, band in rows)
+    for word, name in enumerate(("kind", "smallest_end", "largest_end", "proof")):
+        words = ((band.kind, *band.ends, part.proof)[word] for _, part, band in rows)
         lengths = (len(part.lam) for _, part, _ in rows)
         found[name] = [word for word, count in zip(words, lengths, strict=True) for _ in range(count)]
     return found

@@ -2,14 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
-from service.dynamics.atlas.energies import energies
+from service.dynamics.atlas.curves import LambdaStretch, PlainHalves
 from service.dynamics.atlas.periods import periods
 from service.dynamics.atlas.radicands import equator_of
 from service.dynamics.atlas.zeros import Zeros
@@ -62,11 +60,12 @@ class WindowSeries:
 
 
 def series_of(
-    halves: Sequence[HalfCurves],
+    halves: Sequence[PlainHalves],
     zeros: Sequence[Zeros],
     single: Sequence[LambdaStretch],
     windows: Sequence[Window],
     row: int,
+    energy: Measured,
     *,
     has_periods: bool,
 ) -> WindowSeries:
@@ -74,7 +73,7 @@ def series_of(
     lambda_ = np.array([float(halves[0].sent(each)[0].mid()) for each in single])
     Z, G = equator_of(halves[0], single)
     bands = tuple(_band(halves[0], zeros, Z, G, window, row, has_period=has_periods) for window in windows)
-    return WindowSeries(lambda_, Measured.between(*energies(halves[0], single)), bands)
+    return WindowSeries(lambda_, energy, bands)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +86,7 @@ class _End:
 
 
 def _band(
-    half: HalfCurves,
+    half: PlainHalves,
     zeros: Sequence[Zeros],
     Z: FloatArray,
     G: FloatArray,
@@ -126,7 +125,7 @@ def _band(
     return Band(window, (g1[0], g1[1]), g2, period)
 
 
-def _end(half: HalfCurves, zeros: Sequence[Zeros], v: arb, row: int, count: int) -> _End:
+def _end(half: PlainHalves, zeros: Sequence[Zeros], v: arb, row: int, count: int) -> _End:
     """Return an end of an arc at every λ; it is known at the λ of one row."""
     place = float(v)
     turns = round(place / np.pi)
@@ -155,14 +154,9 @@ def _column(zeros: Zeros, row: int, x: float, pole: float) -> int | None:
     return best if off[best] <= SAME * x else None
 
 
-def _period(half: HalfCurves, Z: FloatArray, G: FloatArray, arc: Arc, ends: Sequence[_End]) -> Measured:
+def _period(half: PlainHalves, Z: FloatArray, G: FloatArray, arc: Arc, ends: Sequence[_End]) -> Measured:
     lower, upper = (end.v for end in ends)
     if arc.is_whole_loop:
         lower = np.full((len(Z), 1), float(arc.lower))
         upper = lower + 2.0 * np.pi
     return Measured(*periods(half, Z, G, lower, upper, is_loop=arc.is_whole_loop))
-
-
-def motion_value(half: HalfCurves, single: LambdaStretch) -> Fraction:
-    """Return the λ of a motion as the exact value of the double that is told for it."""
-    return Fraction(float(half.sent(single)[0].mid()))

@@ -1,6 +1,6 @@
 """Tells what changes between two parts: windows appear, vanish, merge or split, or an end moves."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -9,10 +9,9 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.atlas.bands import Measured
-from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
+from service.dynamics.atlas.curves import PlainHalves
 from service.dynamics.atlas.pictures import EQUATOR, Signature
-from service.dynamics.atlas.structures import LambdaPart
-from service.dynamics.atlas.zeros import Zeros, zeros_of
+from service.dynamics.atlas.zeros import Zeros
 
 FloatArray = NDArray[np.float64]
 
@@ -45,18 +44,14 @@ class Change:
 class Beside:
     """A part next to a change, as seen from it."""
 
-    part: LambdaPart
-    nearest: LambdaStretch
-    """The λ of the part next to the change."""
-
-    @property
-    def signatures(self) -> tuple[Signature, ...]:
-        """Those of the part."""
-        return () if self.part.signatures is None else self.part.signatures
+    signatures: tuple[Signature, ...]
+    """Those of the part, of each half curve."""
+    zeros: Callable[[int], Zeros]
+    """Of a half curve, at the λ of the part next to the change; shape (1, zeros)."""
 
 
 def change_between(
-    halves: Sequence[HalfCurves], before: Beside, after: Beside, enclosure: tuple[arb, arb]
+    halves: Sequence[PlainHalves], before: Beside, after: Beside, enclosure: tuple[arb, arb]
 ) -> Change:
     """Return what changes between two parts, the first with the smaller λ of the client."""
     kinds: list[tuple[ChangeKind, Measured | None, Measured | None]] = []
@@ -70,7 +65,7 @@ def change_between(
 
 
 def _of_half(
-    half: HalfCurves, k: int, before: Beside, after: Beside
+    half: PlainHalves, k: int, before: Beside, after: Beside
 ) -> tuple[ChangeKind, Measured | None, Measured | None]:
     one, other = (_signs(each.signatures[k]) for each in (before, after))
     if one == other:
@@ -95,9 +90,9 @@ def _signs(signature: Signature) -> list[int]:
     return [*signature[:border], *signature[border + 2 :]]
 
 
-def _meeting(half: HalfCurves, number: int, beside: Beside) -> tuple[int, Measured | None, Measured | None]:
+def _meeting(half: PlainHalves, number: int, beside: Beside) -> tuple[int, Measured | None, Measured | None]:
     """Return the sign of p² between the two neighbouring zeros that are closest, and where they are."""
-    zeros = zeros_of(half, number, beside.part, [beside.nearest])
+    zeros = beside.zeros(number)
     x = 0.5 * (zeros.low[0] + zeros.high[0])
     v = np.where(zeros.hemisphere > 0, x, np.pi - x)
     gaps = np.diff(v) / np.sin(np.minimum(v[1:], v[:-1]))
@@ -108,7 +103,7 @@ def _meeting(half: HalfCurves, number: int, beside: Beside) -> tuple[int, Measur
     return _signs(beside.signatures[number])[first + 1], g1, g2
 
 
-def _places(half: HalfCurves, zeros: Zeros) -> list[tuple[FloatArray, ...]]:
+def _places(half: PlainHalves, zeros: Zeros) -> list[tuple[FloatArray, ...]]:
     sign = half.shape.third_sign if half.shape.is_mirrored else half.shape.first_sign
     g1 = tuple(sign * side[0] for side in zeros.size)
     return [g1, tuple(side[0] for side in zeros.height)]

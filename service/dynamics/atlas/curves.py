@@ -7,6 +7,7 @@ k = λ, or k = 1/λ where λ > 1, because the bounds of the curve are tight for 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -57,7 +58,7 @@ class LambdaStretch:
 
 
 @dataclass(frozen=True, slots=True)
-class HalfCurves:
+class PlainHalves:
     """The half curves of a body and a potential on which g1 and g3 have given signs, for every λ."""
 
     body: RigidBody
@@ -65,28 +66,13 @@ class HalfCurves:
     motion: PlanarMotion
     """Gives the signs; its λ has no meaning."""
     shape: Shape
-    tape: Tape
 
-    def over(self, stretches: Sequence[LambdaStretch]) -> Curves:
-        """Return the curves of each stretch, which all have the same ``is_inverse``."""
+    def loops(self, stretches: Sequence[LambdaStretch]) -> Loops:
+        """Return bounds of Z and G on each stretch; all have the same ``is_inverse``."""
         low, high = (np.array([getattr(each, end) for each in stretches]) for end in ("low", "high"))
         # A loop of a stretch is open at its ends: the next doubles enclose them.
         below, above = np.nextafter(low, 0.0), np.minimum(np.nextafter(high, 2.0), 1.0)
-        loops = loops_of_stretches(self.shape, below, above, is_inverse=stretches[0].is_inverse)
-        return Curves(self.tape, self._own_body, loops, self._turn)
-
-    @property
-    def _own_body(self) -> RigidBody:
-        return RigidBody(self.body.A, None, self.body.C, allow_unphysical=True)
-
-    @property
-    def _turn(self) -> int:
-        is_turned = (self.shape.first_sign * self.shape.third_sign < 0) != self.shape.is_mirrored
-        return -1 if is_turned else 1
-
-    def loops(self, stretches: Sequence[LambdaStretch]) -> Loops:
-        """Return bounds of Z and G on each stretch."""
-        return self.over(stretches).loops
+        return loops_of_stretches(self.shape, below, above, is_inverse=stretches[0].is_inverse)
 
     def sent(self, stretch: LambdaStretch) -> tuple[arb, arb]:
         """Return the ends of a stretch as λ of the client's axes, the smaller first."""
@@ -97,9 +83,40 @@ class HalfCurves:
         return (own[0], own[1]) if own[0].mid() <= own[1].mid() else (own[1], own[0])
 
 
+@dataclass(frozen=True, slots=True)
+class HalfCurves(PlainHalves):
+    """The half curves of a potential with a formula, of which bounds are known."""
+
+    tape: Tape
+
+    def over(self, stretches: Sequence[LambdaStretch]) -> Curves:
+        """Return the curves of each stretch, which all have the same ``is_inverse``."""
+        return Curves(self.tape, self._own_body, self.loops(stretches), self._turn)
+
+    @property
+    def _own_body(self) -> RigidBody:
+        return RigidBody(self.body.A, None, self.body.C, allow_unphysical=True)
+
+    @property
+    def _turn(self) -> int:
+        is_turned = (self.shape.first_sign * self.shape.third_sign < 0) != self.shape.is_mirrored
+        return -1 if is_turned else 1
+
+
 def grouped(single: Sequence[LambdaStretch]) -> list[list[LambdaStretch]]:
     """Return neighbours with the same ``is_inverse`` together, in their order."""
     return [list(group) for _, group in groupby(single, key=lambda each: each.is_inverse)]
+
+
+def motion_at(half: PlainHalves, single: LambdaStretch) -> PlanarMotion:
+    """Return the motion on a half curve at a single λ: exactly the double that is told for it."""
+    value = Fraction(float(half.sent(single)[0].mid()))
+    return PlanarMotion(value, g1_sign=half.motion.g1_sign, g3_sign=half.motion.g3_sign)
+
+
+def plain_halves(body: RigidBody, potential: Potential, motion: PlanarMotion) -> PlainHalves:
+    """Return the same of any potential, with or without a formula; A ≠ C."""
+    return PlainHalves(body, potential, motion, shape_of(body, motion))
 
 
 def half_curves(body: RigidBody, potential: Potential, motion: PlanarMotion) -> HalfCurves:

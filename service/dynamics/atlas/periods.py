@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import HalfCurves
+from service.dynamics.atlas.curves import PlainHalves
 from service.dynamics.atlas.radicands import p_squared
 
 FloatArray = NDArray[np.float64]
@@ -24,7 +24,7 @@ WORST = 1e-3
 
 
 def periods(
-    half: HalfCurves, Z: FloatArray, G: FloatArray, lower: FloatArray, upper: FloatArray, *, is_loop: bool
+    half: PlainHalves, Z: FloatArray, G: FloatArray, lower: FloatArray, upper: FloatArray, *, is_loop: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return periods and their estimated errors; NaN where they are not known.
 
@@ -55,7 +55,7 @@ def periods(
     return np.where(is_known, found, np.nan), np.where(is_known, error, np.nan)
 
 
-def _slowness(half: HalfCurves, Z: FloatArray, G: FloatArray, v: FloatArray) -> FloatArray:
+def _slowness(half: PlainHalves, Z: FloatArray, G: FloatArray, v: FloatArray) -> FloatArray:
     """Return dt/dv = Z / (c √P)."""
     # The signs of a half belong to sin x; v goes round the whole loop, with the sign of g3 in sin v.
     P, c = p_squared(half, Z, G, half.shape.third_sign * np.sin(v), np.cos(v))

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
+from service.dynamics.atlas.curves import LambdaStretch, PlainHalves
 from service.dynamics.reduction.geometry.height import log_sine_real, numerator_real
 
 FloatArray = NDArray[np.float64]
@@ -15,13 +15,13 @@ STEPS = 80
 CLOSE = 2.0**-51
 
 
-def equator_of(half: HalfCurves, stretches: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
+def equator_of(half: PlainHalves, stretches: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
     """Return Z and G for a λ inside each stretch, shape (stretches, 1)."""
     found: list[tuple[int, float, float]] = []
     for inverse in (False, True):
         places = [k for k, each in enumerate(stretches) if each.is_inverse == inverse]
         if places:
-            loops = half.over([stretches[k] for k in places]).loops
+            loops = half.loops([stretches[k] for k in places])
             Z, G = (0.5 * (low + high) for low, high in (loops.Z, loops.G))
             found.extend(zip(places, Z.tolist(), G.tolist(), strict=True))
     ordered = np.array([each[1:] for each in sorted(found)])
@@ -29,7 +29,7 @@ def equator_of(half: HalfCurves, stretches: Sequence[LambdaStretch]) -> tuple[Fl
 
 
 def curve_at(
-    half: HalfCurves, Z: FloatArray, G: FloatArray, sine: FloatArray, cosine: FloatArray
+    half: PlainHalves, Z: FloatArray, G: FloatArray, sine: FloatArray, cosine: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return g1, g2, g3 in the client's axes, and c = g2 / cos v, at the places with these sin v and cos v.
 
@@ -51,7 +51,7 @@ def curve_at(
 
 
 def d_on_curves(
-    half: HalfCurves, Z: FloatArray, G: FloatArray, side: FloatArray, x: FloatArray
+    half: PlainHalves, Z: FloatArray, G: FloatArray, side: FloatArray, x: FloatArray
 ) -> FloatArray:
     """Return D at distances x from the pole g2 = ``side``, shape (λ, n)."""
     g1, g2, g3, _ = curve_at(half, Z, G, np.sin(x), side * np.cos(x))
@@ -61,7 +61,7 @@ def d_on_curves(
 
 
 def p_squared(
-    half: HalfCurves, Z: FloatArray, G: FloatArray, sine: FloatArray, cosine: FloatArray
+    half: PlainHalves, Z: FloatArray, G: FloatArray, sine: FloatArray, cosine: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the primed p² and c at places of curves."""
     g1, g2, g3, c = curve_at(half, Z, G, sine, cosine)

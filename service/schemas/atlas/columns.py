@@ -25,39 +25,34 @@ NUMBERS = (
     "period",
     "period_error",
 )
-WORDS = ("kind", "smallest_end", "largest_end")
-"""The kind of the motion, and the ends of the window where |g1| is smallest and largest."""
+WORDS = ("kind", "smallest_end", "largest_end", "proof")
+"""The kind of the motion, the ends of the window where |g1| is smallest and largest, and whether the part is
+proved or seen."""
 
 
 def atlas_columns(atlas: AtlasOut) -> dict[str, NDArray[np.generic]]:
     """Return equally long columns; NaN where a number is not known."""
     rows = [
-        (number, part.samples, window)
+        (number, part, part.samples, window)
         for number, part in enumerate(atlas.parts)
         if part.samples is not None
         for window in part.samples.windows
     ]
     columns: dict[str, NDArray[np.generic]] = {
-        "part": _joined([np.full(len(samples.lambda_), number) for number, samples, _ in rows], np.int64),
+        "part": _joined([np.full(len(samples.lambda_), number) for number, _, samples, _ in rows], np.int64),
         "window": _joined(
-            [np.full(len(samples.lambda_), window.window) for _, samples, window in rows], np.int64
+            [np.full(len(samples.lambda_), window.window) for _, _, samples, window in rows], np.int64
         ),
     }
-    numbers = [_numbers(samples, window) for _, samples, window in rows]
+    numbers = [_numbers(samples, window) for _, _, samples, window in rows]
     for k, name in enumerate(NUMBERS):
         columns[name] = _joined([each[k] for each in numbers], np.float64)
-    words = [(len(samples.lambda_), window) for _, samples, window in rows]
-    kinds, smallest, largest = _words(words)
-    for name, texts in zip(WORDS, (kinds, smallest, largest), strict=True):
-        columns[name] = np.array(texts, dtype=np.str_)
+    words = [
+        (window.kind, *window.ends, part.proof) for _, part, samples, window in rows for _ in samples.lambda_
+    ]
+    for k, name in enumerate(WORDS):
+        columns[name] = np.array([each[k] for each in words], dtype=np.str_)
     return columns
-
-
-def _words(rows: Sequence[tuple[int, AtlasWindowOut]]) -> tuple[list[str], list[str], list[str]]:
-    kinds: list[str] = [window.kind for count, window in rows for _ in range(count)]
-    first: list[str] = [window.ends[0] for count, window in rows for _ in range(count)]
-    second: list[str] = [window.ends[1] for count, window in rows for _ in range(count)]
-    return kinds, first, second
 
 
 def _numbers(samples: AtlasSamplesOut, window: AtlasWindowOut) -> list[FloatArray]:

@@ -120,7 +120,8 @@ def _summary(atlas: AtlasOut) -> str:
     count = len(atlas.changes)
     many = "no change" if count == 0 else "1 change" if count == 1 else f"{count} changes"
     rest = f", {len(atlas.undecided)} stretches undecided" if atlas.undecided else ""
-    return f"Windows of planar motions for λ from {low:g} to {high:g}: {many}{rest}"
+    seen = ", seen and not proved" if any(part.proof == "seen" for part in atlas.parts) else ""
+    return f"Windows of planar motions for λ from {low:g} to {high:g}: {many}{rest}{seen}"
 
 
 def _frame(across: _Axis, up: _Axis, name: str, *, is_last: bool) -> Iterator[str]:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
 
-from service.dynamics.atlas.atlas import LambdaRange
+from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
@@ -64,7 +64,8 @@ class AtlasIn(WireModel):
 
     body: BodyIn = Field(description="The rigid body; A ≠ C. B is needed for stability only.")
     potential: PotentialIn = Field(
-        description="The potential, with a formula of g1, g2 and g3, or a constant F."
+        description="The potential. Without a formula (`general`, F not constant) the windows are seen,"
+        " and not proved."
     )
     lambda_: Annotated[list[Positive], Field(min_length=2, max_length=2), AfterValidator(_forward)] = Field(
         alias="lambda", description="Smallest and largest λ, from 1e-9 to 1e9."

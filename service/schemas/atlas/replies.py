@@ -16,6 +16,11 @@ ChangeOut = Literal[
     "end_at_pole",
     "several",
 ]
+ProofOut = Literal["proved", "seen"]
+_PROOF = (
+    "`proved` for every λ, or `seen`: of a potential without a formula, at the samples and by bisection"
+    " between them; a window narrower than the distance of two samples can be missed."
+)
 WindowKindOut = Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"]
 
 
@@ -103,13 +108,14 @@ class AtlasReasonOut(ResponseModel):
 
 
 class AtlasPartOut(ResponseModel):
-    """A part of the range on which the number, kinds and ends of the windows are proved to stay the same."""
+    """A part of the range on which the number, kinds and ends of the windows stay the same."""
 
     lambda_: tuple[float, float] = Field(alias="lambda", description="Its ends, rounded to doubles.")
     samples: AtlasSamplesOut | None = Field(description="Null with a `reason`.")
     reason: AtlasReasonOut | None = Field(
         description="Where the zeros of p² stay, but the kind of the motions is not settled; else null."
     )
+    proof: ProofOut = Field(default="proved", description=_PROOF)
 
 
 class AtlasChangeOut(ResponseModel):
@@ -117,7 +123,8 @@ class AtlasChangeOut(ResponseModel):
 
     lambda_: MeasuredOut = Field(
         alias="lambda",
-        description="The change is proved to be inside, and outside of all changes there is none.",
+        description="The change is inside, and outside of all changes there is none: `proof` tells how that"
+        " is known.",
     )
     kind: ChangeOut = Field(
         description="As λ grows. Where a window appears or vanishes its motion is an equilibrium; where two"
@@ -127,6 +134,7 @@ class AtlasChangeOut(ResponseModel):
         description="Where on the curve, with an estimated error; null where that is not known."
     )
     g2: MeasuredOut | None = Field(description="Where on the curve, with an estimated error.")
+    proof: ProofOut = Field(default="proved", description=_PROOF)
 
 
 class AtlasOut(ResponseModel):

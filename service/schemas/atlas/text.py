@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from service.schemas.atlas.picture import KINDS
-from service.schemas.atlas.replies import AtlasOut, AtlasPartOut, AtlasStabilityOut, AtlasWindowOut
+from service.schemas.atlas.replies import AtlasOut, AtlasPartOut, AtlasStabilityOut, AtlasWindowOut, ProofOut
 
 
 def describe_atlas(atlas: AtlasOut) -> str:
@@ -19,13 +19,20 @@ def _lines(atlas: AtlasOut) -> Iterator[str]:
     told += [
         (
             change.lambda_.value,
-            [f"  at λ = {change.lambda_.value!r} ± {change.lambda_.error:.2g}: {KINDS[change.kind]}"],
+            [
+                f"  at λ = {change.lambda_.value!r} ± {change.lambda_.error:.2g}: {KINDS[change.kind]}"
+                f"{_seen(change.proof)}"
+            ],
         )
         for change in atlas.changes
     ]
     told += [(low, [f"λ from {low:.12g} to {high:.12g}: not decided"]) for low, high in atlas.undecided]
     for _, lines in sorted(told, key=lambda each: each[0]):
         yield from lines
+
+
+def _seen(proof: ProofOut) -> str:
+    return " (seen at single λ, not proved)" if proof == "seen" else ""
 
 
 def _part(part: AtlasPartOut) -> Iterator[str]:
@@ -37,10 +44,10 @@ def _part(part: AtlasPartOut) -> Iterator[str]:
         return
     windows = part.samples.windows
     if not windows:
-        yield f"{where}: no motion"
+        yield f"{where}: no motion{_seen(part.proof)}"
         return
     count = "1 window" if len(windows) == 1 else f"{len(windows)} windows"
-    yield f"{where}: {count}, energy {_range(part.samples.energy)}"
+    yield f"{where}: {count}, energy {_range(part.samples.energy)}{_seen(part.proof)}"
     for window in windows:
         yield _window(window)
 

@@ -141,13 +141,6 @@ def test_what_has_no_atlas_is_refused_before_there_is_a_job(client, jobs):
         422,
         "urn:polhode:problem:inadmissible_potential",
     )
-    by_integral = {
-        **STABILITY,
-        "body": {"A": 3, "B": 2, "C": 1},
-        "potential": {"type": "general", "F": "w^2", "G": "0"},
-    }
-    refused = client.post("/v1/atlases", json=by_integral)
-    assert refused.json()["type"] == "urn:polhode:problem:atlas_needs_formula"
     assert client.post("/v1/atlases", json=ATLAS, params={"priority": "x"}).status_code == 422
     assert jobs.claim("test", lease_seconds=60.0) is None
 

@@ -1,5 +1,6 @@
 """Atlases over HTTP: the document, its other formats, and what is refused."""
 
+import csv
 import io
 import json
 import xml.etree.ElementTree as ET
@@ -123,10 +124,25 @@ def test_what_has_no_atlas_is_refused(client):
     answer = drawn(client, inadmissible).json()
     assert answer["type"] == "urn:polhode:problem:inadmissible_potential"
     assert answer["counterexample"]["residual"]
-    by_integral = {**ATLAS, "body": {"A": 3, "C": 1}, "potential": {"type": "general", "F": "w^2", "G": "0"}}
-    answer = drawn(client, by_integral).json()
-    assert answer["type"] == "urn:polhode:problem:atlas_needs_formula"
     assert drawn(client, accept="image/png").status_code == 406
+
+
+def test_what_is_seen_and_not_proved_says_so_in_every_format(client):
+    by_integral = {
+        "body": {"A": 3, "C": 2},
+        "potential": {"type": "general", "F": "w^2", "G": "g2^2 - 1/3"},
+        "lambda": ["1/2", 2],
+        "samples": 9,
+    }
+    answer = drawn(client, by_integral)
+    assert answer.status_code == 200, answer.text
+    assert [part["proof"] for part in answer.json()["parts"]] == ["seen", "seen"]
+    assert [change["proof"] for change in answer.json()["changes"]] == ["seen"]
+    rows = list(csv.DictReader(drawn(client, by_integral, accept="text/csv").text.splitlines()))
+    assert {row["proof"] for row in rows} == {"seen"}
+    assert "seen and not proved" in drawn(client, by_integral, accept="image/svg+xml").text
+    proved = drawn(client, ATLAS).json()
+    assert {each["proof"] for each in [*proved["parts"], *proved["changes"]]} == {"proved"}
 
 
 def test_a_picture_shows_no_noise_and_no_empty_panel(client):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.dynamics.atlas.atlas import AtlasNeedsFormulaError, LambdaRange, make_atlas
+from service.dynamics.atlas.atlas import make_atlas
+from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.body import EqualMomentsError
-from service.dynamics.potentials.families.general import general_potential
 from service.schemas.atlas.reading import read_atlas
 from tests.support.effort import examples
 from tests.support.planar import body, formula
@@ -204,5 +204,3 @@ def test_a_wall_narrower_than_the_proofs_reach_is_not_passed_over():
 def test_refusals():
     with pytest.raises(EqualMomentsError):
         drawn(body(1, 1), "g1", 1, 2)
-    with pytest.raises(AtlasNeedsFormulaError):
-        drawn(body(3, 1), general_potential(body(3, 1), "w^2", "0", {}), 1, 2)

@@ -5,7 +5,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.atlas.atlas import LambdaRange, make_atlas
+from service.dynamics.atlas.atlas import make_atlas
+from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.potentials.recognition.constant_curve_function import formula_of

@@ -7,7 +7,8 @@ import pytest
 from flint import arb
 from hypothesis import HealthCheck, given, settings
 
-from service.dynamics.atlas.atlas import LambdaRange, make_atlas
+from service.dynamics.atlas.atlas import make_atlas
+from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
 from tests.support.admissible import cases
