@@ -231,6 +231,9 @@ def _shifted(
         level = _extremum(loop, Z, float(draws.choice(turns)), heights) + gap * float(np.median(abs(heights)))
     else:
         level = float(np.quantile(heights, draws.uniform(0.3, 0.95)))
+    if not np.isfinite(level):
+        # The extremum is beside a place where the formula has no value.
+        return document
     name, key = slot
     part = potential[name]
     part[key] = repr(0.5 * ratio * level)
