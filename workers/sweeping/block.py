@@ -207,14 +207,12 @@ class BlockSolver:
             if shared is None:
                 continue
             is_high = self._grade == "high"
-            exact = None
-            if shared.needs_exact or is_high:
-                exact = [parameters.exact(place) for place in here.tolist()]
+            exact = [parameters.exact(n) for n in here.tolist()] if shared.needs_exact or is_high else None
             rows = shared.rows(parameters.doubles[here], exact)
             generic = shared.are_generic(rows)
             group = shared.group(rows[generic], here[generic])
-            if is_high:
-                numbers = [parameters.exact(place) for place in group.places.tolist()]
+            if is_high and exact is not None:
+                numbers = [exact[n] for n in np.flatnonzero(generic).tolist()]
                 group = replace(group, rests=shared.rests(group.rows, numbers))
             groups.append(group)
             places = np.setdiff1d(places, here[generic])

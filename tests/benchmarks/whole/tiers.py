@@ -10,6 +10,7 @@ from pathlib import Path
 from service.dynamics.accuracy import TIERS
 from service.schemas.replies.accuracy import TierCostOut, TierCostsOut, Use
 from service.storage.solutions.shipped_accuracy import SHIPPED_COSTS
+from tests.benchmarks.lists import seconds_of_list
 from tests.benchmarks.measuring import Effort, Table, in_words, median
 from tests.benchmarks.whole.client import Line
 from tests.benchmarks.whole.jobs import job_of
@@ -54,12 +55,13 @@ def measured(effort: Effort) -> TierCostsOut:
         wait_until_warm(service)
         for number, tier in enumerate(TIERS):
             few = FEWER if tier == "certified" else 1
+            listed = effort.repeats(500) // few
             first = 10_000 * number
             with Line(service.address) as line:  # one for each tier: an idle one is closed
                 waits = [line.seconds(waiting_job(line, first + k, tier)) for k in range(effort.repeats(40))]
             costs[tier] += [
                 statistics.median(waits),
-                _list(service, tier, first + 1000, effort.repeats(500) // few),
+                seconds_of_list(service, PROBLEM, tier, 101_000 + first, listed) / listed,
                 _sweep(service, tier, effort.repeats(1000) // few),
             ]
     rows = [
@@ -76,30 +78,6 @@ def measured(effort: Effort) -> TierCostsOut:
 def _job(tier: str, effort: Effort) -> float:
     motion = {"type": "planar", "lambda": "11/10"}
     return median(job_of({**PROBLEM, "motion": motion, "accuracy": {"tier": tier}}), effort.repeats(15))
-
-
-def _list(service: Service, tier: str, first: int, number: int) -> float:
-    problems = [
-        {
-            **PROBLEM,
-            "motion": {"type": "planar", "lambda": f"{100_000 + first + k}/100000"},
-            "accuracy": {"tier": tier},
-        }
-        for k in range(number)
-    ]
-    began = time.perf_counter()
-    answer = service.call("POST", "/v1/jobs", problems)
-    assert answer.status == 202, answer
-    while _is_any_left(service):
-        time.sleep(_PAUSE)
-    return (time.perf_counter() - began) / number
-
-
-def _is_any_left(service: Service) -> bool:
-    return any(
-        service.call("GET", f"/v1/jobs?state={state}&limit=1").document["total"]
-        for state in ("queued", "running")
-    )
 
 
 def _sweep(service: Service, tier: str, points: int) -> float:
