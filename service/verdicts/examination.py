@@ -13,6 +13,7 @@ from typing import Any  # what was read from JSON
 
 from flint import ctx
 
+from service.dynamics.errors import DynamicsError
 from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.named import Named
 from service.dynamics.problem import PlanarMotion, Problem, TimePeriods
@@ -29,6 +30,7 @@ from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.problem import Question, read_problem, read_question
+from service.schemas.reading.faults import InvalidProblemError
 from service.verdicts.classification import classification_of
 from service.verdicts.documents import (
     NAMELESS,
@@ -107,21 +109,37 @@ def examine_problems(text: str) -> str:
     is ``{"answers": […], "seconds": […], "found": {key: content}}``.
     """
     asked = json.loads(text)
-    kept, searches = Kept(asked["kept"]), Searches(MOST_SEARCHES)
+    began = time.perf_counter()
+    problems = [_read_or_none(each["document"]) for each in asked["problems"]]
+    reading = (time.perf_counter() - began) / max(len(problems), 1)
+    ahead = (
+        (each["windows"], (problem.body, problem.potential, problem.motion))
+        for each, problem in zip(asked["problems"], problems, strict=True)
+        if each["windows"] is not None and problem is not None and isinstance(problem.motion, PlanarMotion)
+    )
+    kept, searches = Kept(asked["kept"], ahead), Searches(MOST_SEARCHES)
 
-    def judge(asked_problem: Mapping[str, Any]) -> Answer:
+    def judge(asked_problem: Mapping[str, Any], problem: Problem | None) -> Answer:
         keys = asked_problem["verdict"], asked_problem["windows"]
         return answer_or_refusal(
             asked_problem["document"],
-            lambda document: _judge_problem(read_problem(document), kept, keys, searches),
+            lambda document: _judge_problem(problem or read_problem(document), kept, keys, searches),
         )
 
     answers, seconds = [], []
-    for problem in asked["problems"]:
+    for each, problem in zip(asked["problems"], problems, strict=True):
         began = time.perf_counter()
-        answers.append(judge(problem))
-        seconds.append(time.perf_counter() - began)
+        answers.append(judge(each, problem))
+        seconds.append(reading + kept.share(each["windows"], time.perf_counter() - began))
     return json.dumps({"answers": answers, "seconds": seconds, "found": kept.found}, allow_nan=False)
+
+
+def _read_or_none(document: object) -> Problem | None:
+    """Return the problem; None where it is refused, which is told when it is judged."""
+    try:
+        return read_problem(document)
+    except (DynamicsError, InvalidProblemError):
+        return None
 
 
 def answer_ping() -> str:

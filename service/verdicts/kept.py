@@ -1,12 +1,14 @@
 """Finds verdicts and windows, unless they are kept from an earlier examination, and notes what it finds."""
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
 
 from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.window import Window
-from service.dynamics.reduction.windows import find_windows, remember_windows
+from service.dynamics.reduction.windows import find_windows, find_windows_together, remember_windows
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.verdicts.kept_verdicts import read_verdict, write_verdict
 from service.verdicts.kept_windows import read_windows, write_windows
@@ -18,6 +20,11 @@ VERDICT_PROCESSOR_SECONDS, VERDICT_SECONDS = 4.0, 7.0
 Keys = tuple[str | None, str | None]
 """Of the verdict and of the windows; None where nothing is kept."""
 
+Ahead = tuple[str, tuple[RigidBody, Potential, PlanarMotion]]
+"""The key of windows that will be asked for, and the curve they are of."""
+TOGETHER = 64
+"""Curves whose windows are found at once: enough that arrays are long, few enough that they are small."""
+
 
 def verdict_deadline() -> Callable[[], bool]:
     """Return a function that tells whether the time of one verdict is over."""
@@ -27,9 +34,13 @@ def verdict_deadline() -> Callable[[], bool]:
 class Kept:
     """Contents that are kept, by their keys, and those that were found besides."""
 
-    def __init__(self, contents: Mapping[str, str]) -> None:
+    def __init__(self, contents: Mapping[str, str], ahead: Iterable[Ahead] = ()) -> None:
         self._contents = contents
         self._verdicts: dict[str, Verdict] = {}
+        self._ahead = {key: curve for key, curve in ahead if key not in contents}
+        self._together: dict[str, tuple[Window, ...] | DynamicsError] = {}
+        self._shares: dict[str, float] = {}
+        self._left = 0.0
         self.found: dict[str, str] = {}
 
     def verdict(self, key: str | None, body: RigidBody, potential: Potential) -> Verdict:
@@ -58,9 +69,39 @@ class Kept:
         if content is not None:
             # For whatever else in this process asks for them.
             remember_windows(body, potential, motion, read_windows(content, body, potential, motion))
-        windows = find_windows(body, potential, motion)
+        if key in self._ahead and key not in self._together:
+            self._look_ahead(key, body, potential)
+        known = None if key is None else self._together.get(key)
+        if isinstance(known, DynamicsError):
+            raise known.with_traceback(None)
+        windows = find_windows(body, potential, motion) if known is None else known
         if key is not None and content is None:
             written = write_windows(windows)
             if written is not None:
                 self.found[key] = written
         return windows
+
+    def share(self, key: str | None, seconds: float) -> float:
+        """Return how many of the ``seconds`` just spent are those of the windows ``key``.
+
+        Those spent on windows of others that came along are counted with the others.
+        """
+        ahead, self._left = self._left, 0.0
+        return seconds - ahead + (0.0 if key is None else self._shares.pop(key, 0.0))
+
+    def _look_ahead(self, key: str, body: RigidBody, potential: Potential) -> None:
+        """Find the windows ``key`` together with those of curves ahead in the same body and potential."""
+        keys = [key]
+        for other, (on, within, _) in self._ahead.items():
+            if len(keys) == TOGETHER:
+                break
+            is_new = other not in self._together and other != key
+            if is_new and (on.A, on.C) == (body.A, body.C) and within == potential:
+                keys.append(other)
+        if len(keys) == 1:
+            return
+        began = time.perf_counter()
+        motions = [self._ahead[each][2] for each in keys]
+        self._together |= zip(keys, find_windows_together(body, potential, motions), strict=True)
+        self._left += time.perf_counter() - began
+        self._shares |= dict.fromkeys(keys, self._left / len(keys))

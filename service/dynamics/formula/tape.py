@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar  # Any: what others derive from a tape
 
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.binding import PI
@@ -52,6 +52,8 @@ class Tape:
     variables: tuple[str, ...]
     instructions: tuple[Instruction, ...]
     result: int
+    derived: dict[object, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What was found of this formula, by a name of it: the same for all tapes that are equal."""
     programs: Programs = field(default_factory=Programs, init=False, compare=False, repr=False)
 
     def evaluate(self, algebra: Algebra[T], inputs: Sequence[T]) -> T:

@@ -168,7 +168,7 @@ class FormulaPotential(Potential):
 
     def alone(self) -> "FormulaPotential":
         """Return the same potential with a tape of its own: what is kept beside a tape is for one problem."""
-        tape = Tape(self.tape.variables, self.tape.instructions, self.tape.result)
+        tape = Tape(self.tape.variables, self.tape.instructions, self.tape.result, self.tape.derived)
         return FormulaPotential(self.tree, tape, self.family, self.notices)
 
     def formula(self) -> str:

@@ -3,11 +3,11 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-import numpy as np
 from flint import arb, ctx
 
 from service.dynamics.reduction.ends import height
 from service.dynamics.reduction.geometry.loop import Loop, ball
+from service.dynamics.reduction.lows import HERE, Lows, are_apart, is_at_one_of, lows_of
 from service.dynamics.reduction.root_finding.gap import (
     KNOWN_BITS,
     NearRest,
@@ -25,21 +25,33 @@ SAME = 2.0**-64
 """Distance in v of two places that are one, known with different bits."""
 SIGNS = 2.0 ** (8 - LEFT_BITS)
 """Distance from a zero at which signs locate it, relative to its distance from the pole."""
-GRID = 256
-HERE = 8.0 / GRID
-"""Distance in v within which a place is the one that was looked for."""
-AROUND, SHALLOW = 8, 2.0**-4
 CLOSE = 2.0**-12
 """Reach of a near rest, against the distance from the pole, up to which it is one."""
 
 
-def with_near_rests(loop: Loop, half: HalfLoop, g3_sign: int, turns: Iterable[arb]) -> HalfLoop:
+def with_near_rests(
+    loop: Loop, half: HalfLoop, g3_sign: int, turns: Iterable[arb], seen: Lows | None = None
+) -> HalfLoop:
     """Return the half with the places where P nearly touches 0 and is proved not to.
 
-    They are looked for next to the zeros, the equator and the ``turns`` of P, 0 < v < π.
+    They are looked for next to the zeros, the equator and the ``turns`` of P, 0 < v < π, and where ``seen``,
+    which says what a grid shows of P, does not exclude them.
     """
-    places = [*(zero.v for zero in half.zeros), arb.pi() / 2 * g3_sign, *(v * g3_sign for v in turns)]
-    places.extend(_lowest(loop, g3_sign))
+    seen = lows_of([loop], g3_sign)[0] if seen is None else seen
+    zeros = half.zeros
+    # Next to another place P is no simple zero's, however straight it looks.
+    turned = [v * g3_sign for v in turns]
+    apart = are_apart([*(zero.v for zero in zeros), *turned])
+    plain = [
+        abs(float(zero.v))
+        for zero in zeros
+        if apart and zero.kind == "simple" and seen.passes_plainly(abs(float(zero.v)))
+    ]
+    places = [zero.v for zero in zeros if abs(float(zero.v)) not in plain]
+    if not seen.is_far_at_equator:
+        places.append(arb.pi() / 2 * g3_sign)
+    places.extend(turned)
+    places.extend(arb(x) * g3_sign for x in seen.lowest() if not is_at_one_of(x, plain))
     found: list[NearRest] = []
     for v in places:
         near = _known(loop, v)
@@ -51,20 +63,6 @@ def with_near_rests(loop: Loop, half: HalfLoop, g3_sign: int, turns: Iterable[ar
         if all(near.v.rad() < other.v.rad() for other in same):
             found = [*(other for other in found if other not in same), near]
     return replace(half, slow=tuple(found))
-
-
-def _lowest(loop: Loop, g3_sign: int) -> list[arb]:
-    """Return the places of a grid at which |P| is less than at their neighbours, much less than around.
-
-    About a near rest P is K (x² + ρ²): half a step from it 1/256 of what it is AROUND steps further.
-    """
-    v = np.linspace(0.0, np.pi, GRID + 1)[1:-1]
-    size = np.abs(loop.radicand_real(g3_sign * np.sin(v), np.cos(v)))
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(size, AROUND, mode="edge"), 2 * AROUND + 1)
-    # Where P is constant but for its rounding, every third place is lower than its neighbours.
-    is_low = size[1:-1] < SHALLOW * around.max(axis=1)[1:-1]
-    is_low &= (size[1:-1] < size[:-2]) & (size[1:-1] < size[2:])
-    return [arb(float(x)) * g3_sign for x in v[1:-1][is_low]]
 
 
 def _known(loop: Loop, v: arb) -> NearRest | None:

@@ -17,6 +17,9 @@ one zero only in this gap is not proved. Where a gap is none of these the motion
 A potential that is given by an integral has no tape: there all is evidence, of the scan (:mod:`.radicand`).
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
@@ -24,6 +27,7 @@ from numpy.typing import NDArray
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.reduction.geometry.loop import Loop
+from service.dynamics.reduction.lows import Lows, lows_of
 from service.dynamics.reduction.root_finding.orders import lowest_place
 from service.dynamics.reduction.root_finding.radicand import (
     DOUBLE_SHARE,
@@ -37,6 +41,7 @@ from service.dynamics.reduction.root_finding.radicand import (
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, Region
 from service.dynamics.reduction.separatrices import with_near_rests
 from service.dynamics.reduction.sign_proofs.cells import Half, half_of
+from service.dynamics.reduction.sign_proofs.pictures import pictures_together
 from service.dynamics.reduction.sign_proofs.rest import MOST_GAPS, ends_of, settled, width_of
 from service.dynamics.reduction.sign_proofs.signs import Gap, Picture, first_picture, refined
 from service.dynamics.reduction.sign_proofs.signs_in_balls import (
@@ -66,8 +71,32 @@ class SignsUnsettledError(DynamicsError):
     code = "signs_unsettled"
 
 
-def proved_half(loop: Loop, g3_sign: int) -> HalfLoop:
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What doubles say of one half of a loop before balls look at it."""
+
+    half: Half
+    picture: Picture
+    lows: Lows
+
+
+def see_together(loops: Sequence[Loop], g3_sign: int) -> list[Seen | None]:
+    """Return what :func:`proved_half` begins with, for loops of one body and formula, and of equal signs.
+
+    None where the picture has so many cells that it is better made alone.
+    """
+    halves = [half_of(loop, loop.potential.tape, g3_sign) for loop in loops]
+    pictures, lows = pictures_together(halves, ROUNDS), lows_of(loops, g3_sign)
+    return [
+        None if picture is None else Seen(half, picture, low)
+        for half, picture, low in zip(halves, pictures, lows, strict=True)
+    ]
+
+
+def proved_half(loop: Loop, g3_sign: int, seen: Seen | None = None) -> HalfLoop:
     """Return the zeros and signs of P where g3 has this sign (primed axes).
+
+    ``seen`` is what was found of this half together with others.
 
     Raises
     ------
@@ -79,8 +108,8 @@ def proved_half(loop: Loop, g3_sign: int) -> HalfLoop:
     except NoClosedFormError:
         return with_near_rests(loop, scan_half(loop, g3_sign), g3_sign, ())
     radicand = precise_radicand(loop, g3_sign)
-    half = half_of(loop, tape, g3_sign)
-    picture = refined(half, first_picture(half), ROUNDS)
+    half = half_of(loop, tape, g3_sign) if seen is None else seen.half
+    picture = refined(half, first_picture(half), ROUNDS) if seen is None else seen.picture
     if (picture.found.sign == 0).all() and vanishes(radicand):
         return HalfLoop((), (-1,), "blocked", "blocked")
     if picture.open_gaps():
@@ -98,7 +127,8 @@ def proved_half(loop: Loop, g3_sign: int) -> HalfLoop:
             zero.kind == "simple" and _is_between(zero.v, start, stop) for zero in found.zeros
         ):
             raise _unsettled(half, start, stop)
-    return with_near_rests(loop, found, g3_sign, (place.v() for place in turns))
+    lows = None if seen is None else seen.lows
+    return with_near_rests(loop, found, g3_sign, [place.v() for place in turns], lows)
 
 
 def _is_between(v: arb, start: Side, stop: Side) -> bool:

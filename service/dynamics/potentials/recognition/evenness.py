@@ -23,6 +23,13 @@ def is_even_in_g2(potential: Potential) -> bool:
 def _is_even(tape: Tape) -> bool:
     if is_written_even(tape, 1):
         return True
+    known: bool | None = tape.derived.get(_is_even)
+    if known is None:
+        known = tape.derived[_is_even] = _multiplies_out_even(tape)
+    return known
+
+
+def _multiplies_out_even(tape: Tape) -> bool:
     # Written out in powers of g1 and g3, with g2 to the first power at most.
     for sign in (1, -1):
         terms = tape.evaluate(LaurentAlgebra(MOST_PRODUCTS), (g1_of_sign(sign), G2, G3))

@@ -92,11 +92,13 @@ class Loop:
     """What :meth:`refined` found, by precision."""
     smooth: dict[int, bool] = field(default_factory=dict, init=False, compare=False, repr=False)
     """Whether V is smooth at the poles, cached by precision."""
+    bits: int = field(default=0, compare=False, repr=False)
+    """The precision at which Z and G were computed; 0 if that is not known."""
+    alpha: Fraction = field(init=False, compare=False, repr=False)
+    """A/C > 1 in primed axes."""
 
-    @property
-    def alpha(self) -> Fraction:
-        """A/C > 1 in primed axes."""
-        return self.A / self.C
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "alpha", self.A / self.C)
 
     def is_smooth_at_poles(self) -> bool:
         """Tell whether the motion through the poles is the only one the equations allow.
@@ -114,10 +116,12 @@ class Loop:
 
     def refined(self) -> "Loop":
         """Return the loop with Z and G recomputed at the current precision."""
+        if self.bits == ctx.prec:
+            return self
         found = self.finer.get(ctx.prec)
         if found is None:
             Z, G = _equator(self.alpha, _log_lambda(self))
-            found = self.finer[ctx.prec] = replace(self, Z=Z, G=G)
+            found = self.finer[ctx.prec] = replace(self, Z=Z, G=G, bits=ctx.prec)
         return found
 
     def point(self, v: arb) -> LoopPoint:
@@ -158,10 +162,16 @@ class Loop:
 
     def radicand_real(self, sine: FloatArray, cosine: FloatArray) -> FloatArray:
         """Return P in doubles at the points with these sin v and cos v; not finite where it overflows."""
+        return self.radicand_on(float(self.Z), float(self.G), sine, cosine)
+
+    def radicand_on(
+        self, Z: float | FloatArray, G: float | FloatArray, sine: FloatArray, cosine: FloatArray
+    ) -> FloatArray:
+        """Return the same on other curves of the same body, potential and signs: those of Z and G."""
         square = cosine * cosine
         with np.errstate(all="ignore"):
             log_sine = log_sine_real(sine, square)
-            alpha, Z, G = float(self.alpha), float(self.Z), float(self.G)
+            alpha = float(self.alpha)
             g1 = self.g1_sign * G * np.exp(alpha * log_sine)
             g3 = Z * sine
             g2 = np.sign(cosine) * np.sqrt(Z * Z * square + G * G * numerator_real(alpha, log_sine))

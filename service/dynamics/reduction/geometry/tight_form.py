@@ -17,6 +17,13 @@ _ORDER = (2, 0, _G2)
 
 def tight_form(tape: Tape) -> Tape:
     """Return the tape rewritten; its variables begin with g1, g2, g3."""
+    found: Tape | None = tape.derived.get(tight_form)
+    if found is None:
+        found = tape.derived[tight_form] = _rewritten(tape)
+    return found
+
+
+def _rewritten(tape: Tape) -> Tape:
     writer = _Writer(tape.variables)
     at = list(range(len(tape.variables)))
     for instruction in tape.instructions:

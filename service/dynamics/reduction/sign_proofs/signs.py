@@ -6,6 +6,7 @@ on which P grows all over or falls all over, is closed: it has one zero if the s
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,14 +96,20 @@ class Picture:
 
 def first_picture(half: Half) -> Picture:
     """Return what bounds of D say of some forty cells."""
+    cells = first_cells()
+    return Picture(cells, look_at(half, cells, with_slope=False), np.full(len(cells.low), -1))
+
+
+@cache
+def first_cells() -> Cells:
+    """Return the cells to begin with, the same for every half."""
     low, high = FIRST[:-1], FIRST[1:]
-    cells = Cells(
+    return Cells(
         np.zeros(2 * len(low), dtype=np.int64),
         np.repeat([1.0, -1.0], len(low)),
         np.concatenate([low, low[::-1]]),
         np.concatenate([high, high[::-1]]),
     )
-    return Picture(cells, look_at(half, cells, with_slope=False), np.full(len(cells.low), -1))
 
 
 def refined(half: Half, picture: Picture, most_rounds: int) -> Picture:

@@ -1,0 +1,107 @@
+"""Looks on a grid for places where P may nearly touch 0, on many curves of one body and potential at once.
+
+It proves nothing: it says where balls need not look. About a near rest P is K (x² + ρ²), up to AROUND steps of
+the grid away. So half a step from it |P| is 1/256 of what it is AROUND steps further; and where P grows, or
+falls, at nearly one rate over LINE steps on both sides of a zero there is no such place near it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from flint import arb
+from numpy.typing import NDArray
+
+from service.dynamics.reduction.geometry.loop import Loop
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+GRID = 256
+STEP = np.pi / GRID
+HERE = 8.0 / GRID
+"""Distance in v within which a place is the one that was looked for."""
+AROUND, SHALLOW = 8, 2.0**-4
+LINE, STEEPER = 6, 4.0
+"""Steps on both sides of a zero on which P is looked at, and the greatest ratio of its steps that are alike."""
+BESIDE = 4
+"""Steps from the equator that HERE is less than, by half a step and more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lows:
+    """The grid's places of one half loop, 0 < |v| < π."""
+
+    is_low: BoolArray
+    """|P| is less than at both neighbours, and much less than around."""
+    is_straight: BoolArray
+    """P changes its sign here and its steps around are alike."""
+    is_far_at_equator: bool
+    """|P| about the equator is nowhere much less than around."""
+
+    def lowest(self) -> list[float]:
+        """Return the places where |P| is low."""
+        found: list[float] = _places()[self.is_low].tolist()
+        return found
+
+    def passes_plainly(self, v: float) -> bool:
+        """Tell whether P passes its simple zero at v on a straight line, as far as the grid shows."""
+        place = round(v / STEP) - 1
+        return 0 <= place < GRID - 1 and bool(self.is_straight[place])
+
+
+def is_at_one_of(v: float, places: Sequence[float]) -> bool:
+    """Tell whether one of the places is next to v on the grid."""
+    return any(abs(v - other) <= STEP for other in places)
+
+
+def are_apart(places: Sequence[arb]) -> bool:
+    """Tell whether any two places are too far apart for a near rest between them, or next to them."""
+    sizes = sorted(abs(float(v)) for v in places)
+    return all(upper - lower > 2.0 * HERE for lower, upper in zip(sizes, sizes[1:], strict=False))
+
+
+@cache
+def _places() -> FloatArray:
+    return np.linspace(0.0, np.pi, GRID + 1)[1:-1]
+
+
+def lows_of(loops: Sequence[Loop], g3_sign: int) -> list[Lows]:
+    """Return what the grid shows of each loop; they differ in λ alone."""
+    v = _places()
+    Z, G = (np.array([float(getattr(loop, name)) for loop in loops])[:, None] for name in "ZG")
+    P = loops[0].radicand_on(Z, G, g3_sign * np.sin(v), np.cos(v))
+    size = np.abs(P)
+    around = np.pad(size, ((0, 0), (AROUND, AROUND)), mode="edge")
+    for width in (1, 2, 4, 8):
+        around = np.maximum(around[:, :-width], around[:, width:])
+    # The largest of 16 places each, and of 17.
+    around = np.maximum(around[:, :-1], around[:, 1:])
+    with np.errstate(all="ignore"):
+        # Where P is constant but for its rounding, every third place is lower than its neighbours.
+        is_low = size < SHALLOW * around
+        is_low[:, 1:-1] &= (size[:, 1:-1] < size[:, :-2]) & (size[:, 1:-1] < size[:, 2:])
+        is_low[:, [0, -1]] = False
+        middle = GRID // 2 - 1
+        beside = size[:, middle - BESIDE : middle + BESIDE + 1].min(axis=1)
+        # Written so that NaN is not far.
+        is_far = beside > SHALLOW * size[:, middle - BESIDE - AROUND : middle + BESIDE + AROUND + 1].max(axis=1)
+        is_straight = _straight(P)
+    return [
+        Lows(low, straight, bool(far)) for low, straight, far in zip(is_low, is_straight, is_far, strict=True)
+    ]
+
+
+def _straight(P: FloatArray) -> BoolArray:
+    """Tell for each place whether P changes its sign there and its steps around are alike."""
+    found = np.zeros(P.shape, dtype=np.bool_)
+    crosses = np.zeros(P.shape, dtype=np.bool_)
+    crosses[:, LINE:-LINE] = (P[:, LINE - 1 : -LINE - 1] > 0.0) != (P[:, LINE + 1 : -LINE + 1] > 0.0)
+    rows, places = np.nonzero(crosses)
+    if len(rows):
+        steps = np.diff(P[rows[:, None], places[:, None] + np.arange(-LINE, LINE + 1)], axis=1)
+        low, high = steps.min(axis=1), steps.max(axis=1)
+        alike = ((low > 0.0) & (high < STEEPER * low)) | ((high < 0.0) & (low > STEEPER * high))
+        found[rows, places] = alike
+    return found
