@@ -139,6 +139,16 @@ class Loop:
         g2 = cosine * c
         return LoopPoint(g1, g2, g3, c, self.radicand_at(g1, g2, g3))
 
+    def radicand_from(self, sine: arb, cosine: arb) -> arb:
+        """Return P at the point with these sin v and cos v: to the last bit that of :meth:`point_from`."""
+        alpha, factor, twice, Z_squared, G_squared = self._constants()
+        square = cosine * cosine
+        log_sine = log_sine_ball(sine, square)
+        g1 = self.G * (alpha * log_sine).exp() * self.g1_sign
+        g3 = self.Z * sine
+        g2 = cosine * c_squared_ball(Z_squared, G_squared, twice, log_sine, square).sqrt()
+        return factor * g3 * self._D(g1, g2, g3) / g1
+
     def radicand_at(self, g1: arb, g2: arb, g3: arb) -> arb:
         """Return P at a place, in primed axes."""
         _, factor, *_ = self._constants()

@@ -100,7 +100,7 @@ def precise_radicand(loop: Loop, g3_sign: int) -> Radicand:
 
     def value(at: Loop, place: LoopPlace) -> arb:
         sine, cosine = place.x.sin_cos()
-        return at.point_from(sine * g3_sign, -cosine if place.region == "south" else cosine).P
+        return at.radicand_from(sine * g3_sign, -cosine if place.region == "south" else cosine)
 
     def radicand(place: LoopPlace) -> arb:
         P = value(loop, place)
