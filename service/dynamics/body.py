@@ -70,12 +70,14 @@ class RigidBody:
 
         And ExtremeMomentsError if one of them is more than LARGEST_RATIO times the other.
         """
-        if self.A == self.C:
+        # In whole numbers: this is asked at every point at which something is checked.
+        A, C = self.A.numerator * self.C.denominator, self.C.numerator * self.A.denominator
+        if A == C:
             raise EqualMomentsError(
                 f"A = C = {self.A}: the compatibility equation needs A ≠ C", pointer="/body"
             )
-        ratio = max(self.alpha, 1 / self.alpha)
-        if ratio > LARGEST_RATIO:
+        if max(A, C) > LARGEST_RATIO * min(A, C):
+            ratio = max(self.alpha, 1 / self.alpha)
             raise ExtremeMomentsError(
                 f"A = {self.A}, C = {self.C}: one is some 1e{len(str(int(ratio))) - 1} times the other; "
                 f"planar motions are computed for ratios up to {LARGEST_RATIO:.0e}",

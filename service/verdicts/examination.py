@@ -113,9 +113,11 @@ def examine_problems(text: str) -> str:
     problems = [_read_or_none(each["document"]) for each in asked["problems"]]
     reading = (time.perf_counter() - began) / max(len(problems), 1)
     ahead = (
-        (each["windows"], (problem.body, problem.potential, problem.motion))
+        (each["verdict"], each["windows"], problem.motion)
         for each, problem in zip(asked["problems"], problems, strict=True)
-        if each["windows"] is not None and problem is not None and isinstance(problem.motion, PlanarMotion)
+        if problem is not None
+        and isinstance(problem.motion, PlanarMotion)
+        and None not in (each["verdict"], each["windows"])
     )
     kept, searches = Kept(asked["kept"], ahead), Searches(MOST_SEARCHES)
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping
+from itertools import islice
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
@@ -20,8 +21,8 @@ VERDICT_PROCESSOR_SECONDS, VERDICT_SECONDS = 4.0, 7.0
 Keys = tuple[str | None, str | None]
 """Of the verdict and of the windows; None where nothing is kept."""
 
-Ahead = tuple[str, tuple[RigidBody, Potential, PlanarMotion]]
-"""The key of windows that will be asked for, and the curve they are of."""
+Ahead = tuple[str, str, PlanarMotion]
+"""The keys of a verdict and of windows that will be asked for, and the motion whose curve they are of."""
 TOGETHER = 64
 """Curves whose windows are found at once: enough that arrays are long, few enough that they are small."""
 
@@ -37,7 +38,13 @@ class Kept:
     def __init__(self, contents: Mapping[str, str], ahead: Iterable[Ahead] = ()) -> None:
         self._contents = contents
         self._verdicts: dict[str, Verdict] = {}
-        self._ahead = {key: curve for key, curve in ahead if key not in contents}
+        self._curves: dict[str, PlanarMotion] = {}
+        self._settings: dict[str, str] = {}
+        self._waiting: dict[str, dict[str, None]] = {}
+        for setting, key, motion in ahead:
+            if key not in contents:
+                self._curves[key], self._settings[key] = motion, setting
+                self._waiting.setdefault(setting, {})[key] = None
         self._together: dict[str, tuple[Window, ...] | DynamicsError] = {}
         self._shares: dict[str, float] = {}
         self._left = 0.0
@@ -69,7 +76,7 @@ class Kept:
         if content is not None:
             # For whatever else in this process asks for them.
             remember_windows(body, potential, motion, read_windows(content, body, potential, motion))
-        if key in self._ahead and key not in self._together:
+        if key in self._curves and key not in self._together:
             self._look_ahead(key, body, potential)
         known = None if key is None else self._together.get(key)
         if isinstance(known, DynamicsError):
@@ -91,17 +98,15 @@ class Kept:
 
     def _look_ahead(self, key: str, body: RigidBody, potential: Potential) -> None:
         """Find the windows ``key`` together with those of curves ahead in the same body and potential."""
-        keys = [key]
-        for other, (on, within, _) in self._ahead.items():
-            if len(keys) == TOGETHER:
-                break
-            is_new = other not in self._together and other != key
-            if is_new and (on.A, on.C) == (body.A, body.C) and within == potential:
-                keys.append(other)
+        waiting = self._waiting[self._settings[key]]
+        waiting.pop(key, None)
+        keys = [key, *islice(waiting, TOGETHER - 1)]
         if len(keys) == 1:
             return
+        for other in keys[1:]:
+            del waiting[other]
         began = time.perf_counter()
-        motions = [self._ahead[each][2] for each in keys]
+        motions = [self._curves[each] for each in keys]
         self._together |= zip(keys, find_windows_together(body, potential, motions), strict=True)
-        self._left += time.perf_counter() - began
+        self._left = time.perf_counter() - began
         self._shares |= dict.fromkeys(keys, self._left / len(keys))

@@ -139,9 +139,16 @@ def _made(tape: "Tape", way: Way) -> _Program | None:
     body = "".join(f"\n        {line}" for line in lines)
     inner = f"    def run({head}):{body}\n        return ({tail})"
     text = f"def bind({', '.join(names)}):\n{inner}\n    return run"
+    return _Program(_compiled(text), tuple(constants))
+
+
+@lru_cache(maxsize=FORMULAS)
+def _compiled(text: str) -> Callable[..., Run]:
+    """Return what takes the constants; formulas that differ in them alone have one text."""
     space: dict[str, Any] = {"whole_power": whole_power, "fmpq": fmpq, "acb": acb}
     exec(compile(text, "<program of a tape>", "exec"), space)
-    return _Program(space["bind"], tuple(constants))
+    bind: Callable[..., Run] = space["bind"]
+    return bind
 
 
 def _constant(step: Step, kind: Kind) -> Callable[[], Any] | None:

@@ -1,13 +1,14 @@
 """Looks on a grid for places where P may nearly touch 0, on many curves of one body and potential at once.
 
-It proves nothing: it says where balls need not look. About a near rest P is K (x² + ρ²), up to AROUND steps of
-the grid away. So half a step from it |P| is 1/256 of what it is AROUND steps further; and where P grows, or
-falls, at nearly one rate over LINE steps on both sides of a zero there is no such place near it.
+It proves nothing: it says where balls need not look. About a near rest P is K (x² + ρ²), up to AROUND steps
+of the grid away. So half a step from it |P| is 1/256 of what it is AROUND steps further; and where P grows,
+or falls, at nearly one rate over LINE steps on both sides of a zero there is no such place near it.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from flint import arb
@@ -24,7 +25,7 @@ HERE = 8.0 / GRID
 """Distance in v within which a place is the one that was looked for."""
 AROUND, SHALLOW = 8, 2.0**-4
 LINE, STEEPER = 6, 4.0
-"""Steps on both sides of a zero on which P is looked at, and the greatest ratio of its steps that are alike."""
+"""Steps on both sides of a zero on which P is looked at, and the greatest ratio of those that are alike."""
 BESIDE = 4
 """Steps from the equator that HERE is less than, by half a step and more."""
 
@@ -59,7 +60,7 @@ def is_at_one_of(v: float, places: Sequence[float]) -> bool:
 def are_apart(places: Sequence[arb]) -> bool:
     """Tell whether any two places are too far apart for a near rest between them, or next to them."""
     sizes = sorted(abs(float(v)) for v in places)
-    return all(upper - lower > 2.0 * HERE for lower, upper in zip(sizes, sizes[1:], strict=False))
+    return all(upper - lower > 2.0 * HERE for lower, upper in pairwise(sizes))
 
 
 @cache
@@ -83,10 +84,11 @@ def lows_of(loops: Sequence[Loop], g3_sign: int) -> list[Lows]:
         is_low = size < SHALLOW * around
         is_low[:, 1:-1] &= (size[:, 1:-1] < size[:, :-2]) & (size[:, 1:-1] < size[:, 2:])
         is_low[:, [0, -1]] = False
-        middle = GRID // 2 - 1
-        beside = size[:, middle - BESIDE : middle + BESIDE + 1].min(axis=1)
+        beside, wider = (
+            size[:, GRID // 2 - 1 - steps : GRID // 2 + steps] for steps in (BESIDE, BESIDE + AROUND)
+        )
         # Written so that NaN is not far.
-        is_far = beside > SHALLOW * size[:, middle - BESIDE - AROUND : middle + BESIDE + AROUND + 1].max(axis=1)
+        is_far = beside.min(axis=1) > SHALLOW * wider.max(axis=1)
         is_straight = _straight(P)
     return [
         Lows(low, straight, bool(far)) for low, straight, far in zip(is_low, is_straight, is_far, strict=True)

@@ -4,18 +4,16 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from flint import arb, ctx
+from flint import ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.arc import Arc, ArcEnd
+from service.dynamics.reduction.arcs_of_loop import arcs_of
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.root_finding.radicand import HalfLoop
-from service.dynamics.reduction.root_finding.zeros import PoleKind, Region, Zero, ZeroKind
 from service.dynamics.reduction.separatrices import resolved
-from service.dynamics.reduction.sides import has_one_limit, is_even
 from service.dynamics.reduction.structure import Seen, proved_half, see_together
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows_of_arcs import windows_of
@@ -62,17 +60,6 @@ class NoSuchWindowError(DynamicsError):
         accepted = "accepted is 0" if len(windows) == 1 else f"accepted are 0 to {len(windows) - 1}"
         super().__init__(f"window {number} of {len(windows)}; {accepted}", pointer=_WINDOW_POINTER)
         self.windows = windows
-
-
-_ENDS: dict[ZeroKind, ArcEnd] = {"simple": "rest", "multiple": "double", "flat": "flat", "edge": "edge"}
-
-
-@dataclass(frozen=True, slots=True)
-class _Break:
-    """A place on the (unrolled) loop where an arc can end."""
-
-    v: arb
-    end: ArcEnd
 
 
 def find_windows(
@@ -162,12 +149,12 @@ def find_windows_together(
         for k, (loop, motion) in enumerate(zip(loops, motions, strict=True)):
             groups.setdefault((loop.g1_sign, start_g3_sign(loop, motion)), []).append(k)
         for (_, g3_sign), places in groups.items() if potential.has_formula else ():
-            for k, each in zip(places, see_together([loops[k] for k in places], g3_sign), strict=True):
-                seen[k] = None if each is None else _Loop(loops[k], each)
+            for k, half in zip(places, see_together([loops[k] for k in places], g3_sign), strict=True):
+                seen[k] = None if half is None else _Loop(loops[k], half)
     found: list[tuple[Window, ...] | DynamicsError] = []
-    for motion, each in zip(motions, seen, strict=True):
+    for motion, known in zip(motions, seen, strict=True):
         try:
-            found.append(_all_windows(body, potential, motion, PRECISION, each))
+            found.append(_all_windows(body, potential, motion, PRECISION, known))
         except DynamicsError as refusal:
             found.append(refusal.with_traceback(None))
     return found
@@ -190,7 +177,7 @@ def _all_windows(
             g3_sign = start_g3_sign(loop, motion)
             # With fewer bits two zeros that are merely close look like a double one.
             is_last = precision >= CONFIRMED
-            arcs = _arcs(loop, g3_sign, _resolved_half if is_last else _proved_by(g3_sign, known))
+            arcs = arcs_of(loop, g3_sign, _resolved_half if is_last else _proved_by(g3_sign, known))
             if is_last or not any("double" in (arc.lower_end, arc.upper_end) for arc in arcs):
                 return windows_of(arcs, g3_sign, potential)
         precision, known = CONFIRMED, None
@@ -225,80 +212,3 @@ def choose_window(windows: tuple[Window, ...], motion: PlanarMotion) -> Window:
     if not 0 <= motion.window < len(windows):
         raise NoSuchWindowError(motion.window, windows)
     return windows[motion.window]
-
-
-def _arcs(loop: Loop, g3_sign: int, scan: Callable[[Loop, int], HalfLoop]) -> list[Arc]:
-    """Return the arcs that meet the half of the loop where g3 has ``g3_sign``."""
-    half = scan(loop, g3_sign)
-    base = arb(0) if g3_sign > 0 else -arb.pi()
-    breaks = [_Break(zero.v, _ENDS[zero.kind]) for zero in half.zeros]
-    first_open = half.signs[0] > 0 and half.first_pole == "passable"
-    last_open = half.signs[-1] > 0 and half.last_pole == "passable"
-    signs = list(half.signs)
-    other = _mirror_half(loop, half, g3_sign, scan) if first_open or last_open else None
-    if other is not None:
-        poles: tuple[Region, Region] = ("north", "south") if g3_sign > 0 else ("south", "north")
-        first_open = first_open and other.last_pole == "passable" and has_one_limit(loop, poles[0])
-        last_open = last_open and other.first_pole == "passable" and has_one_limit(loop, poles[1])
-    if first_open and last_open and not breaks and other is not None and not other.zeros:
-        return [Arc(loop, base, base + 2 * arb.pi(), None, None, half.slow + other.slow)]
-    lower = (
-        _beyond(other, base, before=True)
-        if first_open and other
-        else _Break(base, _pole_end(half.first_pole))
-    )
-    top = base + arb.pi()
-    upper = (
-        _beyond(other, top, before=False) if last_open and other else _Break(top, _pole_end(half.last_pole))
-    )
-    edges = [lower, *breaks, upper]
-    slow = half.slow + (other.slow if other else ())
-    arcs = [
-        Arc(loop, left.v, right.v, left.end, right.end, slow)
-        for left, right, sign in zip(edges, edges[1:], signs, strict=False)
-        if sign > 0
-    ]
-    isolated = [
-        Arc(loop, at.v, at.v, at.end, at.end)
-        for at, left, right in zip(breaks, signs, signs[1:], strict=False)
-        if at.end in ("double", "flat") and left < 0 and right < 0
-    ]
-    return sorted(arcs + isolated, key=lambda arc: float(arc.lower))
-
-
-def _mirror_half(loop: Loop, half: HalfLoop, g3_sign: int, scan: Callable[[Loop, int], HalfLoop]) -> HalfLoop:
-    """Return the other half of the loop: the mirror image, to the last bit, if the formula is even there."""
-    if half.slow or not is_even(loop):
-        return scan(loop, -g3_sign)
-    zeros = tuple(Zero(-zero.v, zero.kind) for zero in reversed(half.zeros))
-    return HalfLoop(zeros, half.signs[::-1], half.last_pole, half.first_pole)
-
-
-def _beyond(other: HalfLoop, pole: arb, *, before: bool) -> _Break:
-    """Return where an arc that passes a pole ends on the mirror curve.
-
-    The mirror half runs over −π < v < 0 or 0 < v < π; seen from the pole at
-    ``pole`` its zeros are moved by whole turns to the right side of it. If it
-    has none, the arc comes round to the far pole, which then ends it.
-    """
-    zeros = other.zeros
-    if not zeros:
-        kind = other.first_pole if before else other.last_pole
-        return _Break(pole - arb.pi() if before else pole + arb.pi(), _pole_end(kind))
-    zero = zeros[-1] if before else zeros[0]
-    v = zero.v
-    with ctx.workprec(max(ctx.prec, v.bits() + 64)):
-        turn = 2 * arb.pi()
-        while before and v > pole:
-            v = v - turn
-        while not before and v < pole:
-            v = v + turn
-    return _Break(v, _ENDS[zero.kind])
-
-
-def _pole_end(kind: PoleKind) -> ArcEnd:
-    # P > 0 up to a pole that cannot be passed: it diverges, or dies out there, or
-    # has another limit on the mirror curve.
-    if kind == "flat":
-        return "flat"
-    return "collision" if kind == "collision" else "pole"

@@ -6,7 +6,7 @@ import pytest
 from flint import ctx
 
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction import windows
+from service.dynamics.reduction import arcs_of_loop
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.sides import is_even
 from service.dynamics.reduction.structure import proved_half
@@ -40,7 +40,7 @@ def test_the_mirror_image_is_the_other_half_to_the_last_bit(moments, text, lambd
         assert is_even(loop)
         half = proved_half(loop, g3_sign)
         assert half.slow == ()
-        image = windows._mirror_half(loop, half, g3_sign, scan_of_nothing)
+        image = arcs_of_loop._mirror_half(loop, half, g3_sign, scan_of_nothing)
         assert balls(image) == balls(proved_half(loop, -g3_sign))
 
 
@@ -55,4 +55,4 @@ def test_a_formula_that_is_not_even_has_two_different_halves():
         loop = make_loop(rigid_body, potential, PlanarMotion(Fraction(1)))
         half = proved_half(loop, 1)
         with pytest.raises(AssertionError, match="looked at again"):
-            windows._mirror_half(loop, half, 1, scan_of_nothing)
+            arcs_of_loop._mirror_half(loop, half, 1, scan_of_nothing)

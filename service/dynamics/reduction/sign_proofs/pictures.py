@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Cells, Loops
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Bounds, Cells, Loops
 from service.dynamics.reduction.sign_proofs.cells import Curves, Found, Half, look_at
 from service.dynamics.reduction.sign_proofs.signs import (
     CELLS,
@@ -58,9 +58,7 @@ def pictures_together(halves: Sequence[Half], most_rounds: int) -> list[Picture 
     return pictures
 
 
-def _together(bounds: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> tuple[
-    NDArray[np.float64], NDArray[np.float64]
-]:
+def _together(bounds: Sequence[Bounds]) -> Bounds:
     low, high = zip(*bounds, strict=True)
     return np.concatenate(low), np.concatenate(high)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import cache
 
 Point = tuple[Fraction, Fraction, Fraction]
 
@@ -33,6 +34,15 @@ def sphere_points() -> Iterator[Point]:
     The k-th visit of an octant brings another quadruple, so that 8 successive
     points do not lie on one cone.
     """
+    return iter(_usual())
+
+
+@cache
+def _usual() -> tuple[Point, ...]:
+    return tuple(_points_of_octants())
+
+
+def _points_of_octants() -> Iterator[Point]:
     for visit in range(len(_QUADRUPLES)):
         for number, signs in enumerate(_OCTANTS):
             a, b, c, d = _QUADRUPLES[(visit + number) % len(_QUADRUPLES)]
