@@ -7,6 +7,7 @@ from tests.benchmarks import (
     atlases,
     certified,
     costs,
+    examined,
     fast,
     lists,
     pages,
@@ -142,7 +143,9 @@ PARTS: Mapping[str, Part] = {
     "starting": partial(tables, "starting", (starting.starting,)),
     "service": partial(tables, "service", (service.around,)),
     "throughput": partial(
-        tables, "throughput", (throughput.engines, lists.lists, throughput.service, throughput.growth)
+        tables,
+        "throughput",
+        (throughput.engines, examined.examined, lists.lists, throughput.service, throughput.growth),
     ),
 }
 """In the order of docs/performance.md."""
