@@ -26,6 +26,8 @@ HERE = 8.0 / GRID
 AROUND, SHALLOW = 8, 2.0**-4
 LINE, STEEPER = 6, 4.0
 """Steps on both sides of a zero on which P is looked at, and the greatest ratio of those that are alike."""
+NEXT = 2.0**-24
+"""Distance in v from a zero at which its slope is looked at."""
 BESIDE = 4
 """Steps from the equator that HERE is less than, by half a step and more."""
 
@@ -36,8 +38,8 @@ class Lows:
 
     is_low: BoolArray
     """|P| is less than at both neighbours, and much less than around."""
-    is_straight: BoolArray
-    """P changes its sign here and its steps around are alike."""
+    slopes: FloatArray
+    """|dP/dv| where P changes its sign and its steps around are alike, NaN elsewhere."""
     is_far_at_equator: bool
     """|P| about the equator is nowhere much less than around."""
 
@@ -46,10 +48,15 @@ class Lows:
         found: list[float] = _places()[self.is_low].tolist()
         return found
 
-    def passes_plainly(self, v: float) -> bool:
-        """Tell whether P passes its simple zero at v on a straight line, as far as the grid shows."""
-        place = round(v / STEP) - 1
-        return 0 <= place < GRID - 1 and bool(self.is_straight[place])
+    def passes_plainly(self, loop: Loop, zero: arb) -> bool:
+        """Tell whether P passes its simple zero on a straight line, both on the grid and next to the zero."""
+        place = round(abs(float(zero)) / STEP) - 1
+        slope = float(self.slopes[place]) if 0 <= place < GRID - 1 else np.nan
+        if not slope > 0.0:
+            return False
+        # What is narrower than a step of the grid bends P at the zero, or does not concern it.
+        near = abs(float(loop.radicand_from(*(zero.mid() + NEXT).sin_cos()))) / NEXT
+        return slope < STEEPER * near < STEEPER * STEEPER * slope
 
 
 def is_at_one_of(v: float, places: Sequence[float]) -> bool:
@@ -89,15 +96,13 @@ def lows_of(loops: Sequence[Loop], g3_sign: int) -> list[Lows]:
         )
         # Written so that NaN is not far.
         is_far = beside.min(axis=1) > SHALLOW * wider.max(axis=1)
-        is_straight = _straight(P)
-    return [
-        Lows(low, straight, bool(far)) for low, straight, far in zip(is_low, is_straight, is_far, strict=True)
-    ]
+        slopes = _slopes(P)
+    return [Lows(low, slope, bool(far)) for low, slope, far in zip(is_low, slopes, is_far, strict=True)]
 
 
-def _straight(P: FloatArray) -> BoolArray:
-    """Tell for each place whether P changes its sign there and its steps around are alike."""
-    found = np.zeros(P.shape, dtype=np.bool_)
+def _slopes(P: FloatArray) -> FloatArray:
+    """Return the slope of P where it changes its sign and its steps around are alike, NaN elsewhere."""
+    found = np.full(P.shape, np.nan)
     crosses = np.zeros(P.shape, dtype=np.bool_)
     crosses[:, LINE:-LINE] = (P[:, LINE - 1 : -LINE - 1] > 0.0) != (P[:, LINE + 1 : -LINE + 1] > 0.0)
     rows, places = np.nonzero(crosses)
@@ -105,5 +110,6 @@ def _straight(P: FloatArray) -> BoolArray:
         steps = np.diff(P[rows[:, None], places[:, None] + np.arange(-LINE, LINE + 1)], axis=1)
         low, high = steps.min(axis=1), steps.max(axis=1)
         alike = ((low > 0.0) & (high < STEEPER * low)) | ((high < 0.0) & (low > STEEPER * high))
-        found[rows, places] = alike
+        slopes = np.abs(steps[:, LINE - 1 : LINE + 1].mean(axis=1)) / STEP
+        found[rows, places] = np.where(alike, slopes, np.nan)
     return found

@@ -45,7 +45,7 @@ def with_near_rests(
     plain = [
         abs(float(zero.v))
         for zero in zeros
-        if apart and zero.kind == "simple" and seen.passes_plainly(abs(float(zero.v)))
+        if apart and zero.kind == "simple" and seen.passes_plainly(loop, zero.v)
     ]
     places = [zero.v for zero in zeros if abs(float(zero.v)) not in plain]
     if not seen.is_far_at_equator:
