@@ -72,7 +72,7 @@ class SignsUnsettledError(DynamicsError):
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class HalfInDoubles:
     """What doubles say of one half of a loop before balls look at it."""
 
     half: Half
@@ -80,7 +80,7 @@ class Seen:
     lows: Lows
 
 
-def see_together(loops: Sequence[Loop], g3_sign: int) -> list[Seen | None]:
+def see_together(loops: Sequence[Loop], g3_sign: int) -> list[HalfInDoubles | None]:
     """Return what :func:`proved_half` begins with, for loops of one body and formula, and of equal signs.
 
     None where the picture has so many cells that it is better made alone.
@@ -88,12 +88,12 @@ def see_together(loops: Sequence[Loop], g3_sign: int) -> list[Seen | None]:
     halves = [half_of(loop, loop.potential.tape, g3_sign) for loop in loops]
     pictures, lows = pictures_together(halves, ROUNDS), lows_of(loops, g3_sign)
     return [
-        None if picture is None else Seen(half, picture, low)
+        None if picture is None else HalfInDoubles(half, picture, low)
         for half, picture, low in zip(halves, pictures, lows, strict=True)
     ]
 
 
-def proved_half(loop: Loop, g3_sign: int, seen: Seen | None = None) -> HalfLoop:
+def proved_half(loop: Loop, g3_sign: int, seen: HalfInDoubles | None = None) -> HalfLoop:
     """Return the zeros and signs of P where g3 has this sign (primed axes).
 
     ``seen`` is what was found of this half together with others.

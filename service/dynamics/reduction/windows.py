@@ -14,7 +14,7 @@ from service.dynamics.reduction.arcs_of_loop import arcs_of
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.root_finding.radicand import HalfLoop
 from service.dynamics.reduction.separatrices import resolved
-from service.dynamics.reduction.structure import Seen, proved_half, see_together
+from service.dynamics.reduction.structure import HalfInDoubles, proved_half, see_together
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows_of_arcs import windows_of
 
@@ -165,7 +165,7 @@ class _Loop:
     """A loop, and what doubles say of the half that is asked."""
 
     loop: Loop
-    seen: Seen
+    seen: HalfInDoubles
 
 
 def _all_windows(
