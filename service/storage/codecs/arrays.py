@@ -4,8 +4,8 @@ A packet is the magic word, the length of a JSON header (little endian, 4
 bytes), the header, and one zstd frame. Shuffling puts the first bytes of all
 numbers together, then the second ones, and so on: sign and exponent of
 neighbours are alike, and only in this order can zstd use it (measured: unshuffled
-doubles of a trajectory do not shrink at all). Level 1, since higher levels save a
-few per cent for many times the time.
+doubles of a trajectory do not shrink at all). Level -2: samples become as small as
+at level 1, and functions of time a tenth larger, in half of the time or less.
 """
 
 import json
@@ -13,6 +13,7 @@ import math
 import struct
 import threading
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 import zstandard
@@ -24,7 +25,10 @@ FloatArray = NDArray[np.float64]
 
 _MAGIC = b"PLH1"
 _WIDTH = 8
-_LEVEL = 1
+_DOUBLES = np.dtype("<f8")
+_LEVEL = -2
+_HEADERS = 64
+"""That are remembered: solutions of one list, and blocks of one sweep, have the same."""
 _OF_THREAD = threading.local()
 
 
@@ -58,7 +62,7 @@ def encode_dense(dense: DenseOutput) -> bytes:
     if dense.advances:
         arrays["advances"] = np.array([[a.hi, a.lo, a.error] for a in dense.advances.values()])
     names = {"errors": list(dense.errors), "advances": list(dense.advances)}
-    given = {key: value for key, value in names.items() if value}
+    given = {key: tuple(value) for key, value in names.items() if value}
     return pack_arrays(arrays, {"columns": dense.columns, **given})
 
 
@@ -96,13 +100,20 @@ def _names(header: Mapping[str, object], key: str) -> tuple[str, ...]:
     return tuple(map(str, names)) if isinstance(names, list) else ()
 
 
-def pack_arrays(arrays: Mapping[str, FloatArray], extra: Mapping[str, object]) -> bytes:
+def pack_arrays(arrays: Mapping[str, FloatArray], extra: Mapping[str, tuple[str, ...]]) -> bytes:
     """Return the arrays and further fields of the header as one packet."""
-    entries = [{"name": name, "shape": list(array.shape)} for name, array in arrays.items()]
-    header = json.dumps({"arrays": entries, **extra}, separators=(",", ":")).encode()
+    header = _header(tuple((name, array.shape) for name, array in arrays.items()), tuple(extra.items()))
     body = b"".join(_shuffle(array) for array in arrays.values())
     frame = _compressor().compress(body)
     return _MAGIC + struct.pack("<I", len(header)) + header + frame
+
+
+@lru_cache(maxsize=_HEADERS)
+def _header(
+    shapes: tuple[tuple[str, tuple[int, ...]], ...], extra: tuple[tuple[str, tuple[str, ...]], ...]
+) -> bytes:
+    entries = [{"name": name, "shape": shape} for name, shape in shapes]
+    return json.dumps({"arrays": entries, **dict(extra)}, separators=(",", ":")).encode()
 
 
 def _compressor() -> zstandard.ZstdCompressor:
@@ -143,7 +154,7 @@ def unpack_arrays(packet: bytes) -> tuple[dict[str, FloatArray], dict[str, objec
 
 
 def _shuffle(array: FloatArray) -> bytes:
-    flat = np.asarray(array, dtype="<f8").ravel(order="F")
+    flat = np.asarray(array, dtype=_DOUBLES).ravel(order="F")
     return flat.view(np.uint8).reshape(-1, _WIDTH).T.tobytes()
 
 

@@ -103,10 +103,10 @@ def make_periodic(problem: Problem, place: PeriodicPlace, found: Sampled) -> Mot
 
 
 def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
-    period, start, orbit = found.period, place.start, place.orbit
+    period, start = found.period, place.start
     asked = asked_times(problem, period) if found.asked is None else found.asked
     times, rests = asked.doubles, asked.rests
-    resolved = _resolved(problem, found, orbit) if problem.wants_series else nothing_resolved(period.hi)
+    resolved = _resolved(problem, place, found) if problem.wants_series else nothing_resolved(period.hi)
     columns = COLUMNS[: resolved.coefficients.shape[2]]
     error = resolved.error + found.error + resolved.moved(found.time_error)
     if _is_draft(problem, found) and problem.wants_series:
@@ -124,7 +124,7 @@ def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
         times=times,
         samples=samples,
         error=reached,
-        energy=energy_of(start.arc.loop, orbit.somewhere()),
+        energy=energy_of(start.arc.loop, place.somewhere()),
         window=place.window,
         aperiodic=None,
         past=None,
@@ -142,7 +142,7 @@ def _is_draft(problem: Problem, found: Sampled) -> bool:
     return problem.accuracy.tier == "draft" and found.late is not None
 
 
-def _resolved(problem: Problem, found: Sampled, orbit: Orbit) -> ResolvedMotion:
+def _resolved(problem: Problem, place: PeriodicPlace, found: Sampled) -> ResolvedMotion:
     """Return the function of time over one period, as fine as the problem can tell."""
     tolerance, is_draft = problem.tolerance, _is_draft(problem, found)
     # Finer than the samples themselves are known, pieces would follow their errors. A draft is not told to
@@ -161,7 +161,7 @@ def _resolved(problem: Problem, found: Sampled, orbit: Orbit) -> ResolvedMotion:
         scale=hi,
         atol=atol,
         features=found.features,
-        finest=FINEST if found.features is None else _finest_pieces(orbit, found.period),
+        finest=FINEST if found.features is None else _finest_pieces(place.orbit, found.period),
     )
 
 
