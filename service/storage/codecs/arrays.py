@@ -12,7 +12,7 @@ import json
 import math
 import struct
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -103,7 +103,7 @@ def _names(header: Mapping[str, object], key: str) -> tuple[str, ...]:
 def pack_arrays(arrays: Mapping[str, FloatArray], extra: Mapping[str, tuple[str, ...]]) -> bytes:
     """Return the arrays and further fields of the header as one packet."""
     header = _header(tuple((name, array.shape) for name, array in arrays.items()), tuple(extra.items()))
-    body = b"".join(_shuffle(array) for array in arrays.values())
+    body = _shuffled(list(arrays.values()))
     frame = _compressor().compress(body)
     return _MAGIC + struct.pack("<I", len(header)) + header + frame
 
@@ -151,6 +151,15 @@ def unpack_arrays(packet: bytes) -> tuple[dict[str, FloatArray], dict[str, objec
         arrays[name] = _unshuffle(body[start:stop], shape)
         start = stop
     return arrays, header
+
+
+def _shuffled(arrays: Sequence[FloatArray]) -> bytes:
+    """Return the arrays one after the other, each shuffled; columns of one length take one step."""
+    first = arrays[0] if arrays else None
+    if first is None or first.ndim != 1 or any(array.shape != first.shape for array in arrays):
+        return b"".join(map(_shuffle, arrays))
+    columns = np.array(arrays, dtype=_DOUBLES)
+    return columns.view(np.uint8).reshape(len(arrays), len(first), _WIDTH).transpose(0, 2, 1).tobytes()
 
 
 def _shuffle(array: FloatArray) -> bytes:

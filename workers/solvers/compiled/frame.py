@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
@@ -115,17 +115,33 @@ def make_frame(body: RigidBody, motion: PlanarMotion) -> Frame | None:
     window = -1 if motion.window is None else motion.window
     if window < -1 or start is None:
         return None
-    mirrored, alpha, logarithm = known.mirrored, known.alpha, 0.5 * math.log(square)
-    shared = copied(_EMPTY)
+    signs = motion.sign_of_g1, motion.g3_sign
+    logarithm = 0.5 * math.log(square)
+    asked = (*signs, window, *start)
+    template = known.templates.get(asked)
+    if template is None:
+        template = _template(known, signs, window, start)
+        # Starts at points may be all different.
+        if start[0] != POINT:
+            known.templates[asked] = template
+    shared = copied(template)
+    shared["log_lambda"] = -logarithm / known.alpha if known.mirrored else logarithm
+    return Frame(shared)
+
+
+def _template(
+    known: "_OfBody", signs: tuple[int, int], window: int, start: tuple[int, float, float, float]
+) -> Records:
+    """Return the loop, shape (1,), without its λ."""
+    first, third = signs
+    template = copied(_EMPTY)
     # Its items: numpy takes several times longer for attributes.
-    loop = shared[0]
-    loop["alpha"], loop["factor"], loop["mirrored"] = alpha, known.factor, mirrored
-    loop["sign1"] = motion.g3_sign if mirrored else motion.sign_of_g1
-    loop["half"] = motion.sign_of_g1 if mirrored else motion.g3_sign
+    loop = template[0]
+    loop["alpha"], loop["factor"], loop["mirrored"] = known.alpha, known.factor, known.mirrored
+    loop["sign1"], loop["half"] = (third, first) if known.mirrored else (first, third)
     loop["window"] = window
     loop["kind"], loop["s_sign"], loop["g2_sign"], loop["size_of_g1"] = start
-    loop["log_lambda"] = -logarithm / alpha if mirrored else logarithm
-    return Frame(shared)
+    return template
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +151,8 @@ class _OfBody:
     mirrored: bool
     is_double: bool
     """A = 2C."""
+    templates: dict[tuple[float, ...], Records] = field(default_factory=dict)
+    """Loops without their λ, by all else that is asked; a window has one of a thousand numbers at most."""
 
 
 def _numbers_of(body: RigidBody) -> _OfBody | None:

@@ -129,10 +129,11 @@ class SpectralMotion:
         )
         if not done:
             return None
-        order = np.argsort(ends[:done])
+        # Where none was halved they are in order.
+        order = slice(done) if done == pieces else np.argsort(ends[:done])
         breaks = np.empty(done + 1)
         breaks[0], breaks[1:] = 0.0, ends[order]
-        return ResolvedMotion(breaks, series[order], departure, states)
+        return ResolvedMotion(breaks, series[order].copy(), departure, states)
 
     def error_at(self, times: FloatArray) -> float:
         """Return the bound of the absolute error of any variable at any of ``times``."""
