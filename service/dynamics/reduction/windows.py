@@ -1,9 +1,8 @@
 """Finds every admissible window of a planar motion, its type, and the chosen one among several."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import cast
+from typing import Any  # keys and values of what is kept
 
 from flint import arb, ctx
 
@@ -94,12 +93,10 @@ def find_windows(
     EqualMomentsError, NuNeedsDoubleMomentError
         The curve does not exist.
     """
-    handed = getattr(_HANDED, "last", None)
-    if handed is not None and precision == PRECISION and handed[1] is potential:
-        # Hashing an exact problem takes longer than many a step of its solution.
-        its_body, _, its_motion, windows = handed
-        if its_body is body and its_motion is motion:
-            return cast("tuple[Window, ...]", windows)
+    # Hashing an exact problem takes longer than many a step of its solution.
+    handed = _HANDED.get(id(motion)) if precision == PRECISION else None
+    if handed is not None and handed[0] is body and handed[1] is potential:
+        return handed[3]
     key = _key(body, potential, motion, precision)
     found = _KNOWN.get(key)
     if found is None:
@@ -126,8 +123,9 @@ def remember_windows(
 def hand_on_windows(
     body: RigidBody, potential: Potential, motion: PlanarMotion, windows: tuple[Window, ...]
 ) -> None:
-    """Let :func:`find_windows` answer so in this thread, as long as it is asked for these very objects."""
-    _HANDED.last = body, potential, motion, windows
+    """Let :func:`find_windows` answer so when it is next asked for these very objects."""
+    _HANDED[id(motion)] = body, potential, motion, windows
+    _keep_few(_HANDED)
 
 
 class _TheSame:
@@ -146,7 +144,8 @@ class _TheSame:
 _Key = tuple[RigidBody, Potential | _TheSame, PlanarMotion, int]
 _KNOWN: dict[_Key, tuple[Window, ...] | DynamicsError] = {}
 """The last KEPT answers, the oldest first."""
-_HANDED = threading.local()
+_HANDED: dict[int, tuple[RigidBody, Potential, PlanarMotion, tuple[Window, ...]]] = {}
+"""What was handed on last, by the number of the motion: while that is kept, no other object has it."""
 
 
 def _key(body: RigidBody, potential: Potential, motion: PlanarMotion, precision: int) -> _Key:
@@ -157,9 +156,13 @@ def _key(body: RigidBody, potential: Potential, motion: PlanarMotion, precision:
 
 def _remember(key: _Key, found: tuple[Window, ...] | DynamicsError) -> None:
     _KNOWN[key] = found
-    while len(_KNOWN) > KEPT:
+    _keep_few(_KNOWN)
+
+
+def _keep_few(known: dict[Any, Any]) -> None:
+    while len(known) > KEPT:
         # Another thread may have taken the oldest one away.
-        _KNOWN.pop(next(iter(_KNOWN), key), None)
+        known.pop(next(iter(known), None), None)
 
 
 def _all_windows(

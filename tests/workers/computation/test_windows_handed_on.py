@@ -1,8 +1,7 @@
 """The solver takes the windows that the examination found, and its digits are the same."""
 
 import json
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from fractions import Fraction
 
 import pytest
 from sqlalchemy import update
@@ -126,7 +125,7 @@ def test_a_list_is_handed_on_too(client, jobs):
 
 
 def test_windows_are_handed_on_for_the_very_objects_alone(forgetful):
-    """Whoever asks for an equal problem, or in another thread, finds its windows itself."""
+    """Whoever asks for an equal problem finds its windows itself."""
     problem, equal = (check_problem(PROBLEMS["libration"]).problem for _ in range(2))
     assert isinstance(problem.motion, PlanarMotion)
     assert isinstance(equal.motion, PlanarMotion)
@@ -134,9 +133,12 @@ def test_windows_are_handed_on_for_the_very_objects_alone(forgetful):
     forgetful.setattr(found_windows, "_KNOWN", {})
     forgetful.setattr(found_windows, "_all_windows", None)
     found_windows.hand_on_windows(problem.body, problem.potential, problem.motion, windows)
-    find = partial(found_windows.find_windows, problem.body, problem.potential, problem.motion)
-    assert find() is windows
+    assert found_windows.find_windows(problem.body, problem.potential, problem.motion) is windows
     with pytest.raises(TypeError):
         found_windows.find_windows(equal.body, equal.potential, equal.motion)
-    with ThreadPoolExecutor(1) as pool, pytest.raises(TypeError):
-        pool.submit(find).result()
+    for number in range(found_windows.KEPT):
+        other = PlanarMotion(Fraction(number + 1))
+        found_windows.hand_on_windows(problem.body, problem.potential, other, windows)
+    assert len(found_windows._HANDED) == found_windows.KEPT
+    with pytest.raises(TypeError):  # it would have to be found
+        found_windows.find_windows(problem.body, problem.potential, problem.motion)
