@@ -24,7 +24,8 @@ from service.jobs.keys import ApiKey
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.job import JobIn
-from service.schemas.problem.problem import CheckedProblem, check_problem, problem_digest
+from service.schemas.problem.problem import check_problem, problem_digest
+from service.schemas.problem.stated import CheckedProblem
 from service.schemas.reading.faults import Fault, InvalidProblemError, first_of
 from service.schemas.reading.marks import UNMARKED, Marks, split_marks
 from service.settings import Settings

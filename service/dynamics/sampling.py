@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import TimeList, TimePeriods, Times
-from service.dynamics.solution.dense_output import Period, two_product
+from service.dynamics.solution.dense_output import Period, rest_of_product, split_double, two_product
 
 FloatArray = NDArray[np.float64]
 
@@ -55,7 +55,8 @@ def sample_times(times: Times, period: Period | None) -> SampleTimes:
         raise PeriodNeededError(
             "times in periods need a periodic motion; give start and stop", pointer="/time"
         )
-    return _multiples(_turns(times), period.hi, period.lo)
+    turns, high, low = _turns(times)
+    return _multiples(turns, high, low, period.hi, period.lo)
 
 
 def sample_times_of_each(times: TimePeriods, periods: FloatArray) -> SampleTimes:
@@ -63,26 +64,38 @@ def sample_times_of_each(times: TimePeriods, periods: FloatArray) -> SampleTimes
 
     Each row is, to the last bit, what :func:`sample_times` returns for its period alone.
     """
-    return _multiples(_turns(times), periods[:, None], 0.0)
+    turns, high, low = _turns(times)
+    return _multiples(turns, high, low, periods[:, None], 0.0)
 
 
-def _turns(times: TimePeriods) -> SampleTimes:
+_Turns = tuple[SampleTimes, FloatArray, FloatArray]
+"""Numbers of periods, and two halves of their doubles: see :func:`.split_double`."""
+
+
+def _turns(times: TimePeriods) -> _Turns:
     """Return the numbers of periods; lists and sweeps ask for the same ones with each problem."""
-    return _few_turns(times) if times.samples <= FEW_SAMPLES else _in_doubles(times)
+    if times.samples <= FEW_SAMPLES:
+        return _few_turns(times)
+    found = _in_doubles(times)
+    return found, *split_double(found.doubles)
 
 
 @lru_cache(maxsize=16)
-def _few_turns(times: TimePeriods) -> SampleTimes:
+def _few_turns(times: TimePeriods) -> _Turns:
     found = _in_doubles(times)
+    high, low = split_double(found.doubles)
     # Every caller has the same arrays.
-    found.doubles.flags.writeable = found.rests.flags.writeable = False
-    return found
+    for each in (found.doubles, found.rests, high, low):
+        each.flags.writeable = False
+    return found, high, low
 
 
-def _multiples(turns: SampleTimes, hi: FloatArray | float, lo: float) -> SampleTimes:
+def _multiples(
+    turns: SampleTimes, high: FloatArray, low: FloatArray, hi: FloatArray | float, lo: float
+) -> SampleTimes:
     """Return so many times the periods hi + lo."""
-    product, rest = two_product(turns.doubles, hi)
-    rest = rest + (turns.doubles * lo + turns.rests * hi)
+    product = turns.doubles * hi
+    rest = rest_of_product(product, high, low, hi) + (turns.doubles * lo + turns.rests * hi)
     # The product is the larger part: the difference is exact (Dekker's sum).
     doubles = product + rest
     return SampleTimes(doubles, rest - (doubles - product))

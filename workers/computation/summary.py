@@ -35,7 +35,7 @@ def summarise(
         "asymptotes": None
         if motion.past is None or motion.future is None
         else {"past": asdict(motion.past), "future": asdict(motion.future)},
-        "energy": asdict(motion.energy) if certified is None else _enclosure(certified.energy),
+        "energy": _estimate(motion.energy) if certified is None else _enclosure(certified.energy),
         "window": None
         if window is None
         else {"index": window.index, "ends": window.ends, "g1": window.g1, "g2": window.g2},
@@ -80,6 +80,10 @@ def _period(motion: Motion) -> Document | None:
     if period is None:
         return None
     return {"value": period.hi, "error": float(np.nextafter(abs(period.lo) + period.error, np.inf))}
+
+
+def _estimate(number: Estimate) -> Document:
+    return {"value": number.value, "error": number.error}
 
 
 def _enclosure(ball: arb) -> Document:

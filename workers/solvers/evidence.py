@@ -5,9 +5,10 @@ from math import isfinite
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import largest
-from service.dynamics.defect.evidence import hold_against_equations, hold_samples
-from service.dynamics.motion import COLUMNS, Motion
+from service.dynamics.defect.evidence import Shown, hold_against_equations, hold_samples
+from service.dynamics.motion import COLUMNS, Estimate, Motion
 from service.dynamics.potentials.potential import Potential
+from service.dynamics.solution.dense_output import DenseOutput
 
 DEFECT, DRIFT, COVERED = "defect", "drift", "defect_covers"
 """Keys of the evidence: see :class:`service.dynamics.defect.evidence.Shown`."""
@@ -18,26 +19,40 @@ def with_claim_shown(body: RigidBody, potential: Potential, motion: Motion) -> M
 
     A motion without a function of time shows nothing, and one whose claim is not finite claims nothing.
     """
-    dense = motion.dense
-    if dense.columns != COLUMNS or not isfinite(dense.error):
+    shown = shown_by(body, potential, motion.dense, motion.energy, is_planar=motion.window is not None)
+    if shown is None:
         return motion
+    dense, error = with_error_shown(motion.dense, motion.error, shown)
+    return replace(motion, evidence={**motion.evidence, **told(shown)}, dense=dense, error=error)
+
+
+def shown_by(
+    body: RigidBody, potential: Potential, dense: DenseOutput, energy: Estimate, *, is_planar: bool
+) -> Shown | None:
+    """Return what a function of time shows; None if it has not the six variables, or claims nothing."""
+    if dense.columns != COLUMNS or not isfinite(dense.error):
+        return None
     shown = None
-    if motion.window is not None:
+    if is_planar:
         # The compiler is loaded only where it is needed.
         from workers.solvers.compiled.shown.evidence import kept_claim  # noqa: PLC0415
 
-        shown = kept_claim(body, potential, dense, dense.error, motion.energy)
+        shown = kept_claim(body, potential, dense, dense.error, energy)
     if shown is None:
-        is_planar = motion.window is not None
-        shown = hold_against_equations(
-            body, potential, dense, dense.error, motion.energy, is_planar=is_planar
-        )
-    evidence = {**motion.evidence, DEFECT: shown.defect, DRIFT: shown.drift, COVERED: shown.settled}
-    motion = replace(motion, evidence=evidence)
+        shown = hold_against_equations(body, potential, dense, dense.error, energy, is_planar=is_planar)
+    return shown
+
+
+def told(shown: Shown) -> dict[str, float]:
+    """Return what was shown as a part of the evidence."""
+    return {DEFECT: shown.defect, DRIFT: shown.drift, COVERED: shown.settled}
+
+
+def with_error_shown(dense: DenseOutput, error: float, shown: Shown) -> tuple[DenseOutput, float]:
+    """Return the function of time, and the error of samples, with claims not below what was shown."""
     if shown.error == dense.error:
-        return motion
-    dense = replace(dense, error=largest((dense.error, shown.error)))
-    return replace(motion, dense=dense, error=largest((motion.error, shown.error)))
+        return dense, error
+    return replace(dense, error=largest((dense.error, shown.error))), largest((error, shown.error))
 
 
 def with_samples_shown(body: RigidBody, potential: Potential, motion: Motion) -> Motion:

@@ -22,8 +22,9 @@ from service.api.verdicts.children import examine
 from service.api.verdicts.formulas import examine_with_formulas
 from service.api.verdicts.verdict_queue import Claimant
 from service.schemas.problem.budgets import seconds_of
-from service.schemas.problem.problem import CheckedProblem, Question, read_question
+from service.schemas.problem.problem import Question, read_question
 from service.schemas.problem.sections import ProblemIn
+from service.schemas.problem.stated import CheckedProblem
 from service.schemas.reading.balls import ONE_AT_A_TIME
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings

@@ -1,5 +1,6 @@
 """An arc of the loop on which p² > 0, and the kinds of its two ends."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -11,6 +12,11 @@ from service.dynamics.reduction.root_finding.gap import NearRest
 ArcEnd = Literal["rest", "double", "flat", "collision", "pole", "edge"]
 """A simple zero of P; a zero of order two or more; one of no order that is known; P → ∞ at a pole;
 a pole that is not passed; the edge of where the potential is defined."""
+
+
+QUARTER = 0.5 * math.pi
+ASIDE = 2.0**-30
+"""Distance between doubles at which balls agree about what is inside: more than these are rounded by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +49,10 @@ class Arc:
 
     def _inside(self, parity: int) -> list[arb]:
         # An arc lies within −2π ≤ v ≤ 2π.
-        quarters = (k for k in range(-4, 5) if k % 2 == parity)
+        low, high = float(self.lower) - ASIDE, float(self.upper) + ASIDE
+        quarters = [k for k in range(-4, 5) if k % 2 == parity and low < k * QUARTER < high]
+        if not quarters:
+            return []
         # An end next to one of them may be known to many more bits than the current precision.
         with ctx.workprec(max(ctx.prec, self.lower.bits(), self.upper.bits())):
             places = [arb.pi() * k / 2 for k in quarters]

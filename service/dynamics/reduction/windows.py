@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Any  # keys and values of what is kept
 
 from flint import ctx
 
@@ -80,6 +81,10 @@ def find_windows(
     EqualMomentsError, NuNeedsDoubleMomentError
         The curve does not exist.
     """
+    # Hashing an exact problem takes longer than many a step of its solution.
+    handed = _HANDED.get(id(motion)) if precision == PRECISION else None
+    if handed is not None and handed[0] is body and handed[1] is potential:
+        return handed[3]
     key = _key(body, potential, motion, precision)
     found = _KNOWN.get(key)
     if found is None:
@@ -103,6 +108,14 @@ def remember_windows(
     _remember(_key(body, potential, motion, PRECISION), windows)
 
 
+def hand_on_windows(
+    body: RigidBody, potential: Potential, motion: PlanarMotion, windows: tuple[Window, ...]
+) -> None:
+    """Let :func:`find_windows` answer so when it is next asked for these very objects."""
+    _HANDED[id(motion)] = body, potential, motion, windows
+    _keep_few(_HANDED)
+
+
 class _TheSame:
     """A potential that is equal to no other object: those without a formula are not compared."""
 
@@ -119,6 +132,8 @@ class _TheSame:
 _Key = tuple[RigidBody, Potential | _TheSame, PlanarMotion, int]
 _KNOWN: dict[_Key, tuple[Window, ...] | DynamicsError] = {}
 """The last KEPT answers, the oldest first."""
+_HANDED: dict[int, tuple[RigidBody, Potential, PlanarMotion, tuple[Window, ...]]] = {}
+"""What was handed on last, by the number of the motion: while that is kept, no other object has it."""
 
 
 def _key(body: RigidBody, potential: Potential, motion: PlanarMotion, precision: int) -> _Key:
@@ -129,9 +144,13 @@ def _key(body: RigidBody, potential: Potential, motion: PlanarMotion, precision:
 
 def _remember(key: _Key, found: tuple[Window, ...] | DynamicsError) -> None:
     _KNOWN[key] = found
-    while len(_KNOWN) > KEPT:
+    _keep_few(_KNOWN)
+
+
+def _keep_few(known: dict[Any, Any]) -> None:
+    while len(known) > KEPT:
         # Another thread may have taken the oldest one away.
-        _KNOWN.pop(next(iter(_KNOWN), key), None)
+        known.pop(next(iter(known), None), None)
 
 
 def find_windows_together(

@@ -204,11 +204,23 @@ def _remainder(times: FloatArray, turns: FloatArray, period: Period, rests: Floa
 def two_product(a: FloatArray, b: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     """Return a·b as an unevaluated sum of two doubles (Dekker 1971)."""
     product = a * b
-    a_high = _SPLIT * a - (_SPLIT * a - a)
+    return product, rest_of_product(product, *split_double(a), b)
+
+
+def split_double(a: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return doubles as sums of two, each of half the bits (Veltkamp 1968)."""
+    scaled = _SPLIT * a
+    high = scaled - (scaled - a)
+    return high, a - high
+
+
+def rest_of_product(
+    product: FloatArray, a_high: FloatArray, a_low: FloatArray, b: FloatArray | float
+) -> FloatArray:
+    """Return what the rounded product of a and b leaves out, a being a sum as of :func:`split_double`."""
     b_high = _SPLIT * b - (_SPLIT * b - b)
-    a_low, b_low = a - a_high, b - b_high
-    rest = ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
-    return product, rest
+    b_low = b - b_high
+    return ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
 
 
 def _clenshaw(coefficients: FloatArray, piece: NDArray[np.intp], x: FloatArray) -> FloatArray:

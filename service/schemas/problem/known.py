@@ -1,76 +1,95 @@
-"""Reads documents whose body and potential were read before, without reading these again.
+"""Reads documents that differ from one read before in λ alone, without reading the rest again.
 
-Lists, sweeps and clients ask for the same body and potential many times over. What is remembered is known by
-its very text and belongs to no motion; a document with any fault is left to those who list all faults.
+Lists, sweeps and clients ask for the same body and potential many times over, at the same times. What is
+remembered is known by all of the document but the number that chooses the curve; a document with any fault is
+left to those who list all faults.
 """
 
-import json
+import marshal
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
-from typing import TypeVar
+from typing import Any, cast  # parts of documents, of which no type is known yet
 
 from pydantic import ValidationError
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.schemas.problem.motions import PlanarMotionIn
+from service.dynamics.potentials.potential import FormulaPotential
+from service.dynamics.problem import PlanarMotion, Problem, Sign
+from service.schemas.problem.motions import CURVE_FIELDS, PlanarMotionIn
 from service.schemas.problem.rules import combination_faults, motion_faults, read_setting
 from service.schemas.problem.sections import ProblemIn
+from service.schemas.problem.stated import CheckedProblem, Reading
 from service.schemas.reading.faults import Fault
+from service.schemas.reading.numbers import read_nonzero, read_positive
 from service.schemas.reading.parts import read_part
 
-T = TypeVar("T")
-
 KEPT = 64
-"""Settings, and as many choices of times, accuracy and outputs."""
+"""Documents, and as many settings in them."""
 LONGEST = 4096
-"""Characters of what is remembered."""
+"""Bytes of what is remembered."""
 SETTING, MOTION = ("body", "potential"), "motion"
-_PLAIN = frozenset((str, int, float, bool, type(None)))
-_FIELDS = frozenset(ProblemIn.model_fields)
 _OTHERS = tuple(name for name in ProblemIn.model_fields if name not in (*SETTING, MOTION))
+_FIELDS = frozenset(ProblemIn.model_fields)
+_READ: Mapping[str, Callable[[object], Fraction]] = {"lambda": read_positive, "nu": read_nonzero}
+"""The fields that choose the curve by a number, and how that is read."""
+_WRITTEN = (str, int, float)
+"""Exactly these: a number of another kind may know that no double is near it."""
+_FORM = 2
+"""Of the bytes: equal parts have the same ones, and what is none of Python's own kinds has none."""
 
 
-@dataclass(frozen=True, slots=True)
-class KnownProblem:
-    """The parts of a document without any fault."""
-
-    parts: dict[str, object]
-    body: RigidBody
-    potential: Potential
-
-
-def read_known(document: object) -> KnownProblem | None:
-    """Return the parts of the document of a planar problem; None if it has faults, or is not of this kind."""
-    if not isinstance(document, dict) or not document.keys() <= _FIELDS or not _is_plain(document):
+def read_known(document: object) -> CheckedProblem | None:
+    """Return the problem that a document states; None if it has faults, or is not of a planar motion."""
+    motion = document.get(MOTION) if isinstance(document, dict) else None
+    if type(document) is not dict or type(motion) is not dict:
         return None
-    setting = {name: document.get(name) for name in SETTING}
-    others = {name: document[name] for name in _OTHERS if name in document}
+    field = "lambda" if motion.get("nu") is None else "nu"
+    number = motion.get(field)
+    if type(number) not in _WRITTEN:
+        return None
     # Deep, or not of JSON, or with a fault: others say so.
     with suppress(ValidationError, RecursionError, TypeError, ValueError, KeyError):
-        stated, chosen = _remembered(_setting, setting), _remembered(_choices, others)
-        motion = None if stated is None or chosen is None else read_part(ProblemIn, MOTION, document)
-        if stated is None or chosen is None or not isinstance(motion, PlanarMotionIn):
-            return None
-        parts: dict[str, object] = {**stated.parts, MOTION: motion, **chosen}
-        faults = (*combination_faults(document, parts), *motion_faults(stated.body, document, parts))
-        if not faults:
-            # What is kept beside a formula while it is evaluated is for one problem.
-            return KnownProblem(parts, stated.body, stated.potential.alone())
+        found = _document(_bytes({**document, MOTION: {**motion, field: 1}}))
+        if found is not None:
+            return _on_curve(found, field, _READ[field](number))
     return None
 
 
-def _is_plain(value: object, depth: int = 8) -> bool:
-    """Say whether the text of a value tells all of it: a number may know that no double is near it."""
-    kind = type(value)
-    if kind in _PLAIN:
-        return True
-    if not depth or not isinstance(value, dict | list) or kind not in (dict, list):
-        return False
-    inside = value.values() if isinstance(value, dict) else value
-    return all(_is_plain(each, depth - 1) for each in inside)
+def _on_curve(found: "_Document", field: str, number: Fraction) -> CheckedProblem:
+    """Return the problem on the curve that a number of this field chooses."""
+    like, planar = found.problem, found.planar
+    # With nu, the sign of g1 is its own.
+    by_nu = field == "nu"
+    sign: Sign = planar.g1_sign if not by_nu else 1 if number > 0 else -1
+    problem = Problem(
+        like.body,
+        # What is kept beside a formula while it is evaluated is for one problem.
+        found.potential.alone(),
+        PlanarMotion(
+            None if by_nu else number,
+            number if by_nu else None,
+            sign,
+            planar.g3_sign,
+            planar.window,
+            planar.start,
+        ),
+        like.time,
+        like.accuracy,
+        like.method,
+        like.outputs,
+        like.accept,
+    )
+
+    def canonical() -> dict[str, object]:
+        motion = found.motion.model_copy(update={CURVE_FIELDS[field]: number})
+        checked = Reading({**found.parts, MOTION: motion}, like.body, like.potential, []).problem()
+        assert checked is not None
+        return checked.canonical
+
+    return CheckedProblem(problem, canonical)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,25 +99,60 @@ class _Setting:
     potential: FormulaPotential
 
 
-def _remembered(read: Callable[[str], T | None], part: Mapping[str, object]) -> T | None:
-    text = json.dumps(part)
-    return read(text) if len(text) <= LONGEST else None
+@dataclass(frozen=True, slots=True)
+class _Document:
+    parts: Mapping[str, object]
+    motion: PlanarMotionIn
+    problem: Problem
+    potential: FormulaPotential
+    planar: PlanarMotion
+    """The last two are the problem's. It is on some curve, and so is the motion among the parts."""
+
+
+def _bytes(part: Mapping[str, object]) -> bytes:
+    """Return what tells all of a part; raises ValueError where it is long, or not of Python's own kinds."""
+    found = marshal.dumps(cast("Any", part), _FORM)
+    if len(found) > LONGEST:
+        raise ValueError("too long to be remembered")
+    return found
+
+
+def _part(known: bytes) -> dict[str, object]:
+    # Bytes that this module has made.
+    part: dict[str, object] = marshal.loads(known)
+    return part
 
 
 @lru_cache(maxsize=KEPT)
-def _setting(text: str) -> _Setting | None:
-    document = json.loads(text)
+def _document(known: bytes) -> _Document | None:
+    document = _part(known)
+    if not document.keys() <= _FIELDS:
+        return None
+    stated = _setting(_bytes({name: document.get(name) for name in SETTING}))
+    if stated is None or any(
+        ProblemIn.model_fields[name].is_required() for name in _OTHERS if name not in document
+    ):
+        return None
+    motion = read_part(ProblemIn, MOTION, document)
+    if not isinstance(motion, PlanarMotionIn):
+        return None
+    chosen = {name: read_part(ProblemIn, name, document) for name in _OTHERS}
+    parts: dict[str, object] = {**stated.parts, MOTION: motion, **chosen}
+    # None of the rules between the parts knows which number chooses the curve.
+    if any((*combination_faults(document, parts), *motion_faults(stated.body, document, parts))):
+        return None
+    checked = Reading(parts, stated.body, stated.potential, []).problem()
+    if checked is None or not isinstance(checked.problem.motion, PlanarMotion):
+        return None
+    return _Document(parts, motion, checked.problem, stated.potential, checked.problem.motion)
+
+
+@lru_cache(maxsize=KEPT)
+def _setting(known: bytes) -> _Setting | None:
+    document = _part(known)
     parts = {name: read_part(ProblemIn, name, document) for name in SETTING}
     faults: list[Fault] = []
     body, potential = read_setting({**document, MOTION: {"type": "planar"}}, parts, faults)
     if faults or body is None or not isinstance(potential, FormulaPotential):
         return None
     return _Setting(parts, body, potential)
-
-
-@lru_cache(maxsize=KEPT)
-def _choices(text: str) -> dict[str, object]:
-    document = json.loads(text)
-    if any(ProblemIn.model_fields[name].is_required() for name in _OTHERS if name not in document):
-        raise KeyError(text)
-    return {name: read_part(ProblemIn, name, document) for name in _OTHERS}

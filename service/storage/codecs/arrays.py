@@ -4,15 +4,16 @@ A packet is the magic word, the length of a JSON header (little endian, 4
 bytes), the header, and one zstd frame. Shuffling puts the first bytes of all
 numbers together, then the second ones, and so on: sign and exponent of
 neighbours are alike, and only in this order can zstd use it (measured: unshuffled
-doubles of a trajectory do not shrink at all). Level 1, since higher levels save a
-few per cent for many times the time.
+doubles of a trajectory do not shrink at all). Level -2: samples become as small as
+at level 1, and functions of time a tenth larger, in half of the time or less.
 """
 
 import json
 import math
 import struct
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 import zstandard
@@ -24,7 +25,10 @@ FloatArray = NDArray[np.float64]
 
 _MAGIC = b"PLH1"
 _WIDTH = 8
-_LEVEL = 1
+_DOUBLES = np.dtype("<f8")
+_LEVEL = -2
+_HEADERS = 64
+"""That are remembered: solutions of one list, and blocks of one sweep, have the same."""
 _OF_THREAD = threading.local()
 
 
@@ -58,7 +62,7 @@ def encode_dense(dense: DenseOutput) -> bytes:
     if dense.advances:
         arrays["advances"] = np.array([[a.hi, a.lo, a.error] for a in dense.advances.values()])
     names = {"errors": list(dense.errors), "advances": list(dense.advances)}
-    given = {key: value for key, value in names.items() if value}
+    given = {key: tuple(value) for key, value in names.items() if value}
     return pack_arrays(arrays, {"columns": dense.columns, **given})
 
 
@@ -96,13 +100,20 @@ def _names(header: Mapping[str, object], key: str) -> tuple[str, ...]:
     return tuple(map(str, names)) if isinstance(names, list) else ()
 
 
-def pack_arrays(arrays: Mapping[str, FloatArray], extra: Mapping[str, object]) -> bytes:
+def pack_arrays(arrays: Mapping[str, FloatArray], extra: Mapping[str, tuple[str, ...]]) -> bytes:
     """Return the arrays and further fields of the header as one packet."""
-    entries = [{"name": name, "shape": list(array.shape)} for name, array in arrays.items()]
-    header = json.dumps({"arrays": entries, **extra}, separators=(",", ":")).encode()
-    body = b"".join(_shuffle(array) for array in arrays.values())
+    header = _header(tuple((name, array.shape) for name, array in arrays.items()), tuple(extra.items()))
+    body = _shuffled(list(arrays.values()))
     frame = _compressor().compress(body)
     return _MAGIC + struct.pack("<I", len(header)) + header + frame
+
+
+@lru_cache(maxsize=_HEADERS)
+def _header(
+    shapes: tuple[tuple[str, tuple[int, ...]], ...], extra: tuple[tuple[str, tuple[str, ...]], ...]
+) -> bytes:
+    entries = [{"name": name, "shape": shape} for name, shape in shapes]
+    return json.dumps({"arrays": entries, **dict(extra)}, separators=(",", ":")).encode()
 
 
 def _compressor() -> zstandard.ZstdCompressor:
@@ -142,8 +153,17 @@ def unpack_arrays(packet: bytes) -> tuple[dict[str, FloatArray], dict[str, objec
     return arrays, header
 
 
+def _shuffled(arrays: Sequence[FloatArray]) -> bytes:
+    """Return the arrays one after the other, each shuffled; columns of one length take one step."""
+    first = arrays[0] if arrays else None
+    if first is None or first.ndim != 1 or any(array.shape != first.shape for array in arrays):
+        return b"".join(map(_shuffle, arrays))
+    columns = np.array(arrays, dtype=_DOUBLES)
+    return columns.view(np.uint8).reshape(len(arrays), len(first), _WIDTH).transpose(0, 2, 1).tobytes()
+
+
 def _shuffle(array: FloatArray) -> bytes:
-    flat = np.asarray(array, dtype="<f8").ravel(order="F")
+    flat = np.asarray(array, dtype=_DOUBLES).ravel(order="F")
     return flat.view(np.uint8).reshape(-1, _WIDTH).T.tobytes()
 
 

@@ -59,7 +59,7 @@ def encode_points(points: ChunkPoints) -> bytes:
     places = {word: place for place, word in enumerate(words)}
     outcome = np.array([places[word] for word in points.outcomes], dtype=np.float64)
     arrays = {_OUTCOME: outcome, **{_NUMBER + name: values for name, values in points.numbers.items()}}
-    numbers = pack_arrays(arrays, {"outcomes": words})
+    numbers = pack_arrays(arrays, {"outcomes": tuple(words)})
     series = pack_arrays(points.series, {}) if points.series else b""
     return _LENGTH.pack(len(numbers)) + numbers + series
 

@@ -85,3 +85,38 @@ def test_numbers_that_are_written_otherwise_are_not_mistaken():
     assert as_number.potential == as_text.potential
     double = check_problem({**DOCUMENT, "potential": {"type": "gravity", "a": 0.1 + 2.0**-55}}).problem
     assert double.potential != as_number.potential
+
+
+@pytest.mark.parametrize("field", ["lambda", "nu"])
+def test_documents_that_differ_in_their_curve_alone_have_each_its_own(field):
+    numbers = ["6/5", 0.3, 2] if field == "lambda" else ["6/5", -0.3, -2]
+    for number in numbers:
+        document = {**DOCUMENT, "motion": {"type": "planar", field: number, "g3_sign": -1}}
+        whole = check_problem(document, Other)
+        known = read_known(document)
+        assert known is not None
+        assert known.problem == whole.problem
+        assert known.canonical == whole.canonical
+
+
+class Exactly(float):
+    """A number that knows more than its double."""
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"motion": {"type": "planar", "lambda": Exactly(1.2)}},
+        {"potential": {"type": "gravity", "a": Exactly(-1.0)}},
+        {"time": {"periods": Exactly(1.0), "samples": 101}},
+    ],
+)
+def test_numbers_of_another_kind_are_left_to_those_who_know_them(changed):
+    assert read_known(DOCUMENT) is not None
+    assert read_known({**DOCUMENT, **changed}) is None
+
+
+@pytest.mark.parametrize("number", ["-1", 0, True, None, "x", 1e301])
+def test_a_faulty_number_of_a_known_document_is_none(number):
+    assert read_known(DOCUMENT) is not None
+    assert read_known({**DOCUMENT, "motion": {"type": "planar", "lambda": number}}) is None

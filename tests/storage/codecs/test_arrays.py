@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
+from service.storage.codecs import arrays as codec
 from service.storage.codecs.arrays import (
     CodecError,
     decode_arrays,
@@ -127,3 +128,13 @@ def test_foreign_bytes_are_refused(packet):
 def test_arrays_are_not_taken_for_a_dense_output():
     with pytest.raises(CodecError, match="dense output"):
         decode_dense(encode_arrays({"x": np.zeros(3)}))
+
+
+@given(st.integers(0, 40), st.integers(1, 5), st.booleans())
+def test_columns_of_one_length_are_written_as_each_alone(length, count, is_strided):
+    """Packets of columns that were shuffled together are those of columns shuffled one by one."""
+    table = np.random.default_rng(length).normal(size=(length, count))
+    columns = [table[:, k] if is_strided else table[:, k].copy() for k in range(count)]
+    together = codec._shuffled(columns)
+    assert together == b"".join(codec._shuffle(column) for column in columns)
+    assert len(together) == table.nbytes

@@ -1,10 +1,12 @@
 """The solver takes the windows that the examination found, and its digits are the same."""
 
 import json
+from fractions import Fraction
 
 import pytest
 from sqlalchemy import update
 
+from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction import windows as found_windows
 from service.jobs.outcome import Solved
 from service.schemas.problem.problem import check_problem
@@ -120,3 +122,23 @@ def test_a_list_is_handed_on_too(client, jobs):
     claims = [jobs.claim("a worker", lease_seconds=60.0) for _ in documents]
     assert len({claim.windows for claim in claims}) == 3
     assert "" not in {claim.windows for claim in claims}
+
+
+def test_windows_are_handed_on_for_the_very_objects_alone(forgetful):
+    """Whoever asks for an equal problem finds its windows itself."""
+    problem, equal = (check_problem(PROBLEMS["libration"]).problem for _ in range(2))
+    assert isinstance(problem.motion, PlanarMotion)
+    assert isinstance(equal.motion, PlanarMotion)
+    windows = found_windows.find_windows(problem.body, problem.potential, problem.motion)
+    forgetful.setattr(found_windows, "_KNOWN", {})
+    forgetful.setattr(found_windows, "_all_windows", None)
+    found_windows.hand_on_windows(problem.body, problem.potential, problem.motion, windows)
+    assert found_windows.find_windows(problem.body, problem.potential, problem.motion) is windows
+    with pytest.raises(TypeError):
+        found_windows.find_windows(equal.body, equal.potential, equal.motion)
+    for number in range(found_windows.KEPT):
+        other = PlanarMotion(Fraction(number + 1))
+        found_windows.hand_on_windows(problem.body, problem.potential, other, windows)
+    assert len(found_windows._HANDED) == found_windows.KEPT
+    with pytest.raises(TypeError):  # it would have to be found
+        found_windows.find_windows(problem.body, problem.potential, problem.motion)

@@ -17,8 +17,9 @@ SYMMETRIC_POLE_PASSAGE = "symmetric_pole_passage"
 def conventions_of(start: StartingPoint) -> tuple[str, ...]:
     """Return the conventions that motions on the arc of ``start`` need."""
     arc = start.arc
-    passes_pole = arc.is_whole_loop or bool(arc.poles)
-    return (SYMMETRIC_POLE_PASSAGE,) if passes_pole and not arc.loop.is_smooth_at_poles() else ()
+    if arc.loop.is_smooth_at_poles():
+        return ()
+    return (SYMMETRIC_POLE_PASSAGE,) if arc.is_whole_loop or arc.poles else ()
 
 
 def energy_of(loop: Loop, v: arb) -> Estimate:

@@ -25,7 +25,7 @@ from workers.solvers.assembly.dense import (
 )
 from workers.solvers.assembly.description import conventions_of, energy_of, evidence_of
 from workers.solvers.assembly.place import Declined, PeriodicPlace
-from workers.solvers.evidence import with_claim_shown, with_samples_shown
+from workers.solvers.evidence import shown_by, told, with_error_shown, with_samples_shown
 from workers.solvers.orbits.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -93,20 +93,23 @@ def make_periodic(problem: Problem, place: PeriodicPlace, found: Sampled) -> Mot
 
     One that shows a larger error than it claimed, and than the tolerance, cannot be believed: it is declined.
     """
-    claimed = _claimed(problem, place, found)
-    motion = with_claim_shown(problem.body, problem.potential, claimed)
+    motion, claimed = _with_claim(problem, place, found)
     if found.late is not None and len(motion.times):
         motion = with_samples_shown(problem.body, problem.potential, motion)
-    if is_within(motion.error, claimed.error) or is_within(motion.error, problem.tolerance):
+    if is_within(motion.error, claimed) or is_within(motion.error, problem.tolerance):
         return motion
     return Declined(motion.error)
 
 
-def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
-    period, start, orbit = found.period, place.start, place.orbit
+def _with_claim(problem: Problem, place: PeriodicPlace, found: Sampled) -> tuple[Motion, float]:
+    """Return the motion with claims that are not below what its function of time shows.
+
+    And the error of its samples that was claimed before.
+    """
+    period, start = found.period, place.start
     asked = asked_times(problem, period) if found.asked is None else found.asked
     times, rests = asked.doubles, asked.rests
-    resolved = _resolved(problem, found, orbit) if problem.wants_series else nothing_resolved(period.hi)
+    resolved = _resolved(problem, place, found) if problem.wants_series else nothing_resolved(period.hi)
     columns = COLUMNS[: resolved.coefficients.shape[2]]
     error = resolved.error + found.error + resolved.moved(found.time_error)
     if _is_draft(problem, found) and problem.wants_series:
@@ -117,24 +120,31 @@ def _claimed(problem: Problem, place: PeriodicPlace, found: Sampled) -> Motion:
         late = found.late
         samples = dense(times, rests) if late is None else late.sample(times, rests)
         reached = dense.error_at(times) if late is None else late.error_at(times)
+    energy = energy_of(start.arc.loop, place.somewhere())
+    evidence, claimed = {**found.evidence, **evidence_of(resolved)}, reached
+    shown = shown_by(problem.body, problem.potential, dense, energy, is_planar=True)
+    if shown is not None:
+        evidence |= told(shown)
+        dense, reached = with_error_shown(dense, reached, shown)
     conventions = conventions_of(start)
-    return Motion(
+    motion = Motion(
         method="quadrature",
         dense=dense,
         times=times,
         samples=samples,
         error=reached,
-        energy=energy_of(start.arc.loop, orbit.somewhere()),
+        energy=energy,
         window=place.window,
         aperiodic=None,
         past=None,
         future=None,
         cross_check=None,
         conventions=conventions,
-        evidence={**found.evidence, **evidence_of(resolved)},
+        evidence=evidence,
         rests=rests,
         first_passage=float(found.passages[0]) if conventions else None,
     )
+    return motion, claimed
 
 
 def _is_draft(problem: Problem, found: Sampled) -> bool:
@@ -142,7 +152,7 @@ def _is_draft(problem: Problem, found: Sampled) -> bool:
     return problem.accuracy.tier == "draft" and found.late is not None
 
 
-def _resolved(problem: Problem, found: Sampled, orbit: Orbit) -> ResolvedMotion:
+def _resolved(problem: Problem, place: PeriodicPlace, found: Sampled) -> ResolvedMotion:
     """Return the function of time over one period, as fine as the problem can tell."""
     tolerance, is_draft = problem.tolerance, _is_draft(problem, found)
     # Finer than the samples themselves are known, pieces would follow their errors. A draft is not told to
@@ -161,7 +171,7 @@ def _resolved(problem: Problem, found: Sampled, orbit: Orbit) -> ResolvedMotion:
         scale=hi,
         atol=atol,
         features=found.features,
-        finest=FINEST if found.features is None else _finest_pieces(orbit, found.period),
+        finest=FINEST if found.features is None else _finest_pieces(place.orbit, found.period),
     )
 
 

@@ -1,11 +1,13 @@
 """The input of every family of solvers besides the problem, and the answer of one that declines."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+from flint import arb
 
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
-from workers.solvers.orbits.near_rest import SlowOrbit, slow_orbit
-from workers.solvers.orbits.orbit import Libration, Rotation, make_orbit
+from workers.solvers.orbits.near_rest import SlowOrbit, is_slow, slow_orbit
+from workers.solvers.orbits.orbit import Libration, Rotation, make_orbit, somewhere_on
 
 PeriodicOrbit = Libration | Rotation | SlowOrbit
 
@@ -20,9 +22,29 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class PeriodicPlace(Place):
-    """A place in a periodic window, with the motion there as a function of its phase."""
+    """A place in a periodic window."""
 
-    orbit: PeriodicOrbit
+    _orbits: list[PeriodicOrbit] = field(default_factory=list, init=False, compare=False, repr=False)
+
+    @property
+    def orbit(self) -> PeriodicOrbit:
+        """Return the motion as a function of its phase, which keeps its digits next to a rest.
+
+        It is made where it is asked for: compiled solvers do without.
+
+        Raises
+        ------
+        PrecisionLostError
+            More bits are needed.
+        """
+        if not self._orbits:
+            self._orbits.append(slow_orbit(self.start) or make_orbit(self.start))
+        return self._orbits[0]
+
+    def somewhere(self) -> arb:
+        """Return a v of the orbit at which nothing special happens; raises as :attr:`orbit`."""
+        arc = self.start.arc
+        return self.orbit.somewhere() if is_slow(arc) else somewhere_on(arc)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +59,5 @@ NOT_MINE = Declined(float("inf"))
 
 
 def periodic_place(place: Place) -> PeriodicPlace:
-    """Return the place with its orbit, which keeps its digits next to a rest.
-
-    Raises
-    ------
-    PrecisionLostError
-        More bits are needed.
-    """
-    orbit = slow_orbit(place.start) or make_orbit(place.start)
-    return PeriodicPlace(place.window, place.start, orbit)
+    """Return the place as one in a periodic window."""
+    return PeriodicPlace(place.window, place.start)

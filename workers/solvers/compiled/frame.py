@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
@@ -10,6 +10,7 @@ from flint import arb, ctx, fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.keeping import Kept
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from workers.solvers.compiled.records import LOOP, Loop, Records, copied
 from workers.solvers.compiled.windows.arcs import AUTOMATIC, EQUATOR, POINT, REST
@@ -107,25 +108,63 @@ def logarithm_of(square: fmpq) -> float:
 
 def make_frame(body: RigidBody, motion: PlanarMotion) -> Frame | None:
     """Return the frame, None where the curve does not exist or the start is on the other side."""
-    if body.A == body.C or (motion.nu is not None and body.A != 2 * body.C) or not motion.lambda_squared:
+    known, square = _of_body(body), motion.lambda_squared
+    if known is None or (motion.nu is not None and not known.is_double) or not square:
         return None
     start = _start(motion)
     window = -1 if motion.window is None else motion.window
     if window < -1 or start is None:
         return None
-    mirrored = body.A < body.C
-    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
-    alpha, logarithm = float(A / C), 0.5 * math.log(motion.lambda_squared)
-    shared = copied(_EMPTY)
+    signs = motion.sign_of_g1, motion.g3_sign
+    logarithm = 0.5 * math.log(square)
+    asked = (*signs, window, *start)
+    template = known.templates.get(asked)
+    if template is None:
+        template = _template(known, signs, window, start)
+        # Starts at points may be all different.
+        if start[0] != POINT:
+            known.templates[asked] = template
+    shared = copied(template)
+    shared["log_lambda"] = -logarithm / known.alpha if known.mirrored else logarithm
+    return Frame(shared)
+
+
+def _template(
+    known: "_OfBody", signs: tuple[int, int], window: int, start: tuple[int, float, float, float]
+) -> Records:
+    """Return the loop, shape (1,), without its λ."""
+    first, third = signs
+    template = copied(_EMPTY)
     # Its items: numpy takes several times longer for attributes.
-    loop = shared[0]
-    loop["alpha"], loop["factor"], loop["mirrored"] = alpha, float(C / ((A - C) * A)), mirrored
-    loop["sign1"] = motion.g3_sign if mirrored else motion.sign_of_g1
-    loop["half"] = motion.sign_of_g1 if mirrored else motion.g3_sign
+    loop = template[0]
+    loop["alpha"], loop["factor"], loop["mirrored"] = known.alpha, known.factor, known.mirrored
+    loop["sign1"], loop["half"] = (third, first) if known.mirrored else (first, third)
     loop["window"] = window
     loop["kind"], loop["s_sign"], loop["g2_sign"], loop["size_of_g1"] = start
-    loop["log_lambda"] = -logarithm / alpha if mirrored else logarithm
-    return Frame(shared)
+    return template
+
+
+@dataclass(frozen=True, slots=True)
+class _OfBody:
+    alpha: float
+    factor: float
+    mirrored: bool
+    is_double: bool
+    """A = 2C."""
+    templates: dict[tuple[float, ...], Records] = field(default_factory=dict)
+    """Loops without their λ, by all else that is asked; a window has one of a thousand numbers at most."""
+
+
+def _numbers_of(body: RigidBody) -> _OfBody | None:
+    """Return what kernels know of a body, None where A = C."""
+    if body.A == body.C:
+        return None
+    mirrored = body.A < body.C
+    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
+    return _OfBody(float(A / C), float(C / ((A - C) * A)), mirrored, body.A == 2 * body.C)
+
+
+_of_body = Kept(_numbers_of)
 
 
 def _start(motion: PlanarMotion) -> tuple[int, float, float, float] | None:

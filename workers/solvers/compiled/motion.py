@@ -73,11 +73,10 @@ class SpectralMotion:
     @property
     def ends(self) -> tuple[EndKind, EndKind]:
         """Return where |g1| is smallest, where it is largest."""
-        # Its items: numpy takes several times longer for attributes.
-        loop = self.loops[0]
-        if loop["rotates"]:
+        number = self._number
+        if number("rotates"):
             return "pole", "equator"
-        middle, half = math.atan2(loop["s_middle"], loop["c_middle"]), float(loop["half_width"])
+        middle, half = math.atan2(number("s_middle"), number("c_middle")), number("half_width")
         lower, upper = (middle - half) / math.pi, (middle + half) / math.pi
         # v is a multiple of π at the poles, and halfway between at the equator.
         passes_pole = math.floor(lower) != math.floor(upper)
@@ -87,15 +86,20 @@ class SpectralMotion:
     @property
     def g1(self) -> tuple[float, float]:
         """Return g1, with its sign, at the two ends."""
-        loop, ends = self.loops[0], self.ends
+        number, ends = self._number, self.ends
         # |g1| = G |sin v|^α in primed axes, and |g3| = Z |sin v|.
-        power, size = (
-            (1.0, float(loop["z"])) if loop["mirrored"] else (float(loop["alpha"]), float(loop["g"]))
-        )
-        least, most = sorted(abs(float(loop[sine])) for sine in ("s_lower", "s_upper"))
+        power, size = (1.0, number("z")) if number("mirrored") else (number("alpha"), number("g"))
+        least, most = sorted((abs(number("s_lower")), abs(number("s_upper"))))
         least, most = (0.0 if ends[0] == "pole" else least), (1.0 if ends[1] == "equator" else most)
-        sign = math.copysign(1.0, self.columns(np.zeros(1), ("g1",))[0, 0])
+        # The client's g1 keeps its sign, and so does the primed one; exchanged, it is the g3 of the loop.
+        start = self.columns(np.zeros(1), ("g1",))[0, 0] if number("mirrored") else number("sign1")
+        sign = math.copysign(1.0, start)
         return sign * size * least**power + 0.0, sign * size * most**power
+
+    def _number(self, name: str) -> float:
+        # By its column: numpy takes several times longer for the items of a record, and for attributes.
+        found: float = self.loops[name].item()
+        return found
 
     def energy(self, body: RigidBody) -> Estimate:
         """Return h = (A p² + C r²)/2 + V, from a place where nothing special happens."""
@@ -125,14 +129,15 @@ class SpectralMotion:
         )
         if not done:
             return None
-        order = np.argsort(ends[:done])
+        # Where none was halved they are in order.
+        order = slice(done) if done == pieces else np.argsort(ends[:done])
         breaks = np.empty(done + 1)
         breaks[0], breaks[1:] = 0.0, ends[order]
-        return ResolvedMotion(breaks, series[order], departure, states)
+        return ResolvedMotion(breaks, series[order].copy(), departure, states)
 
     def error_at(self, times: FloatArray) -> float:
         """Return the bound of the absolute error of any variable at any of ``times``."""
-        latest = float(np.abs(times).max(initial=0.0))
+        latest = max(float(times.max()), -float(times.min())) if len(times) else 0.0
         return float(self.bounds.error_at(latest, self.period.hi, self.period.error))
 
     def _sample(self, times: FloatArray, rests: FloatArray, columns: NDArray[np.int64]) -> FloatArray:

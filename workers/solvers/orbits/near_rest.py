@@ -103,7 +103,7 @@ class SlowOrbit:
 def slow_orbit(start: StartingPoint) -> SlowOrbit | None:
     """Return the orbit through a starting point of a periodic arc, None if it is nowhere next to rest."""
     arc = start.arc
-    if not any(_is_close(near) for near in arc.slow):
+    if not is_slow(arc):
         return None
     depth = max(zone_depth(arc.loop, near) for near in arc.slow if _is_close(near))
     precision = 2 * depth + SPARE_BITS
@@ -121,6 +121,11 @@ def slow_orbit(start: StartingPoint) -> SlowOrbit | None:
         direction = start.direction if arc.is_whole_loop else 1
         orbit = SlowOrbit(loop, stretches, edges, 0.0, (), direction, not arc.is_whole_loop, precision)
         return _started(orbit, start)
+
+
+def is_slow(arc: Arc) -> bool:
+    """Tell whether the arc's loop has a place next to rest, which the arc may pass."""
+    return any(_is_close(near) for near in arc.slow)
 
 
 def _is_close(near: NearRest) -> bool:

@@ -19,6 +19,7 @@ from typing import Protocol
 
 from flint import arb, ctx
 
+from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
 from service.dynamics.reduction.start import StartingPoint
 
@@ -26,6 +27,8 @@ RATE_NUDGE = arb(2) ** -30
 """dt/dθ is even about a turning point: 2^-30 beside it, it differs by 2^-60 of itself."""
 STATE_NUDGE = arb(2) ** -60
 """A state 2^-60 beside a point differs by less than an ulp."""
+_ON_LOOP = arb(1)
+"""A v that is neither a pole nor the equator."""
 
 
 class Orbit(Protocol):
@@ -80,7 +83,7 @@ class Libration:
 
     def somewhere(self) -> arb:
         """Return a v at an odd share of the way between the rest points."""
-        return (2 * self.lower + self.upper) / 3
+        return _between(self.lower, self.upper)
 
     def rate(self, theta: arb) -> arb:
         """Return Z / (c √K)."""
@@ -131,7 +134,7 @@ class Rotation:
 
     def somewhere(self) -> arb:
         """Return v = 1, which is neither a pole nor the equator."""
-        return arb(1)
+        return _ON_LOOP
 
     def rate(self, theta: arb) -> arb:
         """Return Z / (c √P)."""
@@ -148,6 +151,15 @@ class Rotation:
         if at.c.is_finite() and at.P.is_finite():
             return at
         return self.loop.point(self.origin + self.direction * (theta + nudge))
+
+
+def somewhere_on(arc: Arc) -> arb:
+    """Return what the orbit of :func:`make_orbit` on a periodic arc says of itself, without making one."""
+    return _ON_LOOP if arc.is_whole_loop else _between(arc.lower, arc.upper)
+
+
+def _between(lower: arb, upper: arb) -> arb:
+    return (2 * lower + upper) / 3
 
 
 def make_orbit(start: StartingPoint) -> Libration | Rotation:

@@ -13,6 +13,7 @@ next one asks, in the same order.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 from typing import Literal
 
@@ -117,6 +118,7 @@ def grade_of(accuracy: Accuracy) -> Grade:
     return tier
 
 
+@cache
 def row_for(kind: Kind, method: Method, grade: Grade) -> Row:
     """Return the first row of FUNCTIONS_OF_TIME that fits; there is one for everything."""
     return next(
@@ -126,6 +128,7 @@ def row_for(kind: Kind, method: Method, grade: Grade) -> Row:
     )
 
 
+@cache
 def enclosure_row_for(method: Method, grade: Grade) -> EnclosureRow:
     """Return the first row of ENCLOSURES that fits; there is one for everything."""
     return next(row for row in ENCLOSURES if method in row.methods and grade in row.grades)

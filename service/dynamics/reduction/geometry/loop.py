@@ -29,7 +29,9 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
-from service.dynamics.potentials.potential import Potential
+from service.dynamics.formula.tape import Instruction
+from service.dynamics.keeping import Kept
+from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.height import (
     c_squared_ball,
@@ -106,12 +108,12 @@ class Loop:
         It needs |g3|^α to be a polynomial in g3 (α an even integer), and V to
         have bounded second derivatives about the poles.
         """
-        if self.alpha.denominator != 1 or self.alpha.numerator % 2:
+        A, C = self.A, self.C
+        if (A.numerator * C.denominator) % (2 * A.denominator * C.numerator):
             return False
         smooth = self.smooth.get(ctx.prec)
         if smooth is None:
-            smooth = all(_has_bounded_curvature(self.potential, pole) for pole in (1, -1))
-            self.smooth[ctx.prec] = smooth
+            smooth = self.smooth[ctx.prec] = _is_smooth_at_poles(self.potential)
         return smooth
 
     def refined(self) -> "Loop":
@@ -219,11 +221,19 @@ def make_loop(body: RigidBody, potential: Potential, motion: PlanarMotion) -> Lo
 
 def loop_at(body: RigidBody, potential: Potential, motion: PlanarMotion, Z: arb, G: arb) -> Loop:
     """Return the loop of ``motion``, which exists, with values of Z and G that are known already."""
-    mirrored = body.A < body.C
-    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
-    factor = C / ((A - C) * A)
+    A, C, factor, mirrored = _moments_of(body)
     sign = motion.g3_sign if mirrored else motion.sign_of_g1
     return Loop(potential, A, C, mirrored, sign, factor, motion.lambda_squared, Z, G)
+
+
+def _primed(body: RigidBody) -> tuple[Fraction, Fraction, Fraction, bool]:
+    """Return A > C in primed axes, the factor of P, and whether the axes are exchanged."""
+    mirrored = body.A < body.C
+    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
+    return A, C, C / ((A - C) * A), mirrored
+
+
+_moments_of = Kept(_primed)
 
 
 def start_g3_sign(loop: Loop, motion: PlanarMotion) -> int:
@@ -231,6 +241,29 @@ def start_g3_sign(loop: Loop, motion: PlanarMotion) -> int:
     if loop.mirrored:
         return motion.sign_of_g1
     return motion.g3_sign
+
+
+def _is_smooth_at_poles(potential: Potential) -> bool:
+    """Tell whether V is smooth at both poles; known of a formula that many problems have in common."""
+    if not isinstance(potential, FormulaPotential):
+        return _has_bounded_curvatures(potential)
+    tape = potential.tape
+    known, key = _of_formula(tape.instructions), (tape.variables, tape.result, ctx.prec)
+    if key not in known:
+        # By a tape of its own: the problem's is asked as often as if nothing were known.
+        known[key] = _has_bounded_curvatures(potential.alone())
+    return known[key]
+
+
+def _none_yet(_: tuple[Instruction, ...]) -> dict[tuple[tuple[str, ...], int, int], bool]:
+    return {}
+
+
+_of_formula = Kept(_none_yet)
+
+
+def _has_bounded_curvatures(potential: Potential) -> bool:
+    return all(_has_bounded_curvature(potential, pole) for pole in (1, -1))
 
 
 def _has_bounded_curvature(potential: Potential, pole: int) -> bool:

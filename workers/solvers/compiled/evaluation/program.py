@@ -1,6 +1,7 @@
 """A formula as arrays of instructions and constants: kernels interpret them, no formula is compiled."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -8,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.real import nearest_double
-from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.tape import Instruction, Tape
 from service.dynamics.formula.tree import VARIABLES
+from service.dynamics.keeping import Kept
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -67,9 +69,20 @@ def make_program(tape: Tape) -> tuple[Program, FloatArray]:
     Further variables become constants, the first ones, with the value 0 until it is replaced.
     """
     extra = len(tape.variables) - len(VARIABLES)
+    if extra:
+        return _program(tape.instructions, tape.result, extra)
+    # Every problem has a tape of its own; those of a known potential have their instructions in common.
+    known = _PLAIN(tape.instructions).get(tape.result)
+    if known is None:
+        known = _PLAIN(tape.instructions)[tape.result] = _program(tape.instructions, tape.result, extra)
+    program, constants = known
+    return program, constants.copy()
+
+
+def _program(instructions: Sequence[Instruction], result: int, extra: int) -> tuple[Program, FloatArray]:
     rows: list[tuple[int, int, int, int]] = [(CONSTANT, -1, -1, slot) for slot in range(extra)]
     constants = [0.0] * extra
-    for instruction in tape.instructions:
+    for instruction in instructions:
         slot = -1
         if instruction.operation == "pi" or instruction.number is not None:
             slot = len(constants)
@@ -82,4 +95,12 @@ def make_program(tape: Tape) -> tuple[Program, FloatArray]:
             )
         rows.append((operation, instruction.left, instruction.right, slot))
     code = np.array(rows, dtype=np.int64).reshape(-1, 4)
-    return Program(code, tape.result), np.array(constants)
+    return Program(code, result), np.array(constants)
+
+
+def _none_yet(_: Sequence[Instruction]) -> dict[int, tuple[Program, FloatArray]]:
+    return {}
+
+
+_PLAIN = Kept(_none_yet)
+"""Programs of tapes without further variables: of their instructions, by the result."""

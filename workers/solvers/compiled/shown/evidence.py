@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
 from service.dynamics.defect.evidence import FINEST, GOAL, Shown
+from service.dynamics.keeping import Kept
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.solution.dense_output import DenseOutput
@@ -40,9 +41,9 @@ def kept_claim(
         program.code,
         constants,
         program.result,
-        _moments(body),
+        _moments_of(body),
         coefficients,
-        np.diff(dense.breaks),
+        dense.breaks[1:] - dense.breaks[:-1],
         claim,
         goal,
         _reference(energy),
@@ -59,12 +60,11 @@ def samples_keep_claim(
     if found is None:
         return False
     program, constants = found
-    moments = _moments(body)
     return samples_are_explained(
         program.code,
         constants,
         program.result,
-        moments,
+        _moments_of(body),
         np.ascontiguousarray(samples),
         claim,
         _reference(energy),
@@ -85,6 +85,9 @@ def _moments(body: RigidBody) -> FloatArray:
     B = A + C if body.B is None else body.B
     moments: Sequence[float] = [float(each) for each in (A, B, C, B - C, C - A, A - B)]
     return np.array(moments)
+
+
+_moments_of = Kept(_moments)
 
 
 def _reference(energy: Estimate) -> FloatArray:
