@@ -1,36 +1,10 @@
 """Connects Alembic to the database; run by service.storage.database.migration."""
 
-import sqlite3
-import time
-
 from alembic import context
 from sqlalchemy import Connection, Engine
 
+from service.storage.database.new_file import set_write_ahead_log
 from service.storage.tables.schema import METADATA
-
-PATIENCE_SECONDS, PAUSE_SECONDS = 30.0, 0.05
-
-
-def set_write_ahead_log(engine: Engine) -> None:
-    """Switch a SQLite file to WAL. It is a property of the file, and cannot change inside a transaction.
-
-    Of two processes that switch a new file at once SQLite refuses one without waiting, since each would
-    wait for the other.
-    """
-    deadline = time.monotonic() + PATIENCE_SECONDS
-    connection = engine.raw_connection()
-    try:
-        while True:
-            try:
-                connection.cursor().execute("PRAGMA journal_mode = WAL")
-            except sqlite3.OperationalError as refused:
-                if "locked" not in str(refused) or time.monotonic() > deadline:
-                    raise
-                time.sleep(PAUSE_SECONDS)
-            else:
-                return
-    finally:
-        connection.close()
 
 
 def hold_references(connection: Connection) -> None:

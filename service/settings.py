@@ -1,24 +1,37 @@
 """The settings of a process, read from environment variables POLHODE_…."""
 
+import os
 import re
+from collections.abc import Mapping
 from functools import cache, lru_cache
 from ipaddress import ip_address
 from typing import Literal
 
-from pydantic import Field, ValidationError, ValidationInfo, field_validator
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from service.log_levels import LogFormat, LogLevel
 from service.schemas.reading.numbers import MAX_SAMPLES
 
+_PREFIX = "polhode_"
 _ORIGIN = re.compile(r"https?://(?:[a-z0-9.-]+|\[[0-9a-f:.]+\])(?::\d{1,5})?")
 """As browsers write it: in lower case, without a path."""
 
 
-class Settings(BaseSettings):
-    """The settings of an installation. Command-line options override them; the defaults suit one machine."""
+class Settings(BaseModel):
+    """The settings of an installation. Command-line options override them; the defaults suit one machine.
 
-    model_config = SettingsConfigDict(env_prefix="POLHODE_", extra="ignore")
+    What is not given is read from the environment, where the names of variables may be in either case.
+    """
+
+    model_config = ConfigDict(extra="ignore", validate_default=True)
 
     database_url: str = "sqlite:///polhode.db"
     engine: Literal["local", "procrastinate"] = "local"
@@ -86,6 +99,14 @@ class Settings(BaseSettings):
 
     event_streams: int = Field(default=500, ge=0)
     """Streams of events at the same time; each is a connection, and none of them takes a thread."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _after_the_environment(cls, given: Mapping[str, object]) -> Mapping[str, object]:
+        # Not by pydantic-settings, which each process of a service would have to load at its start.
+        variables = ((name.lower(), value) for name, value in os.environ.items())
+        found = {name.removeprefix(_PREFIX): text for name, text in variables if name.startswith(_PREFIX)}
+        return {**found, **given}
 
     @field_validator("engine")
     @classmethod

@@ -15,7 +15,7 @@ ENTRIES = [
     ("workers.__main__", "main"),
 ]
 CALLED_FROM_OUTSIDE = {
-    "service.api.formats.arrow.Sink.writable": "pyarrow asks it",
+    "service.api.formats.columns.Sink.writable": "pyarrow asks it",
     "service.api.prometheus._DatabaseCollector.describe": "prometheus_client asks it",
     "service.connections.protocol.WatchedProtocol.": "asyncio and uvicorn call the methods of a protocol",
     "service.connections.refusals.malformed": "what the protocol answers when uvicorn asks it to refuse",

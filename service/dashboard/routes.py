@@ -3,13 +3,16 @@
 from dataclasses import dataclass
 from functools import cache
 from http import HTTPStatus
+from typing import TYPE_CHECKING
 
 from fastapi import APIRouter, Request, Response
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 
 from service.dashboard.files import digest, static_files
 from service.dashboard.headers import HEADERS
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 router = APIRouter(include_in_schema=False)
 
@@ -76,7 +79,10 @@ def _shell(path: str) -> bytes:
 
 
 @cache
-def _templates() -> Environment:
+def _templates() -> "Environment":
+    # Not at the top: a service is there earlier without it.
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415
+
     return Environment(
         loader=PackageLoader("service.dashboard"),
         autoescape=True,

@@ -16,7 +16,12 @@ class BatchSize:
         self.most = 1
 
     def learn(self, number: int, seconds: float) -> None:
-        """Record that ``number`` jobs have taken a child ``seconds`` in all."""
+        """Record that ``number`` jobs have taken a child ``seconds`` in all.
+
+        A smaller batch that was done in time tells nothing: most of its time may be that of the call.
+        """
+        if number < self.most and seconds <= BATCH_SECONDS:
+            return
         fitting = int(BATCH_SECONDS * number / seconds) if seconds > 0.0 else MOST_TOGETHER
         self.most = max(1, min(fitting, _GROWTH * self.most, MOST_TOGETHER))
 

@@ -166,6 +166,10 @@ class JobStore(Protocol):
         """Queue the job again because its worker does not compute it; this is not counted as a loss."""
         ...
 
+    def give_back_all(self, claims: Sequence[Claim], why: str) -> None:
+        """Queue several jobs again in one transaction, those whose claims still hold."""
+        ...
+
     def repair(self) -> int:
         """Deliver again the due jobs whose delivery was lost; return their number."""
         ...

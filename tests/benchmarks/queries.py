@@ -16,6 +16,7 @@ from pathlib import Path
 
 from sqlalchemy import func, insert, select, text
 
+from service.schemas.query.facts import facts_of
 from service.schemas.query.list_query import ListQuery
 from service.schemas.query.order import read_order
 from service.schemas.query.where import read_where
@@ -82,6 +83,7 @@ def rows(count: int) -> Iterator[dict[str, object]]:
             "problem": problem,
             "summary": summary,
             **summary_columns(problem, summary),
+            "facts": facts_of(problem),
         }
 
 

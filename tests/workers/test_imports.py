@@ -32,7 +32,8 @@ from workers.process import tasks
 for name in tasks.PRELOAD:
     importlib.import_module(name)
 before = set(sys.modules)
-for computation in (*tasks.COMPUTATIONS.values(), lambda document: tasks.solve_examined(document, "{}")):
+most = (tasks.solve_problem, tasks.solve_chunk, lambda document: tasks.solve_examined(document, "{}"))
+for computation in most:
     with contextlib.suppress(Exception):
         computation("{}")
 print(*(set(sys.modules) - before))

@@ -7,7 +7,6 @@ may have happened. No transaction is open while a child computes.
 import json
 import logging
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from typing import Any  # Any: an outcome, or those of a batch
@@ -24,6 +23,7 @@ from workers.process.batches import Call, Ledger, compute_in_turn
 from workers.process.limits import JobLimits
 from workers.process.results import Results, TakingTerms, fields_of
 from workers.process.runs import ChildRun, shared_out
+from workers.process.waiting import Waiting
 
 logger = logging.getLogger(__name__)
 
@@ -40,6 +40,10 @@ WATCH_SECONDS = 0.2
 """How often to look for cancellations while a job runs."""
 RECONCILE_SECONDS = 1.0
 """How often to look for expired leases."""
+_AHEAD = 8
+"""Of jobs of which so many fit into a batch, next batches are claimed before there are places for them."""
+_STOPPED, _SLOW = "the worker stopped", "a job before it took long"
+"""Why jobs are queued again."""
 
 
 class Runner:
@@ -76,10 +80,9 @@ class Runner:
         self._limits = limits
         self._wake = wake
         self._runs: list[ChildRun] = []
-        self._waiting: deque[Claim] = deque()
-        """Claimed jobs of batches that were not computed to their end."""
-        self._suspects: set[str] = set()
-        """Ids of those that made trouble in a batch: each is computed alone."""
+        self._waiting = Waiting()
+        self._waits_since = 0.0
+        """When a child last began something, or a job last began to wait."""
         self._heartbeats: dict[str, float] = {}
         """When the leases of claimed jobs are to be prolonged."""
         self._results = Results(store, limits)
@@ -87,6 +90,8 @@ class Runner:
         self._shares = LaneShares()
         self._is_dry = False
         """Nothing was left in the queue when results were stored, a moment ago."""
+        self._is_last = False
+        """The queue had fewer jobs than were asked for, the last time."""
         self._reconcile_at = self._watch_at = 0.0
 
     @property
@@ -101,12 +106,12 @@ class Runner:
             # What is queued since then rings the bell or is found by the next poll.
             self._is_dry = False
             return finished
-        while free := self._slots - len(self._runs):
+        while (free := self._free()) > 0:
             if self._waiting:
                 self._start(self._next_waiting())
                 continue
             owed = self._shares.owed()[:free]
-            taken = self._store.take(self._name, free, **self._terms(owed))
+            taken = self._store.take(self._name, free, **self._terms(owed, free))
             finished += self._begin(taken, owed, free)
             if taken == Taken():
                 break
@@ -115,14 +120,18 @@ class Runner:
     def collect(self, *, refill: bool) -> list[str]:
         """Store the results of finished jobs; return their ids.
 
-        With ``refill`` the same transaction claims other jobs for each child.
+        With ``refill`` the same transaction claims other jobs for each child. A child that is to compute
+        what waits already does so while the results are stored.
         """
         if not refill:
             self._return_waiting()
         finished: list[str] = []
         for run in [run for run in self._runs if run.future.done()]:
+            if refill and self._waiting and not run.is_followed:
+                run.is_followed = True
+                self._start(self._next_waiting())
             # Removed only after the commit: during an outage of the database the results are kept here.
-            then_take = int(refill and not self._waiting)
+            then_take = int(refill and not run.is_followed and not self._waiting)
             owed = self._shares.owed()[:then_take]
             if run.ledger is None:
                 taken = self._finish_alone(run, then_take, owed)
@@ -143,7 +152,7 @@ class Runner:
         self._watch_at = time.monotonic() + WATCH_SECONDS
         claims = [*self._waiting, *(claim for run in self._runs for claim in run.held)]
         held = self._store.held(claims)
-        self._waiting = deque(claim for claim in self._waiting if self._still_holds(claim, held))
+        self._waiting.keep(lambda claim: self._still_holds(claim, held))
         for run in list(self._runs):
             run.lost |= {claim.job_id for claim in run.held if not self._still_holds(claim, held)}
             if run.is_in_vain:
@@ -161,6 +170,8 @@ class Runner:
                 self._remove(run)
             elif run.is_slow(time.monotonic() - WATCH_SECONDS - BATCH_SECONDS):
                 self._take_back(run)
+        if self._waiting and time.monotonic() > self._waits_since + WATCH_SECONDS + BATCH_SECONDS:
+            self._return(self._waiting.unsuspected(), _SLOW)
 
     def reconcile(self) -> None:
         """At intervals, requeue the jobs of workers that are gone."""
@@ -179,16 +190,33 @@ class Runner:
         """Kill the children and queue their jobs again."""
         for run in self._runs:
             run.future.cancel()
-            for claim in run.held:
-                self._store.give_back(claim)
+            self._store.give_back_all(run.held, _STOPPED)
             run.close()
         self._runs.clear()
         self._return_waiting()
 
     def _return_waiting(self) -> None:
-        while self._waiting:
-            self._store.give_back(self._waiting[0])
-            self._forget(self._waiting.popleft())
+        if self._waiting:
+            self._return(list(self._waiting), _STOPPED)
+
+    def _return(self, claims: Sequence[Claim], why: str) -> None:
+        """Queue jobs again that wait here; others may compute them."""
+        self._store.give_back_all(claims, why)
+        returned = {claim.job_id for claim in claims}
+        self._waiting.keep(lambda claim: claim.job_id not in returned)
+        for claim in claims:
+            self._forget(claim)
+        self._is_dry = False
+
+    def _wait(self, claims: Sequence[Claim]) -> None:
+        self._waiting.add(claims)
+        self._waits_since = time.monotonic()
+        for claim in claims:
+            self._heartbeats.setdefault(claim.job_id, self._next_heartbeat())
+
+    def _free(self) -> int:
+        """Return how many children have nothing to do; one may have been given another call already."""
+        return self._slots - sum(not run.is_followed for run in self._runs)
 
     def _still_holds(self, claim: Claim, held: frozenset[str]) -> bool:
         """Send a due heartbeat; say whether the claim holds."""
@@ -221,7 +249,7 @@ class Runner:
             future = self._sandbox.submit(
                 compute_in_turn, ledger.path, BATCH_SECONDS, compute, calls, seconds=seconds + BATCH_SECONDS
             )
-        now = time.monotonic()
+        now = self._waits_since = time.monotonic()
         run = ChildRun(claims, tuple(owed), future, ledger, now, now + START_SECONDS)
         self._runs.append(run)
         for claim in claims:
@@ -234,11 +262,16 @@ class Runner:
 
         future.add_done_callback(ended)
 
-    def _terms(self, owed: Sequence[Lane]) -> TakingTerms:
+    def _terms(self, owed: Sequence[Lane], places: int = 1, waiting: int = 0) -> TakingTerms:
+        """Return the terms of taking jobs for some places, beside those that wait already.
+
+        Of short ones also a batch for each child is taken, which waits until one has done its own.
+        """
+        batches = places + (self._slots if self._size.most >= _AHEAD else 0)
         return {
             "lease_seconds": self._limits.lease_seconds,
             "owed": owed,
-            "together": self._size.most,
+            "together": max(1, self._size.most * batches // places - waiting),
         }
 
     def _told(self, claim: Claim) -> Mapping[str, object]:
@@ -261,32 +294,41 @@ class Runner:
 
     def _forget(self, claim: Claim) -> None:
         self._heartbeats.pop(claim.job_id, None)
-        self._suspects.discard(claim.job_id)
+        self._waiting.forget(claim.job_id)
 
     def _begin(self, taken: Taken, owed: Sequence[Lane], places: int) -> tuple[str, ...]:
-        """Start the jobs to compute; return the ids of those solved already. ``owed`` lanes came first."""
-        for claims in shared_out(taken.claims, places):
-            self._start(claims, owed)
+        """Start the jobs to compute; return the ids of those solved already. ``owed`` lanes came first.
+
+        Problems beyond a batch for each place wait.
+        """
+        problems = [claim for claim in taken.claims if claim.kind is JobKind.SOLVE]
+        others = [claim for claim in taken.claims if claim.kind is not JobKind.SOLVE]
+        self._is_last = len(problems) < self._terms(owed, places, len(self._waiting))["together"]
+        if self._waiting and not others:
+            self._wait(problems)
+            self._start(self._next_waiting(), owed)
+        else:
+            now = places * self._share(len(problems))
+            for claims in shared_out([*others, *problems[:now]], places):
+                self._start(claims, owed)
+            self._wait(problems[now:])
         for lane in owed:
             if all(claim.lane is not lane for claim in taken.claims):
                 self._shares.forget(lane)
         return taken.reused
 
     def _next_waiting(self) -> tuple[Claim, ...]:
-        """Return jobs that are claimed already: one that made trouble in a batch alone, others together."""
-        first = self._waiting.popleft()
-        claims = [first]
-        if first.job_id not in self._suspects:
-            while self._waiting and len(claims) < self._size.most:
-                if self._waiting[0].job_id in self._suspects:
-                    break
-                claims.append(self._waiting.popleft())
-        return tuple(claims)
+        return self._waiting.next(self._share(len(self._waiting)))
+
+    def _share(self, number: int) -> int:
+        """Return how many of so many problems a child gets: the last ones of a queue are shared out."""
+        most = self._size.most
+        return min(most, max(_AHEAD, -(-number // self._slots))) if self._is_last else most
 
     def _drop(self, run: ChildRun) -> None:
         """Kill a child that computes what nobody waits for; its other jobs are computed again."""
         run.future.cancel()
-        self._waiting.extend(run.held)
+        self._wait(run.held)
         self._remove(run)
 
     def _take_back(self, run: ChildRun) -> None:
@@ -295,11 +337,10 @@ class Runner:
         begun = run.ledger.stop()
         self._size.reset()
         self._is_dry = False
-        while len(run.claims) > begun:
-            claim = run.claims[-1]
-            if claim.job_id not in run.lost:
-                self._store.give_back(claim, "a job before it took long")
-            run.claims = run.claims[:-1]
+        behind = run.claims[begun:]
+        self._store.give_back_all([claim for claim in behind if claim.job_id not in run.lost], _SLOW)
+        run.claims = run.claims[:begun]
+        for claim in behind:
             self._forget(claim)
             self._shares.end(claim.lane, 0.0, was_owed=claim.lane in run.owed)
 
@@ -320,13 +361,13 @@ class Runner:
         ended = [(claim, o) for claim, o in computed if o is not None and claim.job_id not in run.lost]
         done = {claim.job_id for claim, _ in ended}
         again = [claim for claim in run.held if claim.job_id not in done]
+        suspects = [c for c, o in zip(run.claims, outcomes, strict=False) if o is None]
         taken = None
         if ended:
-            terms = self._terms(owed)
-            taken = self._results.store_all(ended, 0 if again else then_take, terms)
-        suspects = [c for c, o in zip(run.claims, outcomes, strict=False) if o is None]
-        self._suspects |= {claim.job_id for claim in suspects}
-        self._waiting.extend(again)
+            terms = self._terms(owed, waiting=len(again))
+            taken = self._results.store_all(ended, 0 if suspects else then_take, terms)
+        self._waiting.suspect(suspects)
+        self._wait(again)
         if suspects:
             self._size.reset()
         elif outcomes:
@@ -345,9 +386,9 @@ class Runner:
             self._results.record(claim, fault)
         again = [claim for claim in run.held if claim not in blamed]
         if not is_known:
-            self._suspects |= {claim.job_id for claim in again}
+            self._waiting.suspect(again)
         self._size.reset()
-        self._waiting.extend(again)
+        self._wait(again)
 
 
 def _arguments(claim: Claim) -> tuple[object, ...]:

@@ -28,6 +28,8 @@ class ChildRun:
     ended_at: float | None = None
     lost: set[str] = field(default_factory=set)
     """Ids of jobs whose claims do not hold any more."""
+    is_followed: bool = False
+    """Its child has been given another call, before these results are stored."""
 
     @property
     def held(self) -> list[Claim]:

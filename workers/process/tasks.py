@@ -17,7 +17,6 @@ if TYPE_CHECKING:  # the children that load this module need no database
 PRELOAD = (
     "workers.computation.compute",
     "workers.sweeping.warming",
-    "workers.computation.atlases",
     "workers.process.preloaded",
 )
 """Modules for the fork server: what the functions here import, and at last one that loads compiled code."""
@@ -58,9 +57,9 @@ def draw_atlas(document_json: str) -> Drawn | Refused:
 
 
 def _warm_up_for_planar_motions() -> None:
-    from workers.sweeping.warming import warm_up_before_forks  # noqa: PLC0415
+    from workers.sweeping.warming import warm_up_for_first_jobs  # noqa: PLC0415
 
-    warm_up_before_forks()
+    warm_up_for_first_jobs()
 
 
 def _ask_for_the_rest() -> None:

@@ -1,6 +1,6 @@
-"""What the fork server of a worker loads late: the integrators, which few motions need and which load slowly.
+"""What the fork server of a worker loads late: the integrators, and other things that first jobs seldom need.
 
-The fork server first loads what planar motions need, so that the first children work after half the time.
+The fork server first loads what most planar motions need, so that first children work after half the time.
 Then a child asks it, by a signal, to load the rest, and children forked later begin with all code loaded.
 A signal, since a fork server takes no other orders: it only forks. Its handler runs between two forks, in
 the only thread that there is.
@@ -12,8 +12,13 @@ import os
 import signal
 from types import FrameType
 
-LATE = ("workers.solvers.integration.taylor", "workers.solvers.integration.dop853")
-"""They load heyoka, SymPy and SciPy. A motion that needs one earlier loads it itself."""
+LATE = (
+    "workers.solvers.integration.taylor",
+    "workers.solvers.integration.dop853",
+    "workers.computation.atlases",
+    "workers.process.preloaded_late",
+)
+"""They load heyoka, SymPy, SciPy, and the rest of compiled code. A job that needs one earlier loads it."""
 
 _server: int | None = None
 """The process id of the fork server, which its children inherit. A fork server is told by what it imports,

@@ -1,8 +1,9 @@
 """Warms the children of a worker in two stages: each solves small problems, so that code is loaded.
 
-In the first stage the children get ready for planar motions, and from then on the worker takes jobs. In the
-second the fork server loads the rest, and each child is replaced by a new one, which has all of it; only then
-is the worker warm. A motion by integration that comes earlier is computed too: its child loads what it needs.
+In the first stage the children get ready for most planar motions, and from then on the worker takes jobs.
+In the second the fork server loads the rest, and each child is replaced by a new one, which has all of it;
+only then is the worker warm. A motion by integration that comes earlier is computed too: its child loads what
+it needs.
 
 A worker whose children cannot be warmed says why in its log and takes jobs all the same: the fault may
 concern one tier only, and each job tells its own faults. Killed children are replaced and warmed once more.

@@ -39,12 +39,18 @@ _OTHER_MOMENTS = {
 }
 _OUTPUTS = ["period", "gamma", "omega", "invariants", "orientation"]
 
-PROBLEMS: Mapping[str, Document] = MappingProxyType(
+FIRST_PROBLEMS: Mapping[str, Document] = MappingProxyType(
     {
         **{
             tier: {**_BASE, "accuracy": {"tier": tier}} for tier in ("draft", "standard", "high", "certified")
         },
         "orientation": {**_BASE, "outputs": _OUTPUTS},
+    }
+)
+"""What the fork server solves before its first fork."""
+PROBLEMS: Mapping[str, Document] = MappingProxyType(
+    {
+        **FIRST_PROBLEMS,
         "through the poles": {
             **_BASE,
             "body": {"A": "2", "B": "3/2", "C": "1"},
@@ -54,7 +60,7 @@ PROBLEMS: Mapping[str, Document] = MappingProxyType(
         "other moments": {**_BASE, **_OTHER_MOMENTS, "accuracy": {"tier": "high"}},
     }
 )
-"""What the fork server solves too."""
+"""What it has solved when it forks the children that stay."""
 STATE: Document = MappingProxyType(
     {
         "body": {"A": "2", "B": "3/2", "C": "1"},
@@ -91,8 +97,14 @@ def warm_up() -> None:
         note.touch()
 
 
+def warm_up_for_first_jobs() -> None:
+    """Solve the warming problems that load what most jobs need. They start no thread."""
+    for name, document in FIRST_PROBLEMS.items():
+        _solve(name, document)
+
+
 def warm_up_before_forks() -> None:
-    """Solve those warming problems that start no thread."""
+    """Solve all warming problems that start no thread."""
     for name, document in PROBLEMS.items():
         _solve(name, document)
     chunk = compute_chunk(json.dumps({"sweep": dict(SWEEP), "first": 0, "count": 2}))

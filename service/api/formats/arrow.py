@@ -1,15 +1,15 @@
-"""Writes Arrow streams; PyArrow, which has no type hints, is used here and for Parquet only."""
+"""Writes Arrow streams; PyArrow, which has no type hints, is used here and for Parquet only.
 
-import io
+Both are loaded by the first answer in one of these formats: a service starts without them.
+"""
+
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Literal
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-ColumnKind = Literal["integer", "number", "word", "series"]
-"""The values of a column of points; NaN becomes null, and so does a series of NaN only."""
+from service.api.formats.columns import ColumnKind, Sink
 
 
 def arrow_stream(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, str]) -> bytes:
@@ -88,32 +88,3 @@ def _array(values: NDArray[np.generic], kind: ColumnKind) -> pa.Array:
     ends = pa.array(np.arange(points + 1, dtype=np.int32) * samples)
     numbers = pa.array(np.ascontiguousarray(values).reshape(-1))
     return pa.ListArray.from_arrays(ends, numbers, mask=pa.array(missing))
-
-
-class Sink(io.RawIOBase):
-    """Buffers written bytes until they are taken."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._held = bytearray()
-        self._before = 0
-
-    def writable(self) -> bool:
-        """Tell that it can be written to."""
-        return True
-
-    def tell(self) -> int:
-        """Return how many bytes have been written in all."""
-        return self._before + len(self._held)
-
-    def write(self, data: "memoryview | bytes") -> int:  # type: ignore[override]
-        """Buffer some bytes."""
-        self._held += data
-        return len(data)
-
-    def take(self) -> bytes:
-        """Return what was written since the last time."""
-        piece = bytes(self._held)
-        self._before += len(piece)
-        self._held.clear()
-        return piece

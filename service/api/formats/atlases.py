@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 from fastapi import Response
 
-from service.api.formats.arrow import ColumnKind, arrow_batches
+from service.api.formats.columns import ColumnKind
 from service.api.formats.negotiation import preferred
 from service.api.replies.responses import json_response
 from service.csv_text import CRLF, data_lines, header_line
@@ -46,6 +46,8 @@ def _csv(atlas: AtlasOut) -> Response:
 
 
 def _arrow(atlas: AtlasOut) -> Response:
+    from service.api.formats.arrow import arrow_batches  # noqa: PLC0415
+
     columns = atlas_columns(atlas)
     kinds: dict[str, ColumnKind] = {
         name: "integer" if name in INTEGERS else "number" if name in NUMBERS else "word" for name in columns

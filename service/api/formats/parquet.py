@@ -7,7 +7,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from service.api.formats.arrow import ColumnKind, Sink, record_batch, schema_of
+from service.api.formats.arrow import record_batch, schema_of
+from service.api.formats.columns import ColumnKind, Sink
 
 
 def parquet_file(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, str]) -> bytes:

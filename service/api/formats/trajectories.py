@@ -11,10 +11,8 @@ import orjson
 from fastapi import Response
 from numpy.typing import NDArray
 
-from service.api.formats.arrow import arrow_stream
 from service.api.formats.metadata import metadata, units_of
 from service.api.formats.negotiation import ARROW, CSV, JSON, MEDIA_TYPES, NDJSON, NPZ, PARQUET
-from service.api.formats.parquet import parquet_file
 from service.api.replies.errors import ApiError
 from service.csv_text import CRLF, data_lines, header_line
 
@@ -41,6 +39,8 @@ def write(
     _require_finite(trajectory)
     own = {ERROR_HEADER: repr(trajectory.error), "Vary": "Accept"}
     if media_type == PARQUET:
+        from service.api.formats.parquet import parquet_file  # noqa: PLC0415
+
         told = {**about, "errors": dict(trajectory.errors), "units": units_of(trajectory.columns)}
         content = parquet_file(trajectory.columns, metadata(told))
     else:
@@ -86,6 +86,8 @@ def _npz(trajectory: Trajectory) -> bytes:
 
 
 def _arrow(trajectory: Trajectory) -> bytes:
+    from service.api.formats.arrow import arrow_stream  # noqa: PLC0415
+
     return arrow_stream(trajectory.columns, {ERROR_HEADER: repr(trajectory.error)})
 
 

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import get_args
 from urllib.parse import quote
 
@@ -115,12 +116,20 @@ def facts_of(problem: Mapping[str, object]) -> dict[str, float | str]:
     family = potential.get("type") if isinstance(potential, Mapping) else None
     if isinstance(family, str) and family in _FAMILIES:
         found["family"] = family
-    for pointer, number in _numbers(problem, ()):
+    for path, number in _numbers(problem, ()):
         if len(found) > MOST_NUMBERS:
             break
-        if len(pointer) <= LONGEST_POINTER and not _NO_TEXT.search(pointer):
-            found[stored_name(pointer)] = number
+        name = _name_at(path)
+        if name is not None:
+            found[name] = number
     return found
+
+
+@lru_cache(maxsize=1024)  # most problems have their numbers at the same places
+def _name_at(path: tuple[str | int, ...]) -> str | None:
+    """Return under which name the number at that place is stored; None if it is not."""
+    pointer = pointer_to(path)
+    return None if len(pointer) > LONGEST_POINTER or _NO_TEXT.search(pointer) else stored_name(pointer)
 
 
 def stored_name(pointer: str) -> str:
@@ -128,7 +137,7 @@ def stored_name(pointer: str) -> str:
     return quote(pointer, safe="/~")
 
 
-def _numbers(value: object, path: tuple[str | int, ...]) -> Iterator[tuple[str, float]]:
+def _numbers(value: object, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], float]]:
     if isinstance(value, Mapping):
         for name, part in value.items():
             yield from _numbers(part, (*path, str(name)))
@@ -139,7 +148,7 @@ def _numbers(value: object, path: tuple[str | int, ...]) -> Iterator[tuple[str, 
     elif isinstance(value, int | float | str) and not isinstance(value, bool):
         number = nearest_double(value)
         if number is not None:
-            yield pointer_to(path), number
+            yield path, number
 
 
 def nearest_double(value: int | float | str) -> float | None:

@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import TypedDict
 
-from service.schemas.query.facts import facts_of
-
 FIRST_PASSAGE = "first_pole_passage"
 """In the evidence: the time until which a motion needs none of its conventions."""
 PROVEN_SAMPLES = "proven_samples"
@@ -31,7 +29,6 @@ class SummaryColumns(TypedDict):
     seconds: float | None
     stability: str | None
     aperiodic: str | None
-    facts: Mapping[str, object]
 
 
 def summary_columns(problem: Mapping[str, object], summary: Mapping[str, object]) -> SummaryColumns:
@@ -52,7 +49,6 @@ def summary_columns(problem: Mapping[str, object], summary: Mapping[str, object]
         seconds=_number(_at(summary, "cost", "compute_seconds")),
         stability=_word(_at(summary, "stability", "verdict")),
         aperiodic=_word(_at(summary, "aperiodic")),
-        facts=facts_of(problem),
     )
 
 
@@ -80,7 +76,7 @@ def _number(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
-        number = float(Fraction(value))
+        number = float(Fraction(value) if isinstance(value, str) else value)
     except (ValueError, OverflowError, ZeroDivisionError):
         return None
     return number if math.isfinite(number) else None

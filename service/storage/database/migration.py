@@ -7,6 +7,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from service.storage.database import procrastinate_schema
 from service.storage.database.database import is_postgres, make_engine
+from service.storage.database.new_file import make_tables
 from service.storage.database.postgres_errors import is_postgres_error
 from service.storage.database.revisions import (
     NewerSchemaError,
@@ -54,7 +55,10 @@ def migrate(url: str, *, engine_name: str = "local") -> None:
     engine = make_engine(url)
     try:
         _require_utf8(engine)
-        if refuse_newer(engine) != newest_revision() or not _has_its_log(engine):
+        stored = refuse_newer(engine)
+        if stored is None and engine.dialect.name == "sqlite" and make_tables(engine):
+            return
+        if stored != newest_revision() or not _has_its_log(engine):
             _upgrade(engine)
         if engine_name == "procrastinate":
             procrastinate_schema.install(engine)

@@ -210,8 +210,6 @@ def _row(claim: Claim, solution_id: str, summary: Mapping[str, object]) -> dict[
     columns = {
         "id": solution_id,
         "job_id": claim.job_id,
-        "digest": claim.digest,
-        "problem": claim.problem,
         "summary": summary,
         **summary_columns(claim.problem, summary),
     }

@@ -254,11 +254,14 @@ class SqlJobStore:
     def give_back(self, claim: Claim, why: str = "the worker stopped") -> bool:
         """Queue the job again because its worker does not compute it."""
         with self._database.write() as session:
-            if not move(session, JobState.QUEUED, *fence(claim)):
-                return False
-            end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.RETURNED, why)
-            self._deliver(session, [session.get_one(JobRow, claim.job_id)])
-            return True
+            return self._give_back(session, claim, why)
+
+    def give_back_all(self, claims: Sequence[Claim], why: str) -> None:
+        """Queue several jobs again by one commit."""
+        if claims:
+            with self._database.write() as session:
+                for claim in claims:
+                    self._give_back(session, claim, why)
 
     def repair(self) -> int:
         """Deliver again the due jobs whose delivery was lost."""
@@ -296,6 +299,13 @@ class SqlJobStore:
         code = str(error.get("code", ""))
         end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.FAILED, code)
         self._deliver(session, chunks.replace_failed(session, sweep, claim.job_id))
+        return True
+
+    def _give_back(self, session: Session, claim: Claim, why: str) -> bool:
+        if not move(session, JobState.QUEUED, *fence(claim)):
+            return False
+        end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.RETURNED, why)
+        self._deliver(session, [session.get_one(JobRow, claim.job_id)])
         return True
 
     def _deliver(self, session: Session, queued: Sequence[JobRow]) -> None:

@@ -31,20 +31,24 @@ _ATTEMPTS, _SOLUTIONS = table_of(AttemptRow), table_of(SolutionRow)
 _JOBS, _LABELS = table_of(JobRow), table_of(SolutionLabelRow)
 _DENSE, _SAMPLES = table_of(DenseOutputRow), table_of(SamplesRow)
 
+OF_JOB = "problem", "digest", "facts"
+"""Columns that a solution has from its job."""
 NEW = "new_"
 """Prefix of parameter names: without it SQLAlchemy would set the columns of that name in every table."""
 
 
 def insert_solution(source: FromClause, *conditions: ColumnElement[bool]) -> Insert:
-    """Return the statement that inserts a solution if ``source`` has a row.
+    """Return the statement that inserts a solution if ``source``, which has columns of jobs, has a row.
 
-    Its parameters are the columns of a solution with NEW before their names.
+    What the job has too is copied: its note of this moment, which may have been changed since it was taken,
+    and :data:`OF_JOB`, which need not be written as JSON once more. The parameters are the other columns of a
+    solution with NEW before their names.
     """
-    made_here = "created_at", "note"
+    made_here = "created_at", "note", *OF_JOB
     given = [column for column in _SOLUTIONS.c if column.name not in made_here]
-    # Of the job at this moment: it may have been changed since it was taken.
     note = select(_JOBS.c.note).where(_JOBS.c.id == _bound(_SOLUTIONS.c.job_id)).scalar_subquery()
-    values = select(*map(_bound, given), DatabaseNow(), note).select_from(source).where(*conditions)
+    copied = [source.c[name] for name in OF_JOB]
+    values = select(*map(_bound, given), DatabaseNow(), note, *copied).select_from(source).where(*conditions)
     return insert(_SOLUTIONS).from_select([*(column.name for column in given), *made_here], values)
 
 
@@ -54,7 +58,7 @@ def store_and_succeed(succeed: Update, end_attempt: Update) -> Select[str]:
     Its parameters are those of both updates and of :func:`insert_solution`,
     ``dense`` and ``samples``; its row is the job's id.
     """
-    moved = succeed.cte("moved")
+    moved = succeed.returning(*(_JOBS.c[name] for name in OF_JOB)).cte("moved")
     arrays = [
         insert(table).from_select(
             ["solution_id", "data"],

@@ -1,5 +1,6 @@
 """The migrated schema is the one that the code expects."""
 
+import sqlite3
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -8,8 +9,10 @@ import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import CheckConstraint, event, insert, inspect, text
+from sqlalchemy.exc import OperationalError
 
 from service.jobs.lanes import Lane
+from service.storage.database import new_file
 from service.storage.database.database import Database, make_engine
 from service.storage.database.ids import new_id
 from service.storage.database.migration import migrate
@@ -22,6 +25,7 @@ from service.storage.tables.jobs import JobRow
 from service.storage.tables.schema import METADATA
 from tests.support import accuracy
 from tests.support.databases import upgrade_to, url_of
+from tests.support.new_file import migrated, schema_of, statements_of
 
 
 def is_comparable(element, name, kind, reflected, other):
@@ -75,6 +79,56 @@ def test_a_claim_needs_no_sorting_however_long_the_queue(database, owed, index):
         assert "B-TREE" not in plan
         # Postgres; the keys within equal priorities are sorted by the index too.
         assert "Sort" not in plan
+
+
+def test_a_new_file_is_what_all_migrations_make(tmp_path):
+    new, by_migrations = tmp_path / "new.db", migrated(tmp_path)
+    migrate(url_of(new))
+    assert contents(new) == contents(by_migrations)
+    # If this fails after a migration was added: python -m tests.support.new_file
+    assert [lines_of(each) for each in new_file.statements()] == [
+        lines_of(each) for each in statements_of(by_migrations)
+    ]
+
+
+def contents(file):
+    """Everything in a file: tables and indexes in their order, columns in theirs, rows, mode of its log."""
+    connection = sqlite3.connect(file)
+    mode = connection.execute("PRAGMA journal_mode").fetchall()
+    names = connection.execute("SELECT type, name, tbl_name FROM sqlite_master ORDER BY rowid").fetchall()
+    tables = [name for kind, name, _ in names if kind == "table"]
+    columns = [connection.execute(f"PRAGMA table_xinfo({name})").fetchall() for name in tables]
+    text = [lines_of(statement) for statement in connection.iterdump()]
+    connection.close()
+    return mode, names, columns, text
+
+
+def lines_of(statement):
+    """Return the lines of a statement: Alembic writes the constraints of a table in any order."""
+    return sorted(line.strip(" \t,;") for line in statement.splitlines())
+
+
+def test_a_new_file_has_all_of_its_tables_or_none(tmp_path, monkeypatch):
+    made = new_file.statements()
+    monkeypatch.setattr(new_file, "statements", lambda: [*made, "CREATE TABLE jobs (broken)"])
+    with pytest.raises(OperationalError, match="already exists"):
+        migrate(url_of(tmp_path / "new.db"))
+    assert schema_of(tmp_path / "new.db") == []
+    monkeypatch.undo()
+    migrate(url_of(tmp_path / "new.db"))
+    assert schema_of(tmp_path / "new.db") == made[:-1]
+
+
+def test_a_file_with_tables_of_somebody_else_keeps_them(tmp_path):
+    connection = sqlite3.connect(tmp_path / "others.db")
+    connection.executescript("CREATE TABLE theirs (x); INSERT INTO theirs VALUES (1);")
+    connection.close()
+    migrate(url_of(tmp_path / "others.db"))
+    engine = make_engine(url_of(tmp_path / "others.db"))
+    with engine.connect() as connection:
+        assert connection.exec_driver_sql("SELECT x FROM theirs").all() == [(1,)]
+    assert set(METADATA.tables) <= set(inspect(engine).get_table_names())
+    engine.dispose()
 
 
 def test_migrating_again_changes_nothing(url, database, jobs):

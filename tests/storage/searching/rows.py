@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sqlalchemy import delete, insert
 
 from service.schemas.query.conditions import Condition, OrderKey, Subject
-from service.schemas.query.facts import OF_SOLUTIONS
+from service.schemas.query.facts import OF_SOLUTIONS, facts_of
 from service.schemas.query.kinds import Kind
 from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import Marks
@@ -97,6 +97,7 @@ def row_of(problem, summary):
     return {
         "id": new_id(), "job_id": new_id(), "digest": "d", "created_at": float(next(CREATED) // 2),
         "problem": problem, "summary": summary, **summary_columns(problem, summary),
+        "facts": facts_of(problem),
     }  # fmt: skip
 
 

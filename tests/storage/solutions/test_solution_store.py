@@ -93,5 +93,4 @@ def test_exact_numbers_become_doubles_in_their_columns():
         "seconds": 0.5,
         "stability": None,
         "aperiodic": None,
-        "facts": {"family": "gravity", "/body/A": 1.7, "/body/C": 1.0, "/motion/lambda": 1 / 3},
     }

@@ -1,4 +1,4 @@
-"""The fork server of a worker loads what planar motions need, and the integrators when a child asks."""
+"""The fork server of a worker loads what most planar motions need, and the rest when a child asks."""
 
 import json
 import os
@@ -12,7 +12,7 @@ from workers.process import template
 from workers.process.tasks import WARM_UP
 
 ROOT = Path(__file__).parents[3]
-LATE = ("heyoka", "scipy.integrate")
+LATE = ("heyoka", "scipy.integrate", "workers.computation.atlases")
 CHILDREN = """
 import json, sys
 from service.sandbox import Sandbox
@@ -34,7 +34,7 @@ def loaded():
     return [name for name in LATE if name in sys.modules]
 
 
-def test_children_forked_after_the_order_have_the_integrators_and_older_ones_have_not():
+def test_children_forked_after_the_order_have_the_rest_and_older_ones_have_not():
     result = subprocess.run(
         [sys.executable, "-c", CHILDREN],
         env={**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},

@@ -8,7 +8,6 @@ import orjson
 from fastapi import APIRouter, Depends, Request, Response
 
 from service.api.dependencies import Inside
-from service.api.formats.arrow import matrix_stream
 from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, NPZ, Accept, named_file, preferred
 from service.api.formats.npz import coded, npz_file
 from service.api.queries.grid import GridQuery, GridWish, read_grid_wish
@@ -96,6 +95,8 @@ def _json(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
 
 
 def _arrow(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
+    from service.api.formats.arrow import matrix_stream  # noqa: PLC0415
+
     about = _about(sweep, wish, grid)
     *rows, _ = [each for place, each in enumerate(sweep.axes) if place not in wish.at]
     values = {each.pointer: np.array(_doubles(each)) for each in rows}
