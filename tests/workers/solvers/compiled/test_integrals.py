@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
+from service.dynamics.equations.euler_poisson import kinetic_energy
 from service.dynamics.further_integrals import FurtherIntegral, integral_drift
+from service.dynamics.potentials.families.general import general_potential
 from tests.support.planar import body, formula
 from workers.solvers.compiled.evaluation.program import make_program, rests_of
 from workers.solvers.compiled.integrals import known
-from workers.solvers.compiled.integrals.of_many import drifts_of_many, further_drifts_of_many
-from workers.solvers.invariants import drifts_of
+from workers.solvers.compiled.integrals.drifts import potential_energies
+from workers.solvers.compiled.integrals.of_many import drifts_of_many, energies_at, further_drifts_of_many
+from workers.solvers.invariants import drifts_of, further_drift
 
 BODY = body(2, 1)
 SETS, SAMPLES = 6, 40
@@ -35,6 +38,13 @@ def drifts(V, energies, samples, wanted=range(SETS)):
     return drifts_of_many(BODY, program, *rows, energies, samples, np.array(wanted, dtype=np.int64))
 
 
+def by_balls(V, samples, energy):
+    """Return the drift of the energy, V summed in balls of 128 bits."""
+    with ctx.workprec(128):
+        values = np.array([float(ball) for ball in V.value_balls(samples[:, 3:].tolist())])
+    return np.abs(kinetic_energy(BODY, samples[:, :3]) + values - energy).max()
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -51,13 +61,35 @@ def test_the_drifts_are_those_of_a_single_job(text):
     for n in range(SETS):
         own = drifts_of(BODY, V, samples[n], energies[n], is_planar=True)
         assert found[n].tolist() == [own.energy, own.geometric, own.areas]
+        assert own.energy == by_balls(V, samples[n], energies[n])
 
 
 def test_powers_that_vary_have_the_numbers_of_balls():
     V, samples, energies = formula("g1^g3 - g3^(1/3)", BODY), states(octant=True), np.zeros(SETS)
     found = drifts(V, energies, samples)
-    own = [drifts_of(BODY, V, samples[n], 0.0, is_planar=True).energy for n in range(SETS)]
-    assert found[:, 0].tolist() == own
+    assert found[:, 0].tolist() == [by_balls(V, samples[n], 0.0) for n in range(SETS)]
+
+
+def test_values_of_the_potential_are_what_balls_round_to():
+    V, samples = formula("(A*g1^2 + C*g3^2)*g2^3/7 - abs(g1)^(4/3)/3", BODY), states()[0]
+    program, constants = make_program(V.tape)
+    found = np.empty(SAMPLES)
+    potential_energies(program.code, program.result, constants, rests_of(V.tape, constants), samples, found)
+    with ctx.workprec(300):
+        assert found.tolist() == [float(ball) for ball in V.value_balls(samples[:, 3:].tolist())]
+
+
+def test_samples_that_are_not_known_are_summed_in_balls():
+    V, samples = formula("g1 + 10^40*(g3 + 1/3) - 10^40*(g3 + 1/3)", BODY), states()
+    assert np.isnan(energies_at(V, samples[0])).all()
+    own = drifts_of(BODY, V, samples[0], 0.5, is_planar=True)
+    assert own.energy == by_balls(V, samples[0], 0.5)
+
+
+def test_a_potential_by_an_integral_has_no_program():
+    V = general_potential(BODY, "w^2", "1", {})
+    assert np.isnan(energies_at(V, states()[0])).all()
+    assert drifts_of(BODY, V, states()[0], 0.0, is_planar=True).energy == by_balls(V, states()[0], 0.0)
 
 
 @pytest.mark.parametrize(
@@ -90,7 +122,7 @@ def test_further_integrals_are_those_of_a_single_job(parameters):
     found = further_drifts_of_many({0: integral, 2: other, 5: integral}, samples)
     assert np.isnan(found[[1, 3, 4]]).all()
     for n, one in ((0, integral), (2, other), (5, integral)):
-        assert tuple(found[n].tolist()) == integral_drift(one, samples[n])
+        assert tuple(found[n].tolist()) == integral_drift(one, samples[n]) == further_drift(one, samples[n])
 
 
 def test_a_further_integral_at_a_pole_is_left_to_balls():
@@ -99,6 +131,7 @@ def test_a_further_integral_at_a_pole_is_left_to_balls():
     samples[1, 7, 5] = 0.0
     found = further_drifts_of_many({0: integral, 1: integral}, samples)
     assert np.isnan(found[1, 1])
+    assert further_drift(integral, samples[1]) == integral_drift(integral, samples[1])
     assert found[0, 1] == integral_drift(integral, samples[0])[1]
 
 

@@ -87,6 +87,17 @@ def _evaluate(
 
 
 @kernel
+def potential_energies(
+    code: IntArray, result: int, constants: FloatArray, lows: FloatArray, samples: FloatArray, out: FloatArray
+) -> None:
+    """Fill in V at samples (n, 6), NaN where it is not known."""
+    registers = np.empty((3, len(code) + 3, len(samples)))
+    _evaluate(code, constants, lows, samples, registers)
+    for m in range(len(samples)):
+        out[m] = nearest(_get(registers, result, m))
+
+
+@kernel
 def energy_drifts(
     code: IntArray,
     result: int,

@@ -9,14 +9,28 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.further_integrals import FurtherIntegral
-from workers.solvers.compiled.evaluation.program import Program, rest_of
-from workers.solvers.compiled.integrals.drifts import energy_drifts, further_drifts
+from service.dynamics.potentials.potential import NoClosedFormError, Potential
+from workers.solvers.compiled.evaluation.program import Program, make_program, rest_of, rests_of
+from workers.solvers.compiled.integrals.drifts import energy_drifts, further_drifts, potential_energies
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 ENERGY, GEOMETRIC, AREAS = range(3)
 """Columns of what :func:`drifts_of_many` returns."""
+
+
+def energies_at(potential: Potential, samples: FloatArray) -> FloatArray:
+    """Return V at ``samples`` (n, 6), the doubles that its balls round to; NaN where that is not known."""
+    out = np.full(len(samples), np.nan)
+    try:
+        tape = potential.tape
+    except NoClosedFormError:
+        return out
+    program, constants = make_program(tape)
+    states = np.ascontiguousarray(samples, dtype=np.float64)
+    potential_energies(program.code, program.result, constants, rests_of(tape, constants), states, out)
+    return out
 
 
 def drifts_of_many(
