@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 
+from service.collector import collect_seldom
 from tests.benchmarks.against import against
 from tests.benchmarks.measuring import Effort, circumstances, say
 from tests.benchmarks.parts import PARTS
@@ -22,6 +23,8 @@ from workers.computation.compiled_code import keep_compiled_code
 
 def main() -> int:
     """Measure, print, write; 0 whether the targets are reached or not."""
+    # As every worker does first of all.
+    collect_seldom()
     keep_compiled_code()
     options = argparse.ArgumentParser(prog="python -m tests.benchmarks")
     options.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all without")

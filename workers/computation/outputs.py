@@ -11,7 +11,6 @@ from service.dynamics.equations.euler_poisson import areas_integral
 from service.dynamics.further_integrals import (
     FurtherIntegral,
     find_further_integrals,
-    integral_drift,
 )
 from service.dynamics.motion import NO_CROSS_CHECK, Estimate, Motion
 from service.dynamics.potentials.recognition.three_terms import recognise
@@ -21,7 +20,7 @@ from service.storage.codecs.summary import PROVEN_SAMPLES
 from workers.solvers.assembly.place import Place
 from workers.solvers.classical.solve import place_motion
 from workers.solvers.closed_form.lame import transverse_stability
-from workers.solvers.invariants import Drifts, measure_drifts
+from workers.solvers.invariants import Drifts, further_drift, measure_drifts
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.orientation.solve import Orientation, with_orientation
 from workers.solvers.planar.choose import compiled_tier
@@ -147,7 +146,7 @@ def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:
     sign = problem.motion.sign_of_g1 if isinstance(problem.motion, PlanarMotion) else None
     found = find_further_integrals(problem.body, problem.potential, g1_sign=sign)
     kept = (k for k in found if k.kind == "general" or planar or _has_zero_areas(problem, motion))
-    return tuple(FurtherDrift(k, *integral_drift(k, motion.samples)) for k in kept)
+    return tuple(FurtherDrift(k, *further_drift(k, motion.samples)) for k in kept)
 
 
 def _has_zero_areas(problem: Problem, motion: Motion) -> bool:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.euler_poisson import areas_integral, geometric_integral, kinetic_energy
+from service.dynamics.further_integrals import FurtherIntegral, integral_drift
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.potential import Potential
 
@@ -42,7 +43,7 @@ def drifts_of(
     """Compare the integrals at ``samples``, shape (n, 6), with their values, as :func:`measure_drifts`."""
     omega, gamma = samples[:, :3], samples[:, 3:]
     areas = areas_integral(body, omega, gamma)
-    V = _potential_energies(potential, gamma)
+    V = _potential_energies(potential, samples)
     # A potential such as g3^8/g1^3 has a limit at a pole but no value there.
     is_undefined = ~np.isfinite(V) & np.isfinite(samples).all(axis=1)
     energies = kinetic_energy(body, omega) + V
@@ -53,10 +54,25 @@ def drifts_of(
     )
 
 
-def _potential_energies(potential: Potential, gamma: FloatArray) -> FloatArray:
-    """Return V from balls: large terms that cancel are no drift of the motion."""
-    with ctx.workprec(BITS):
-        return np.array([float(V) for V in potential.value_balls(gamma.tolist())])
+def further_drift(integral: FurtherIntegral, samples: FloatArray) -> tuple[float, float]:
+    """Return what :func:`.integral_drift` does, without balls where twice the digits of doubles tell it."""
+    # The compiler is loaded only where it is needed.
+    from workers.solvers.compiled.integrals.of_many import further_drifts_of_many  # noqa: PLC0415
+
+    ((value, drift),) = further_drifts_of_many({0: integral}, samples[None])
+    return integral_drift(integral, samples) if np.isnan(drift) else (float(value), float(drift))
+
+
+def _potential_energies(potential: Potential, samples: FloatArray) -> FloatArray:
+    """Return V from balls, or what they round to: large terms that cancel are no drift of the motion."""
+    from workers.solvers.compiled.integrals.of_many import energies_at  # noqa: PLC0415
+
+    found = energies_at(potential, samples)
+    left = np.flatnonzero(np.isnan(found))
+    if len(left):
+        with ctx.workprec(BITS):
+            found[left] = [float(V) for V in potential.value_balls(samples[left, 3:].tolist())]
+    return found
 
 
 def _largest(departures: FloatArray) -> float:

@@ -9,6 +9,7 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.motion import COLUMNS
+from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Times
 from service.schemas.reading.pointers import with_values
 from service.schemas.sweep.sweep import Sweep, json_number
@@ -107,10 +108,13 @@ class BlockSolver:
             exact = [parameters.exact(place) for place in places.tolist()]
             energies = np.array(side.energies.rounded(exact, chosen)).reshape(-1, 2)
             numbers |= {"energy": energies[:, 0], "energy.error": energies[:, 1]}
-            for name in self._sweep.keep:
-                decided &= np.isfinite(numbers[name]) if name in ("energy", "energy.error") else True
+            # A drift is one from the energy, too.
+            decided &= np.isfinite(numbers["energy"])
+            if "energy.error" in self._sweep.keep:
+                decided &= np.isfinite(numbers["energy.error"])
         if self._integrals.names:
-            numbers |= self._along(points, places, decided, side, numbers.get("energy"), swept.samples)
+            known = numbers.get("energy", np.zeros(len(places)))
+            numbers |= self._along(points, group, decided, side, known, swept.samples)
         if self._outputs.are_any:
             numbers |= self._outputs_along(points, side, group, chosen, decided)
         found.add(places, decided, numbers, swept)
@@ -152,24 +156,22 @@ class BlockSolver:
     def _along(
         self,
         points: SweptPoints,
-        places: IntArray,
+        group: Group,
         decided: BoolArray,
         side: Side,
-        known: FloatArray | None,
+        energies: FloatArray,
         samples: FloatArray,
     ) -> dict[str, FloatArray]:
-        """Return what is kept of the integrals along each decided motion, whose energies are ``known``."""
-        quick = self._quick
-        columns = {name: np.full(len(places), np.nan) for name in self._integrals.names}
-        for n in np.flatnonzero(decided).tolist():
-            potential = quick.problem.potential
-            if quick.places:
-                potential = potential_of(quick.problem.body, self._potential_at(points, int(places[n])))
-            energy = 0.0 if known is None else float(known[n])
-            found = self._integrals.along(potential, side.motion.sign_of_g1, energy, samples[n])
-            for name, column in columns.items():
-                column[n] = found.get(name, np.nan)
-        return columns
+        """Return what is kept of the integrals along each decided motion."""
+        problem, places = self._quick.problem, group.places
+
+        def potential_at(n: int) -> Potential:
+            if not self._quick.places:
+                return problem.potential
+            return potential_of(problem.body, self._potential_at(points, int(places[n])))
+
+        wanted, sign = np.flatnonzero(decided), side.motion.sign_of_g1
+        return self._integrals.along(group, sign, energies, samples, wanted, potential_at)
 
     def _outputs_along(
         self, points: SweptPoints, side: Side, group: Group, chosen: Sequence[fmpq], decided: BoolArray
@@ -206,12 +208,12 @@ class BlockSolver:
             shared = self._program(key)
             if shared is None:
                 continue
-            is_high = self._grade == "high"
-            exact = [parameters.exact(n) for n in here.tolist()] if shared.needs_exact or is_high else None
+            has_rests = self._grade == "high" or self._integrals.keeps_drifts
+            exact = [parameters.exact(n) for n in here.tolist()] if shared.needs_exact or has_rests else None
             rows = shared.rows(parameters.doubles[here], exact)
             generic = shared.are_generic(rows)
             group = shared.group(rows[generic], here[generic])
-            if is_high and exact is not None:
+            if has_rests and exact is not None:
                 numbers = [exact[n] for n in np.flatnonzero(generic).tolist()]
                 group = replace(group, rests=shared.rests(group.rows, numbers))
             groups.append(group)

@@ -20,6 +20,7 @@ from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.traversal import fold_tree
 from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree
 from service.schemas.reading.pointers import with_values
+from workers.sweeping.exact_parts import ExactParts, parts_of
 from workers.sweeping.family import Path, degree_in, potential_of
 
 LARGEST_EXPONENT = 64
@@ -34,20 +35,15 @@ class Coefficients:
     """A potential in which they can be set."""
     paths: tuple[Path, ...]
     """Where, in the potential."""
-    names: tuple[str, ...] = ()
-    """Of the parameters on the axes, where the coefficients are made of them."""
-    trees: tuple[Tree, ...] | None = None
-    """None: the coefficients are the numbers on the axes."""
-    fixed: Mapping[str, fmpq] | None = None
-    """The other parameters."""
+    parts: ExactParts | None = None
+    """Makes them of the numbers on the axes; None: the coefficients are these."""
 
     def at(self, row: Sequence[fmpq]) -> list[fmpq] | None:
         """Return the coefficients at a point with these numbers on the axes, None where one has no value."""
-        if self.trees is None:
+        if self.parts is None:
             return list(row)
-        numbers = {**(self.fixed or {}), **dict(zip(self.names, row, strict=True))}
         try:
-            return [value_of(tree, numbers) for tree in self.trees]
+            return self.parts.values(row)
         except ZeroDivisionError:
             return None
 
@@ -79,7 +75,7 @@ def coefficients_of(
     kept = {name: value for name, value in parameters.items() if name not in names}
     linear_document = {**document, "expression": linear, "parameters": {**kept, **dict.fromkeys(made, 1)}}
     coefficients = Coefficients(
-        linear_document, tuple(("parameters", name) for name in made), names, tuple(found.parts), fixed
+        linear_document, tuple(("parameters", name) for name in made), parts_of(found.parts, names, fixed)
     )
     values = coefficients.at([_ratio(number) for number in first])
     if values is None:
@@ -151,37 +147,6 @@ def _with_operands(node: Tree, operands: Sequence[Tree]) -> Tree:
     if isinstance(node, Call):
         return Call(node.function, operands[0])
     return node
-
-
-def value_of(tree: Tree, numbers: Mapping[str, fmpq]) -> fmpq:
-    """Return the value of a part that is made of these numbers; raises ZeroDivisionError."""
-
-    def value(_: int, node: Tree, below: Sequence[fmpq]) -> fmpq:
-        match node:
-            case Number():
-                return _ratio(node.value)
-            case Symbol():
-                return numbers[node.name]
-            case Negation():
-                return -below[0]
-            case Binary():
-                return _combined(node.operator, *below)
-        raise AssertionError
-
-    return fold_tree(tree, value)
-
-
-def _combined(operator: str, left: fmpq, right: fmpq) -> fmpq:
-    match operator:
-        case "+":
-            return left + right
-        case "-":
-            return left - right
-        case "*":
-            return left * right
-        case "/":
-            return left / right
-    return left ** int(right.p)
 
 
 def _ratio(value: Fraction) -> fmpq:

@@ -21,7 +21,8 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
     sines,
 )
 from service.dynamics.reduction.sign_proofs.equators import equators
-from service.dynamics.verdict.proofs.power_sums import Judgement, PowerSum, number_of
+from service.dynamics.verdict.proofs.power_sums import Judgement
+from service.dynamics.verdict.proofs.reading_powers import PowerSum, number_of
 from workers.solvers.compiled.records import Records
 from workers.sweeping.emptiness import LOGARITHM
 from workers.sweeping.programs import nearest_double

@@ -16,13 +16,18 @@ from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Num
 from service.dynamics.potentials.families.homogeneous import B_coefficients
 from service.dynamics.potentials.potential import Potential
 from service.schemas.reading.pointers import with_values
-from workers.sweeping.coefficients import SplitParameters, value_of
-from workers.sweeping.family import Path, potential_of
+from workers.sweeping.coefficients import SplitParameters
+from workers.sweeping.exact_parts import ExactParts, parts_of
+from workers.sweeping.family import Path, degree_in, potential_of
 from workers.sweeping.templates import Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
 """A ratio of primes, far from any number that a formula would fold."""
 _MOMENTS = ("A", "B", "C")
+_ONLY = (fmpq(1),)
+"""The coefficients of the first term of either list."""
+_NONE = fmpq(0)
+"""In the place of a moment that nobody asks for."""
 
 
 def model_of(document: Mapping[str, object], paths: Sequence[Path], moments: frozenset[str]) -> Model | None:
@@ -72,18 +77,19 @@ class ExpressionModel:
     holed: Mapping[str, object]
     """The same with a parameter for each part."""
     holes: tuple[str, ...]
-    parts: tuple[Tree, ...]
-    fixed: Mapping[str, fmpq]
+    parts: ExactParts
+    """Makes them of the parameters on the axes, A, C and B."""
+    needs_moment: bool
+    """Whether B is in any of them."""
 
     def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values."""
-        known = {**self.fixed, "A": moments.A, "C": moments.C}
-        if moments.B is not None:
-            known["B"] = moments.B
-        known |= dict(zip(self.names, numbers, strict=True))
+        A, B, C = moments
+        if B is None and self.needs_moment:
+            return None
         try:
-            return [value_of(tree, known) for tree in self.parts]
-        except (ZeroDivisionError, KeyError):
+            return self.parts.values([*numbers, A, C, _NONE if B is None else B])
+        except ZeroDivisionError:
             return None
 
     def key(self, values: Sequence[fmpq]) -> Key:
@@ -139,11 +145,11 @@ class HomogeneousModel:
             for n, weight in enumerate(lists[name]):
                 if not weight:
                     continue
-                if _has_gap(ratio, n):
+                if n and _has_gap(ratio, n):
                     return None
                 exponent = 2 * (ratio - 1) * (n + 1) / ratio
                 sign = 1 if name == "B" or n % 2 == 0 else -1
-                for k, factor in enumerate(B_coefficients(ratio, n)):
+                for k, factor in enumerate(B_coefficients(ratio, n) if n else _ONLY):
                     first, third = exponent - 2 * k, fmpq(2 * k)
                     if name == "C":
                         first, third = third, first
@@ -220,7 +226,9 @@ def _expression(
     holes = tuple(found.names())
     kept = {name: value for name, value in parameters.items() if name not in names}
     holed_document = {**document, "expression": holed, "parameters": {**kept, **dict.fromkeys(holes, 1)}}
-    return ExpressionModel(document, names, holed_document, holes, tuple(found.parts), fixed)
+    parts = parts_of(found.parts, (*names, "A", "C", "B"), fixed)
+    needs_moment = any(degree_in(part, {"B"}) for part in found.parts)
+    return ExpressionModel(document, names, holed_document, holes, parts, needs_moment)
 
 
 def _is_plain(tree: Tree, varying: set[str]) -> bool:
@@ -247,7 +255,7 @@ def _is_whole(tree: Tree) -> bool:
 
 
 def _has_gap(ratio: fmpq, n: int) -> bool:
-    """Tell whether a term has no value, or is nothing new: see :func:`.multiplicity`."""
+    """Tell whether a term with n > 0 has no value, or is nothing new: see :func:`.multiplicity`."""
     m = (n + 1) * min(ratio, 1 / ratio)
     return m.q == 1 and m <= n
 

@@ -20,13 +20,8 @@ from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import PlanarMotion, Problem, Times
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import PRECISION
-from service.dynamics.verdict.proofs.power_sums import (
-    CurveEnergy,
-    Judgement,
-    NotAPowerSumError,
-    judge_power_sum,
-    number_of,
-)
+from service.dynamics.verdict.proofs.power_sums import CurveEnergy, Judgement, judge_power_sum
+from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError, number_of
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.frame import Bodies, loops_of
@@ -275,17 +270,18 @@ def _bodies(members: Sequence[_Point]) -> Bodies:
 
 def _energy(each: _Point, square: fmpq, motion: PlanarMotion) -> tuple[float, float]:
     """Return the energy on the curve of λ², and the bound of its error, as a job has them."""
-    total, size = arb(0), max((abs(value) for value in each.values), default=fmpq(0))
+    total, largest = arb(0), max(map(abs, map(float, each.values)), default=0.0)
     with ctx.workprec(PRECISION):
-        largest = arb(size)
         for term in each.energy.terms:
             half = term.power / 2
             power = arb(square ** int(half.p)) if half.q == 1 else arb(square) ** arb(half)
-            value = arb(term.coefficient) * power * number_of(term.constants)
+            value = arb(term.coefficient) * power
+            if term.constants:
+                value *= number_of(term.constants)
             if (term.odd_first and motion.sign_of_g1 < 0) != (term.odd_third and motion.g3_sign < 0):
                 value = -value
-            total, largest = total + value, largest.max(abs(value))
-        return rounded(total, float(largest))
+            total, largest = total + value, max(largest, abs(float(value)))
+        return rounded(total, largest)
 
 
 def _double(value: fmpq) -> float:

@@ -9,7 +9,8 @@ from flint import fmpq
 
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
-from service.dynamics.verdict.proofs.power_sums import NotAPowerSumError, judge_power_sum
+from service.dynamics.verdict.proofs.power_sums import judge_power_sum
+from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.computation.outputs import takes_doubles
 from workers.solvers.planar.choose import compiled_tier

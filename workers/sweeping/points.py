@@ -49,7 +49,7 @@ class SweptPoints:
 
     def parameters(self, coefficients: Coefficients, axes: Sequence[int]) -> "Parameters":
         """Return the coefficients that the numbers on these axes make."""
-        if coefficients.trees is None:
+        if coefficients.parts is None:
             return Parameters(self.doubles[list(axes)].T, lambda place: self.exact_row(place, axes))
         exact = [coefficients.at(self.exact_row(place, axes)) for place in range(self.count)]
         width = len(coefficients.paths)

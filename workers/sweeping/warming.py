@@ -72,8 +72,17 @@ STATE: Document = MappingProxyType(
 )
 """Only children solve it: those of the second stage."""
 SWEEP: Document = MappingProxyType(
-    {"base": dict(_BASE), "axes": [{"pointer": "/motion/lambda", "values": ["1", "2"]}], "keep": ["period"]}
+    {
+        "base": {
+            **_BASE,
+            "body": {"A": "2", "B": "2", "C": "1"},
+            "outputs": ["period", "gamma", "omega", "invariants"],
+        },
+        "axes": [{"pointer": "/motion/lambda", "values": ["1", "2"]}],
+        "keep": ["period", "invariants.energy.drift", "invariants.goriachev.drift"],
+    }
 )
+"""With all that blocks have kernels for: this potential of this body has the integral of Goriachev."""
 
 
 class WarmingError(Exception):

@@ -16,13 +16,9 @@ from service.dynamics.potentials.families.homogeneous import (
 )
 from service.dynamics.potentials.families.rational import rational_potential
 from service.dynamics.verdict.proofs.energy_terms import energy_terms
-from service.dynamics.verdict.proofs.power_sums import (
-    NotAPowerSumError,
-    judge_power_sum,
-    number_of,
-    prove_power_sum,
-)
+from service.dynamics.verdict.proofs.power_sums import judge_power_sum, prove_power_sum
 from service.dynamics.verdict.proofs.proof import prove
+from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError, number_of
 from service.dynamics.verdict.sphere.points import sphere_points
 from service.dynamics.verdict.verdict import decide
 

@@ -162,6 +162,20 @@ IN_BLOCKS |= {
         keep=("invariants.energy.drift", "invariants.geometric.drift", "invariants.areas.drift"),
         outputs=["gamma", "invariants"],
     ),
+    "the drift from an energy that cancels": sweep(
+        ("/potential/parameters/c", values("-23/50", "-1/2", "1/2")),
+        keep=("invariants.energy.drift",),
+        outputs=["gamma", "invariants"],
+        series=False,
+        potential=expression("-g1 + 1/(50*g3^2) + c", c=1),
+    ),
+    "the drift of a potential that cancels": sweep(
+        ("/potential/parameters/c", values(1, f"{10**33}", 2)),
+        keep=("invariants.energy.drift",),
+        outputs=["gamma", "invariants"],
+        series=False,
+        potential=expression("(c - g1) - c + 1/(50*g3^2)", c=1),
+    ),
     "the drift of the areas alone, in periods": sweep(
         (LAMBDA, uniform("1/2", 1, 2)),
         keep=("invariants.areas.drift",),

@@ -22,6 +22,7 @@ from service.dynamics.reduction.window import Window
 from workers.solvers.assembly.description import conventions_of
 from workers.solvers.assembly.periodic import Sampled, asked_times, make_periodic
 from workers.solvers.assembly.place import NOT_MINE, Declined, PeriodicPlace, Place
+from workers.solvers.errors import is_known
 
 if TYPE_CHECKING:
     from workers.solvers.compiled.motion import SpectralMotion
@@ -68,6 +69,9 @@ class CompiledFamily:
         times = asked.doubles if problem.wants_series else end
         if not is_within(found.error_at(times), self.promise(problem)):
             return Declined(found.error_at(times))
+        if not is_known(period, self.promise(problem)):
+            # Within a few periods its samples may be good enough for all that.
+            return Declined(period.error / period.hi)
         error = found.error_at(end)
         evidence: dict[str, float | int | str] = {"compiled": len(found.panels), "rounding": error}
         sampled = Sampled(found.sample, period, np.zeros(0), error, evidence, found, asked=asked)

@@ -18,9 +18,11 @@ TOGETHER = 1024
 """Periods that are looked at together."""
 LARGEST_GROWTH = 60.0
 """Natural logarithm beyond which no tolerance matters: 26 decimal digits."""
-HARMONICS = 512
-ROUNDEST = 32.0
-"""Ratio of the axes up to which so many harmonics leave out less than 1e-14: they fall by 31/33 each."""
+ROUNDEST = 128.0
+"""Ratio of the axes up to which harmonics are summed: for rounder ones a thousand and fewer do."""
+FEWEST = 16
+LEFT_OUT = 32.0
+"""Natural logarithm of what is left out of the harmonics: 1e-14 of the first one."""
 MOST_STEPS = 64
 """From where the mean growth leads to the period asked for; after more, all periods are gone through."""
 
@@ -55,6 +57,11 @@ def trusted_time(
 
 def _periods(matrix: FloatArray, size: float, tolerance: float) -> tuple[int, float, float] | None:
     """Return the first n with E_n ≥ ``tolerance``, E before it, and E_n; None if it is above MAX_PERIODS."""
+    rotating = rotating_norms(matrix)
+    if rotating is not None and size * rotating.largest * TOGETHER < tolerance:
+        found = _late(rotating, size, tolerance)
+        if found is not None:
+            return found if found[0] <= MAX_PERIODS else None
     first, total, before = 0, 0.0, 0.0
     while True:
         # Some at a time: the sum often gets there soon, and a million of them do not fit into a cache.
@@ -66,14 +73,17 @@ def _periods(matrix: FloatArray, size: float, tolerance: float) -> tuple[int, fl
         here = int(np.searchsorted(reached, tolerance))
         if here < len(reached):
             return first + here, before if here == 0 else float(reached[here - 1]), float(reached[here])
-        if not first:
-            rotating = rotating_norms(matrix)
-            found = None if rotating is None else rotating.reach(tolerance / size, TOGETHER)
-            if rotating is not None and found is not None:
-                if found > MAX_PERIODS:
-                    return None
-                return found, size * rotating.total(found - 1), size * rotating.total(found)
+        if not first and rotating is not None:
+            found = _late(rotating, size, tolerance)
+            if found is not None:
+                return found if found[0] <= MAX_PERIODS else None
         first, total, before = first + len(norms), float(sums[-1]), float(reached[-1])
+
+
+def _late(rotating: "RotatingNorms", size: float, tolerance: float) -> tuple[int, float, float] | None:
+    """Return what :func:`_periods` does if it is known not to be among the first; None if it is not found."""
+    found = rotating.reach(tolerance / size, TOGETHER)
+    return None if found is None else (found[0], size * found[1], size * found[2])
 
 
 def power_norms(matrix: FloatArray, count: int, *, first: int = 0, most: int | None = None) -> FloatArray:
@@ -112,7 +122,9 @@ class RotatingNorms:
 
     phi: float
     harmonics: FloatArray
-    """a_m, shape (HARMONICS,)."""
+    """a_m, from m = 0 on."""
+    largest: float
+    """Of all f(x)."""
 
     def total(self, last: int) -> float:
         r"""Return \|M^0\| + ... + \|M^last\|.
@@ -126,22 +138,26 @@ class RotatingNorms:
         sums = np.where(sine == 0.0, last + 1.0, np.sin((last + 1) * delta) / safe * np.cos(last * delta))
         return float(self.harmonics[0] * (last + 1) + self.harmonics[1:] @ sums)
 
-    def reach(self, goal: float, least: int) -> int | None:
-        """Return the first n ≥ ``least`` with a total ≥ ``goal``, MAX_PERIODS + 1 if it is later than that.
+    def reach(self, goal: float, least: int) -> tuple[int, float, float] | None:
+        """Return the first n ≥ ``least`` with a total ≥ ``goal``, the total before it, and the one there.
 
-        None if it is not found in a few steps. The total grows, by the mean of f but for oscillations.
+        n is MAX_PERIODS + 1 if it is later than that. None if it is not found in a few steps. The total
+        grows, by the mean of f but for oscillations.
         """
-        if self.total(MAX_PERIODS) < goal:
-            return MAX_PERIODS + 1
+        last = self.total(MAX_PERIODS)
+        if last < goal:
+            return MAX_PERIODS + 1, last, math.inf
         mean, n = float(self.harmonics[0]), least
         for _ in range(MOST_STEPS):
-            missing = goal - self.total(n)
+            here = self.total(n)
+            missing = goal - here
             step = math.floor(missing / mean)
             if missing > 0.0:
                 n += max(1, step)
-            elif self.total(n - 1) < goal:
-                return n
             else:
+                before = self.total(n - 1)
+                if before < goal:
+                    return n, before, here
                 n += min(-1, step + 1)
             n = min(max(n, least), MAX_PERIODS)
         return None
@@ -157,7 +173,17 @@ def rotating_norms(matrix: FloatArray) -> RotatingNorms | None:
     ratio = rest / math.sqrt(2.0)
     if not 1.0 / ROUNDEST <= ratio <= ROUNDEST:
         return None
-    x = np.arange(2 * HARMONICS) * (np.pi / (2 * HARMONICS))
-    values = np.fft.rfft(np.hypot(math.sqrt(2.0) * np.cos(x), rest * np.sin(x))).real / HARMONICS
+    count = _harmonics_of(max(ratio, 1.0 / ratio))
+    x = np.arange(2 * count) * (np.pi / (2 * count))
+    values = np.fft.rfft(np.hypot(math.sqrt(2.0) * np.cos(x), rest * np.sin(x))).real / count
     values[0] *= 0.5
-    return RotatingNorms(phi, values[:HARMONICS])
+    return RotatingNorms(phi, values[:count], max(math.sqrt(2.0), rest))
+
+
+def _harmonics_of(ratio: float) -> int:
+    """Return how many are needed for axes of this ratio ≥ 1, a power of two.
+
+    f² is 0 where exp(2ix) = ±(ratio + 1)/(ratio − 1): the a_m fall by that much each.
+    """
+    needed = LEFT_OUT / math.log((ratio + 1.0) / (ratio - 1.0)) if ratio > 1.0 else 0.0
+    return max(FEWEST, 1 << math.ceil(math.log2(max(needed, 1.0))))

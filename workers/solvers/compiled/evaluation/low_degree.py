@@ -7,7 +7,7 @@ from workers.solvers.compiled.records import Formula
 
 HIGHEST = 12.0
 """Degree, of either sign, of the products of g1, g2 and g3 that V is a sum of."""
-_LOW, _HIGH, _TERMS, _HAS_G2 = range(4)
+_LOW, _HIGH, _TERMS, _HAS_G2, _VARIES = range(5)
 
 
 @kernel
@@ -17,17 +17,22 @@ def is_of_low_degree(
     """Say whether V is a sum of products of real powers of g1 and g3 and whole powers of g2, of low degree.
 
     A feature of such a V is about as wide as the sphere over its degree, and leaves its trace in the last
-    coefficients of a series. A quotient by a sum, a function or a high power may make one of any width.
+    coefficients of a series. A quotient by a sum, a function or a high power may make one of any width, but
+    those of numbers are numbers.
     """
     code, constants = formula.code, formula.constants
-    known = np.zeros((code.shape[0] + 3, 4))
+    known = np.zeros((code.shape[0] + 3, 5))
     for k in range(3):
-        known[k, _LOW], known[k, _HIGH], known[k, _TERMS] = 1.0, 1.0, 1.0
+        known[k, _LOW], known[k, _HIGH], known[k, _TERMS], known[k, _VARIES] = 1.0, 1.0, 1.0, 1.0
     known[1, _HAS_G2] = 1.0
     for k in range(code.shape[0]):
         operation, i, j, slot = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
         here = known[3 + k]
-        if operation == 0:
+        if operation != 0:
+            here[_VARIES] = known[i, _VARIES]
+            if 1 <= operation <= 4 or operation == 7:
+                here[_VARIES] = max(here[_VARIES], known[j, _VARIES])
+        if here[_VARIES] == 0.0:
             here[_TERMS] = 1.0
             continue
         left = known[i]
