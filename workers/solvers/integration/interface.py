@@ -69,16 +69,21 @@ class Run:
         return float(self.breaks[-1])
 
 
-class Integrator(Protocol):
-    """The six equations for one body and one potential, ready to be integrated."""
+class Steps(Protocol):
+    """How finely a method integrates."""
 
-    name: str
     finest: float
     """Local tolerance below which rounding, not truncation, makes the error."""
     coarsest: float
     """Largest local tolerance, whatever is asked: beyond it the method is not in its element."""
     tightening: float
     """How much tighter the second of two runs must be for other steps and a smaller error."""
+
+
+class Integrator(Steps, Protocol):
+    """The six equations for one body and one potential, ready to be integrated."""
+
+    name: str
 
     def neighbour(self) -> Self:
         """Return the integrator of a problem that the rounded moments and coefficients might have meant."""

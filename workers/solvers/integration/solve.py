@@ -18,10 +18,11 @@ from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.evidence import COVERED, DEFECT, DRIFT, with_claim_shown
 from workers.solvers.integration.errors import IntegratorMissingError, UnsupportedFormulaError
-from workers.solvers.integration.interface import Integrator, neighbour_of
+from workers.solvers.integration.interface import Integrator, Steps, neighbour_of
 from workers.solvers.integration.twin import ROUNDING, Span, Twin, run_twin
 
 if TYPE_CHECKING:
+    from workers.solvers.compiled.general.records import Asked
     from workers.solvers.integration.compiled import Held
 
 FloatArray = NDArray[np.float64]
@@ -120,14 +121,21 @@ class Quest:
         from workers.solvers.integration import compiled  # noqa: PLC0415
 
         assert isinstance(integrator, compiled.CompiledIntegrator)
-        asked = compiled.asked_of_twin(
+        asked = self.asked(integrator, local_tolerance)
+        return compiled.held_twin(integrator, state, neighbour, self.check, asked)
+
+    def asked(self, integrator: Steps, local_tolerance: float) -> "Asked":
+        """Return what is asked of kernels."""
+        from workers.solvers.integration import compiled  # noqa: PLC0415
+
+        return compiled.asked_of_twin(
             integrator,
             self.span,
             local_tolerance=local_tolerance,
             max_steps=MAX_STEPS,
             tolerance=self.tolerance,
+            is_last=local_tolerance == tolerances(integrator, self.tolerance)[-1],
         )
-        return compiled.held_twin(integrator, state, neighbour, self.check, asked)
 
     def by_kernels(
         self, integrator: Integrator, state: FloatArray, neighbour: FloatArray
@@ -193,7 +201,7 @@ def _by_scipy(body: RigidBody, potential: Potential) -> Integrator:
     return Dop853Integrator(body, potential)
 
 
-def tolerances(integrator: Integrator, tolerance: float) -> list[float]:
+def tolerances(integrator: Steps, tolerance: float) -> list[float]:
     """Return the local tolerances to try, of the coarser run: by the tolerance, then the finest."""
     finest = integrator.finest * integrator.tightening
     first = FIRST_TRY * tolerance

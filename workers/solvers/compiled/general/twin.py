@@ -1,4 +1,4 @@
-"""Two runs of a motion from any state, their difference, and what they leave of the equations, at once.
+"""Two runs of motions from any state, their difference, and what they leave of the equations, at once.
 
 What is decided here needs no other code; what is not is left to :mod:`workers.solvers.integration`.
 """
@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.general.held import hold
-from workers.solvers.compiled.general.records import Asked, Formula, Gradient
+from workers.solvers.compiled.general.lanes import LANES
+from workers.solvers.compiled.general.records import Asked, Formula, Gradient, Models
 from workers.solvers.compiled.general.sampling import compare
-from workers.solvers.compiled.general.series import STATE
-from workers.solvers.compiled.general.steps import ARRIVED, take_steps
+from workers.solvers.compiled.general.steps import ARRIVED, seen
 from workers.solvers.compiled.kernels import kernel
 
 FloatArray = NDArray[np.float64]
@@ -20,64 +20,34 @@ IntArray = NDArray[np.int64]
 
 HELD, INACCURATE, OPEN = range(3)
 """All bounds are kept; they are, but the error is more than is allowed; something is not decided here."""
-
-
-@kernel
-def _side(
-    slopes: Gradient, moments: FloatArray, state: FloatArray, end: float, tolerance: float, asked: Asked
-) -> tuple[bool, FloatArray, FloatArray]:
-    """Return whether a run arrives at ``end``, its breaks and its series; to t = 0 nothing is run."""
-    if end == 0.0:
-        return True, np.zeros(1), np.zeros((0, 1, STATE))
-    status, breaks, series = take_steps(
-        slopes.code,
-        slopes.constants,
-        slopes.gradient,
-        moments,
-        slopes.registers,
-        state,
-        end,
-        tolerance,
-        asked.max_steps,
-        math.inf,
-        asked.collapsed,
-    )
-    return status == ARRIVED, breaks, series
+NUMBERS = 6
+"""Found of a motion: error, difference, energy, its error, defect and drift."""
 
 
 @kernel
 def _joined(
-    back: FloatArray, before: FloatArray, forth: FloatArray, after: FloatArray
+    back: FloatArray, before: FloatArray, forth: FloatArray, after: FloatArray, length: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return runs from t = 0 both ways as one function of time."""
     m, n = len(back) - 1, len(forth) - 1
     if m == 0:
-        return forth, after
-    breaks = np.empty(m + n + 1)
-    series = np.zeros((m + n, max(before.shape[1], after.shape[1]), STATE))
+        return forth, after[:n]
+    breaks, series = np.empty(m + n + 1), np.empty((m + n, length, LANES))
     for k in range(m + 1):
         breaks[k] = back[m - k]
     for k in range(1, n + 1):
         breaks[m + k] = forth[k]
     for k in range(m):
         sign = 1.0
-        for j in range(before.shape[1]):
-            for a in range(STATE):
+        for j in range(length):
+            for a in range(LANES):
                 series[k, j, a] = sign * before[m - 1 - k, j, a]
             sign = -sign
     for k in range(n):
-        for j in range(after.shape[1]):
-            for a in range(STATE):
+        for j in range(length):
+            for a in range(LANES):
                 series[m + k, j, a] = after[k, j, a]
     return breaks, series
-
-
-@kernel
-def _largest(series: FloatArray) -> float:
-    size = 0.0
-    for x in series.flat:
-        size = max(size, abs(x))
-    return size
 
 
 @kernel
@@ -87,6 +57,8 @@ def _holds(
     moments: FloatArray,
     breaks: FloatArray,
     series: FloatArray,
+    length: int,
+    largest: float,
     defects: float,
     goal: float,
     compares: bool,
@@ -97,7 +69,7 @@ def _holds(
     """Hold a run against the equations; ``defects`` is what a step may leave, relative to the variables."""
     if len(breaks) == 1:
         return True, 0.0, 0.0
-    allowed = defects * _largest(series)
+    allowed = defects * largest
     goal = min(goal * abs(breaks[-1]), 0.1 * allowed * len(series))
     return hold(
         formula,
@@ -105,6 +77,7 @@ def _holds(
         moments,
         breaks,
         series,
+        length,
         goal,
         allowed,
         compares,
@@ -115,42 +88,68 @@ def _holds(
 
 
 @kernel
-def solve_twin(
-    formula: Formula,
-    slopes: Gradient,
-    moments: FloatArray,
-    other_slopes: Gradient,
-    other_moments: FloatArray,
-    state: FloatArray,
-    other_state: FloatArray,
+def lanes_of(asked: Asked) -> int:
+    """Return how many runs a motion has: finely and less so, on one side of t = 0 or on both."""
+    return 4 if asked.first < 0.0 < asked.last else 2
+
+
+@kernel
+def _seen(pieces: FloatArray, first: int, second: int, counts: IntArray) -> tuple[int, float]:
+    """Return how many coefficients of two runs doubles can see, and the largest."""
+    length, largest = seen(pieces[first, : counts[first]])
+    if second != first:
+        other, size = seen(pieces[second, : counts[second]])
+        length, largest = max(length, other), max(largest, size)
+    return length, largest
+
+
+@kernel
+def settle(
+    models: Models,
+    model: int,
+    lane: int,
+    statuses: IntArray,
+    counts: IntArray,
+    all_breaks: FloatArray,
+    pieces: FloatArray,
     check: FloatArray,
     asked: Asked,
-) -> tuple[int, FloatArray, FloatArray, FloatArray]:
-    """Run finely from ``state``, less so from ``other_state``, and hold both against the equations.
+    found: FloatArray,
+) -> tuple[int, FloatArray, FloatArray, int]:
+    """Compare the runs from ``lane`` on, hold them against the equations; see :func:`.many.solve_twins`.
 
-    The second run has the constants of a problem that rounded ones might as well have meant. Return how that
-    ends, breaks and series of the finer run, and error, difference, energy, its error, defect and drift.
+    Return the breaks, series and degrees of the finer run too.
     """
-    found = np.full(6, math.nan)
-    nothing = np.zeros(1), np.zeros((0, 1, STATE))
-    is_good, back, before = _side(slopes, moments, state, asked.first, asked.fine, asked)
-    if not is_good:
-        return OPEN, nothing[0], nothing[1], found
-    is_good, forth, after = _side(slopes, moments, state, asked.last, asked.fine, asked)
-    if not is_good or len(back) + len(forth) == 2:
-        return OPEN, nothing[0], nothing[1], found
-    is_good, other_back, other_before = _side(
-        other_slopes, other_moments, other_state, asked.first, asked.coarse, asked
+    width = lanes_of(asked)
+    lanes, steps = np.empty(4, dtype=np.int64), np.zeros(4, dtype=np.int64)
+    for run in range(4):
+        # Where one side is empty its runs have no steps, and are said to be in the lanes of the other.
+        lanes[run] = lane + (run if width == 4 else run // 2)
+        if (asked.first if run % 2 == 0 else asked.last) != 0.0:
+            steps[run] = counts[lanes[run]]
+        if statuses[lanes[run]] != ARRIVED:
+            return OPEN, all_breaks[lane], pieces[lane], 1
+    if steps[0] + steps[1] == 0:
+        return OPEN, all_breaks[lane], pieces[lane], 1
+    formula = Formula(models.code, models.constants[model], models.result)
+    slopes = Gradient(models.slopes, models.slope_constants[model], models.gradient, models.registers)
+    moments = models.moments[model]
+    length, largest = _seen(pieces, lanes[0], lanes[1], counts)
+    other_length, other_largest = _seen(pieces, lanes[2], lanes[3], counts)
+    breaks, series = _joined(
+        all_breaks[lanes[0], : steps[0] + 1],
+        pieces[lanes[0]],
+        all_breaks[lanes[1], : steps[1] + 1],
+        pieces[lanes[1]],
+        length,
     )
-    if not is_good:
-        return OPEN, nothing[0], nothing[1], found
-    is_good, other_forth, other_after = _side(
-        other_slopes, other_moments, other_state, asked.last, asked.coarse, asked
+    other_breaks, other_series = _joined(
+        all_breaks[lanes[2], : steps[2] + 1],
+        pieces[lanes[2]],
+        all_breaks[lanes[3], : steps[3] + 1],
+        pieces[lanes[3]],
+        other_length,
     )
-    if not is_good:
-        return OPEN, nothing[0], nothing[1], found
-    breaks, series = _joined(back, before, forth, after)
-    other_breaks, other_series = _joined(other_back, other_before, other_forth, other_after)
     error, difference, energy, stray, reference = compare(
         formula.code,
         formula.constants,
@@ -158,49 +157,44 @@ def solve_twin(
         moments,
         breaks,
         series,
+        length,
         other_breaks,
         other_series,
+        other_length,
         check,
         asked.safety,
         asked.rounding,
     )
     is_accurate = error <= asked.tolerance
-    goal = max(asked.goal * error, asked.finest * max(1.0, _largest(series))) / (asked.last - asked.first)
+    if not (is_accurate or asked.is_last):
+        return INACCURATE, breaks, series, length
+    goal = max(asked.goal * error, asked.finest * max(1.0, largest)) / (asked.last - asked.first)
     defect, drift = 0.0, 0.0
-    for side in range(2):
-        run, pieces = (back, before) if side == 0 else (forth, after)
+    for run in range(4):
+        # A motion that is accurate enough needs no more than this: the other runs only measure how errors
+        # grow, and what they leave of the equations makes the difference larger.
+        if is_accurate and run >= 2:
+            break
+        is_fine = run < 2
         is_good, by_defect, by_drift = _holds(
             formula,
             slopes,
             moments,
-            run,
-            pieces,
-            asked.fine_defect,
-            goal,
+            all_breaks[lanes[run], : steps[run] + 1],
+            pieces[lanes[run], : steps[run]],
+            length if is_fine else other_length,
+            largest if is_fine else other_largest,
+            asked.fine_defect if is_fine else asked.coarse_defect,
+            goal if is_fine else math.inf,
             is_accurate,
             error,
             reference,
             stray,
         )
         if not is_good:
-            return OPEN, breaks, series, found
-        defect, drift = max(defect, by_defect), max(drift, by_drift)
-        run, pieces = (other_back, other_before) if side == 0 else (other_forth, other_after)
-        is_good, _, _ = _holds(
-            formula,
-            slopes,
-            moments,
-            run,
-            pieces,
-            asked.coarse_defect,
-            math.inf,
-            False,
-            math.inf,
-            reference,
-            stray,
-        )
-        if not is_good:
-            return OPEN, breaks, series, found
+            return OPEN, breaks, series, length
+        if is_fine:
+            defect, drift = max(defect, by_defect), max(drift, by_drift)
     found[0], found[1], found[2], found[3] = error, difference, energy, stray
     found[4], found[5] = defect, drift
-    return (HELD if is_accurate else INACCURATE), breaks, series, found
+    return (HELD if is_accurate else INACCURATE), breaks, series, length
