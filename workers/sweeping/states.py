@@ -25,9 +25,10 @@ from service.schemas.problem.problem import read_problem
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.compiled.general.records import Models
-from workers.solvers.compiled.general.twin import HELD, INACCURATE
+from workers.solvers.compiled.general.twin import COLLIDED, HELD, INACCURATE
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.compiled import CompiledIntegrator, held_twins, integrator_of, models_of
+from workers.solvers.integration.errors import CollisionError
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.solve import quest_of, tolerances
 from workers.sweeping.family import has_symbol
@@ -78,10 +79,11 @@ class StateSolver:
         """Solve the points ``first`` to ``first + count - 1``."""
         sweep = self._sweep
         points = SweptPoints(sweep, self._known, np.arange(first, first + count))
-        solved, missed = np.zeros((2, count), dtype=np.bool_)
+        solved, missed, collided = np.zeros((3, count), dtype=np.bool_)
         numbers = {name: np.full(count, np.nan) for name in sweep.keep}
         series = {name: np.full((count, sweep.samples), np.nan) for name in sweep.series_columns}
-        found = SolvedBlock(solved, {AccuracyNotMetError.code: missed}, numbers, series)
+        refused = {AccuracyNotMetError.code: missed, CollisionError.code: collided}
+        found = SolvedBlock(solved, refused, numbers, series)
         states, neighbours, is_usable = self._starts(points)
         for group in self._groups(points, first, is_usable):
             rows = max(1, len(self._times.doubles)) if series else 1
@@ -177,6 +179,7 @@ class StateSolver:
                 series["t"][places] = times
                 for name, variable in zip(self._names, self._columns, strict=True):
                     series[name][places] = found.samples[is_held, :, variable]
+            block.refused[CollisionError.code][group.places[left[found.endings == COLLIDED]]] = True
             left = left[found.endings == INACCURATE]
             if not len(left):
                 break

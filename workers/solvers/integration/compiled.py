@@ -25,16 +25,18 @@ from workers.solvers.compiled.general.records import Asked, Formula, Gradient, M
 from workers.solvers.compiled.general.sampling import TOGETHER, values_at
 from workers.solvers.compiled.general.series import STATE
 from workers.solvers.compiled.general.steps import ARRIVED, TIRED, new_pieces, seen, take_steps
-from workers.solvers.compiled.general.twin import HELD, NUMBERS, OPEN
-from workers.solvers.integration.errors import UnsupportedFormulaError
+from workers.solvers.compiled.general.twin import COLLIDED, HELD, NUMBERS, OPEN
+from workers.solvers.integration.errors import IntegrationError, UnsupportedFormulaError
+from workers.solvers.integration.followed import BEFORE_THE_END, SLACK
 from workers.solvers.integration.followed import ROUNDING as STEP_ROUNDING
-from workers.solvers.integration.followed import SLACK
 from workers.solvers.integration.interface import (
     COLLAPSED_STEP,
+    SINGULAR_GRADIENT,
     Rounding,
     Run,
     Steps,
     collapse,
+    collapse_by,
     neighbour_of,
     too_many_steps,
     undefined_start,
@@ -154,7 +156,7 @@ class CompiledIntegrator:
         longest: float = inf,
     ) -> tuple[int, FloatArray, FloatArray]:
         """Return how the kernel's run ends, its breaks and its series."""
-        statuses, counts, breaks, pieces = take_steps(
+        statuses, counts, breaks, pieces, _ = take_steps(
             self.gradient.code,
             self.gradient.gradient,
             self.gradient.constants[:, None],
@@ -270,6 +272,8 @@ def asked_of_twin(
         coarse=local_tolerance,
         max_steps=max_steps,
         collapsed=COLLAPSED_STEP,
+        singular=SINGULAR_GRADIENT,
+        before_the_end=BEFORE_THE_END,
         tolerance=tolerance,
         safety=SAFETY,
         rounding=ROUNDING,
@@ -287,11 +291,12 @@ def held_twin(
     neighbour: FloatArray,
     check: FloatArray,
     asked: Asked,
-) -> Held | float | None:
+) -> Held | IntegrationError | float | None:
     """Return what :func:`.twin.run_twin` finds where all is settled by kernels; None where not.
 
-    A number is the estimated error of the finer run, where that is larger than the tolerance; infinity where
-    finer runs follow, since then the estimate is not held against the equations.
+    An error is a singularity that the motion runs into. A number is the estimated error of the finer run,
+    where that is larger than the tolerance; infinity where finer runs follow, since then the estimate is not
+    held against the equations.
     """
     if integrator.structure is None:
         return None
@@ -299,6 +304,8 @@ def held_twin(
     if status == OPEN:
         return None
     numbers: list[float] = found.tolist()
+    if status == COLLIDED:
+        return collapse_by(*numbers[:3])
     if status == HELD:
         return Held(breaks, coefficients, *numbers)
     return numbers[0] if asked.is_last else inf
@@ -309,7 +316,7 @@ class HeldTwins:
     """What is found of many motions at once."""
 
     endings: IntArray
-    """HELD, INACCURATE or OPEN, shape (n,)."""
+    """HELD, INACCURATE, OPEN or COLLIDED, shape (n,)."""
     numbers: FloatArray
     """Error, difference, energy, its error, defect and drift, shape (n, 6)."""
     samples: FloatArray

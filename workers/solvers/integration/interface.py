@@ -153,7 +153,11 @@ def step_has_collapsed(step: float, longest: float, time: float) -> bool:
 
 def collapse(time: float, start_gradient: FloatArray, end_gradient: FloatArray) -> IntegrationError:
     """Return what a collapsed step means, by how the potential's gradient has grown."""
-    start, end = float(np.linalg.norm(start_gradient)), float(np.linalg.norm(end_gradient))
+    return collapse_by(time, float(np.linalg.norm(start_gradient)), float(np.linalg.norm(end_gradient)))
+
+
+def collapse_by(time: float, start: float, end: float) -> IntegrationError:
+    """Return what a collapsed step means, by the sizes of the potential's gradient."""
     if not end <= SINGULAR_GRADIENT * start:
         return CollisionError(
             f"the motion runs into a singularity of the potential at t = {time:.15g} "

@@ -21,7 +21,7 @@ from workers.solvers.compiled.general.records import Asked
 from workers.solvers.compiled.general.sampling import new_values_at
 from workers.solvers.compiled.general.series import COUNT, ORDER, STATE, take_series
 from workers.solvers.compiled.general.steps import ARRIVED, FAILED, TIRED
-from workers.solvers.compiled.general.twin import HELD, INACCURATE, OPEN
+from workers.solvers.compiled.general.twin import COLLIDED, HELD, INACCURATE, OPEN
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.integration.compiled import asked_of_twin, held_twins, integrator_of, models_of
 from workers.solvers.integration.programs import gradient_program
@@ -125,7 +125,7 @@ def test_a_twin_is_held_too_inaccurate_or_not_decided(tolerance, last, status):
 
 @pytest.mark.parametrize("span", [Span(0.0, 3.0), Span(-2.0, 0.0), Span(-2.0, 3.0)])
 def test_motions_side_by_side_have_the_bits_they_have_alone(span):
-    """More motions than lanes, of three bodies; one of them runs into a pole, which the others do not see."""
+    """More motions than lanes, of three bodies; one of them begins in a pole, which the others do not see."""
     field = expression_potential("-g1 + 1/(20*g3^2)", {}, BODY)
     bodies = [RigidBody(Fraction(2), Fraction(n, 7), Fraction(1)) for n in (10, 11, 12)]
     integrators = [integrator_of(body, field) for body in bodies]
@@ -144,6 +144,24 @@ def test_motions_side_by_side_have_the_bits_they_have_alone(span):
         assert status == HELD
         assert np.array_equal(numbers, found.numbers[n])
         assert np.array_equal(DenseOutput(COLUMNS, breaks, series, None, 0.0)(times), found.samples[n])
+
+
+@pytest.mark.parametrize(("span", "side"), [(Span(0.0, 5.0), 1.0), (Span(-5.0, 0.0), -1.0)])
+def test_a_motion_that_is_held_up_to_a_singularity_collides(span, side):
+    """A fall onto the equator along a meridian g1 = cos u, g3 = sin u: u'² / 2 = 1/sin² u + E with B = 1."""
+    body = RigidBody(Fraction(1), Fraction(1), Fraction(1))
+    integrator = integrator_of(body, expression_potential("-1/g3^2", {}, body))
+    start = np.array([0.0, 0.0, 0.0, 0.6, 0.0, 0.8])
+    asked = asked_of_twin(integrator, span, local_tolerance=1e-13, max_steps=1000, tolerance=1e-9)
+    times = np.array([span.first, span.last])
+    status, _, _, numbers = solve_twin(integrator.models, start, start, times, asked)
+    assert status == COLLIDED
+    # From rest at sin u = 4/5, E = −25/16. With c = cos u the time is ∫ dc / sqrt(2 (25 c² − 9) / 16), from
+    # c = 3/5 to 1: that is (4/5) arcosh(5/3) / sqrt(2).
+    time = 0.8 * np.arccosh(5.0 / 3.0) / np.sqrt(2.0)
+    # Steps collapse at 1e-13 of the longest one.
+    assert numbers[0] == pytest.approx(side * time, abs=1e-12)
+    assert numbers[2] > 1e6 * numbers[1]
 
 
 def test_an_error_that_finer_runs_follow_is_not_held_against_the_equations():

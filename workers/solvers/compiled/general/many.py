@@ -33,7 +33,7 @@ def _run_all(
     count: int,
     asked: Asked,
     pieces: FloatArray,
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
     """Run some motions; the lanes of each are backward and forward, finely, then less so."""
     width = lanes_of(asked)
     used = width * count
@@ -82,10 +82,10 @@ def solve_twin(
     for a in range(STATE):
         states[0, a], others[0, a] = state[a], other[a]
     room = new_pieces(lanes_of(asked))
-    statuses, counts, all_breaks, pieces = _run_all(models, which, states, others, 0, 1, asked, room)
+    statuses, counts, all_breaks, pieces, sizes = _run_all(models, which, states, others, 0, 1, asked, room)
     found = np.full(NUMBERS, math.nan)
     status, breaks, series, length = settle(
-        models, 0, 0, statuses, counts, all_breaks, pieces, check, asked, found
+        models, 0, 0, statuses, counts, all_breaks, pieces, sizes, check, asked, found
     )
     return status, breaks.copy(), series[:, :length, :STATE].copy(), found
 
@@ -115,7 +115,7 @@ def solve_twins(
     room = new_pieces(LANES)
     for begin in range(0, len(states), together):
         count = min(together, len(states) - begin)
-        statuses, counts, all_breaks, pieces = _run_all(
+        statuses, counts, all_breaks, pieces, sizes = _run_all(
             models, which, states, others, begin, count, asked, room
         )
         for n in range(count):
@@ -128,6 +128,7 @@ def solve_twins(
                 counts,
                 all_breaks,
                 pieces,
+                sizes,
                 check,
                 asked,
                 found[place],

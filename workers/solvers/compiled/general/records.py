@@ -63,6 +63,10 @@ class Asked(NamedTuple):
     max_steps: int
     collapsed: float
     """A step this much shorter than the longest one ends a run."""
+    singular: float
+    """Growth of the potential's gradient from the beginning of such a run that tells a singularity."""
+    before_the_end: float
+    """Share of the time of such a run of which nothing is asked."""
     tolerance: float
     safety: float
     """On the difference of the runs."""

@@ -140,6 +140,14 @@ def seen(pieces: FloatArray) -> tuple[int, float]:
 
 
 @kernel
+def _gradient_size(u: int, gradient: IntArray, lane: int) -> float:
+    total = 0.0
+    for part in range(3):
+        total += number_at(u, gradient[part] * COUNT, lane) ** 2
+    return math.sqrt(total)
+
+
+@kernel
 def new_pieces(motions: int) -> FloatArray:
     """Return room for the series of some motions."""
     return np.empty((motions, ROOM, COUNT, LANES))
@@ -159,14 +167,15 @@ def take_steps(
     longest: float,
     collapsed: float,
     pieces: FloatArray,
-) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """Integrate from states at 0 to ``ends``; return how that ends, numbers of steps, breaks, and series.
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
+    """Integrate from states at 0 to ``ends``; return how that ends, numbers of steps, breaks, series.
 
     Every motion has a column of ``states``, ``constants`` and ``moments``; there are at most ``LANES``. The
     shapes found are (motions,), (motions,), (motions, room + 1) and (motions, room, ORDER + 1, LANES): the
     Chebyshev series of the six variables side by side, and two columns of 0. ``pieces`` is room for these,
     and is made larger where needed. No step is longer than ``longest``; one that is shorter than
-    ``collapsed`` of the longest one ends a run, as do numbers that are not finite.
+    ``collapsed`` of the longest one ends a run, as do numbers that are not finite. The last are the sizes of
+    the potential's gradient at the beginning and at the end, shape (motions, 2), NaN where it has none.
     """
     used = len(ends)
     # One room for all rows, with their places in it.
@@ -195,6 +204,10 @@ def take_steps(
         shares[lane] = CAUTION * math.pow(tolerances[lane], 1.0 / (ORDER + 1.0))
         if ends[lane] == 0.0:
             statuses[lane] = ARRIVED
+    sizes = np.empty((used, 2))
+    gradient_order(code, u, 0)
+    for lane in range(used):
+        sizes[lane, 0] = _gradient_size(u, gradient, lane)
     left_over = True
     while left_over:
         take_series(code, gradient, bodies, u, few)
@@ -254,13 +267,10 @@ def take_steps(
                 statuses[lane] = ARRIVED
     gradient_order(code, u, 0)
     for lane in range(used):
-        if counts[lane] > 0 and statuses[lane] != TIRED and is_finite[lane]:
+        sizes[lane, 1] = _gradient_size(u, gradient, lane) if is_finite[lane] else math.nan
+        if counts[lane] > 0 and statuses[lane] != TIRED and is_finite[lane] and not sizes[lane, 1] < math.inf:
             # Where the potential is hardly less than smooth, a step can end beyond its domain.
-            slopes = 0.0
-            for part in range(3):
-                slopes += abs(number_at(u, gradient[part] * COUNT, lane))
-            if not slopes < math.inf:
-                statuses[lane], counts[lane] = FAILED, counts[lane] - 1
+            statuses[lane], counts[lane], sizes[lane, 1] = FAILED, counts[lane] - 1, math.nan
     # Up to here the room has an owner.
     room[0, 0] = 0.0
-    return statuses, counts, breaks, pieces
+    return statuses, counts, breaks, pieces, sizes

@@ -12,14 +12,15 @@ from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.lanes import LANES
 from workers.solvers.compiled.general.records import Asked, Formula, Gradient, Models
 from workers.solvers.compiled.general.sampling import compare
-from workers.solvers.compiled.general.steps import ARRIVED, seen
+from workers.solvers.compiled.general.steps import ARRIVED, FAILED, seen
 from workers.solvers.compiled.kernels import kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-HELD, INACCURATE, OPEN = range(3)
-"""All bounds are kept; they are, but the error is more than is allowed; something is not decided here."""
+HELD, INACCURATE, OPEN, COLLIDED = range(4)
+"""All bounds are kept; they are, but the error is more than is allowed; something is not decided here; all
+bounds are kept up to a singularity of the potential."""
 NUMBERS = 6
 """Found of a motion: error, difference, energy, its error, defect and drift."""
 
@@ -104,6 +105,63 @@ def _seen(pieces: FloatArray, first: int, second: int, counts: IntArray) -> tupl
 
 
 @kernel
+def _collision(
+    formula: Formula,
+    slopes: Gradient,
+    moments: FloatArray,
+    lanes: IntArray,
+    statuses: IntArray,
+    steps: IntArray,
+    all_breaks: FloatArray,
+    pieces: FloatArray,
+    sizes: FloatArray,
+    asked: Asked,
+    found: FloatArray,
+) -> int:
+    """Say whether finer runs that do not arrive keep the equations up to a singularity.
+
+    Fill in the first time that a run cannot get beyond, and the sizes of the gradient that tell it.
+    """
+    status = OPEN
+    for run in range(2):
+        lane, count = lanes[run], steps[run]
+        if statuses[lane] == ARRIVED or (asked.first if run == 0 else asked.last) == 0.0:
+            continue
+        if statuses[lane] != FAILED or not sizes[lane, 1] > asked.singular * sizes[lane, 0] or count == 0:
+            return OPEN
+        breaks, own = all_breaks[lane, : count + 1], pieces[lane, :count]
+        length, largest = seen(own)
+        allowed = asked.fine_defect * largest
+        # Next to the singularity it runs into, a run is not asked what is there.
+        limit, held = (1.0 - asked.before_the_end) * abs(breaks[count]), 0
+        while held < count and abs(breaks[held]) < limit:
+            held += 1
+        is_kept, _, _ = hold(
+            formula,
+            slopes,
+            moments,
+            breaks[: held + 1],
+            own[:held],
+            length,
+            0.1 * allowed * count,
+            allowed,
+            False,
+            math.inf,
+            np.zeros(3),
+            0.0,
+        )
+        if not is_kept:
+            return OPEN
+        time, other = breaks[count], lanes[run + 2]
+        if statuses[other] == FAILED and abs(all_breaks[other, steps[run + 2]]) < abs(time):
+            time = all_breaks[other, steps[run + 2]]
+        if status == OPEN or abs(time) < abs(found[0]):
+            found[0], found[1], found[2] = time, sizes[lane, 0], sizes[lane, 1]
+        status = COLLIDED
+    return status
+
+
+@kernel
 def settle(
     models: Models,
     model: int,
@@ -112,6 +170,7 @@ def settle(
     counts: IntArray,
     all_breaks: FloatArray,
     pieces: FloatArray,
+    sizes: FloatArray,
     check: FloatArray,
     asked: Asked,
     found: FloatArray,
@@ -122,18 +181,23 @@ def settle(
     """
     width = lanes_of(asked)
     lanes, steps = np.empty(4, dtype=np.int64), np.zeros(4, dtype=np.int64)
+    formula = Formula(models.code, models.constants[model], models.result)
+    slopes = Gradient(models.slopes, models.slope_constants[model], models.gradient, models.registers)
+    moments = models.moments[model]
+    has_arrived = True
     for run in range(4):
         # Where one side is empty its runs have no steps, and are said to be in the lanes of the other.
         lanes[run] = lane + (run if width == 4 else run // 2)
         if (asked.first if run % 2 == 0 else asked.last) != 0.0:
             steps[run] = counts[lanes[run]]
-        if statuses[lanes[run]] != ARRIVED:
-            return OPEN, all_breaks[lane], pieces[lane], 1
+        has_arrived = has_arrived and statuses[lanes[run]] == ARRIVED
+    if not has_arrived:
+        status = _collision(
+            formula, slopes, moments, lanes, statuses, steps, all_breaks, pieces, sizes, asked, found
+        )
+        return status, all_breaks[lane], pieces[lane], 1
     if steps[0] + steps[1] == 0:
         return OPEN, all_breaks[lane], pieces[lane], 1
-    formula = Formula(models.code, models.constants[model], models.result)
-    slopes = Gradient(models.slopes, models.slope_constants[model], models.gradient, models.registers)
-    moments = models.moments[model]
     length, largest = _seen(pieces, lanes[0], lanes[1], counts)
     other_length, other_largest = _seen(pieces, lanes[2], lanes[3], counts)
     breaks, series = _joined(
