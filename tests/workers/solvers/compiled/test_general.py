@@ -14,8 +14,9 @@ from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.solution.dense_output import DenseOutput
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.general.held import hold
-from workers.solvers.compiled.general.lanes import LANES, first_row, new_rows, number_at, put_number
+from workers.solvers.compiled.general.lanes import LANES, first_row, new_rows, number_at, place_of, put_number
 from workers.solvers.compiled.general.many import solve_twin
+from workers.solvers.compiled.general.nodes import HALVES, PLACES, put_gains, put_series, put_whole_states
 from workers.solvers.compiled.general.rates import WIDTH, new_values, rates_at
 from workers.solvers.compiled.general.records import Asked
 from workers.solvers.compiled.general.sampling import new_values_at
@@ -75,6 +76,43 @@ def test_series_of_a_steady_turn_is_that_of_sine_and_cosine():
 
 def gradient_parts(gradient):
     return gradient.code, gradient.gradient, gradient.constants
+
+
+@kernel
+def there_and_back(series, level, time):
+    """Return values at the nodes, their series, and that of their integral times ``time``."""
+    values, rooms = new_rows(40), new_rows(8 * PLACES + 2)
+    at, even = first_row(values), first_row(rooms)
+    odd, integral = even + 64 * PLACES, even + 2 * 64 * PLACES
+    room, few = even + 4 * 64 * PLACES, even + 8 * 64 * PLACES
+    put_whole_states(place_of(series), len(series), level, at, room)
+    put_series(at, level, room, even, odd)
+    put_gains(even, odd, level, time, integral, few)
+    count = 2 * HALVES[level] + 1
+    found = np.empty((3, count + 1, LANES))
+    for k in range(count):
+        for a in range(LANES):
+            found[0, k, a] = number_at(at, k, a)
+            found[1, k, a] = number_at(even if k % 2 == 0 else odd, k // 2, a)
+    for k in range(count + 1):
+        for a in range(LANES):
+            found[2, k, a] = number_at(integral, k, a)
+    values[0, 0], rooms[0, 0] = 0.0, 0.0  # up to here they have owners
+    return found
+
+
+@pytest.mark.parametrize("level", range(len(HALVES)))
+def test_values_at_the_nodes_have_the_series_and_the_integral_of_the_piece(level):
+    degree, count = 13, 2 * HALVES[level] + 1
+    series = np.random.default_rng(level).normal(size=(degree + 1, LANES))
+    values, again, integral = there_and_back(series, level, 0.25)
+    nodes = np.cos(np.pi * np.arange(count) / (count - 1))
+    expected = np.polynomial.chebyshev.chebval(nodes, series).T
+    # Some twenty terms of the size 1, rounded; what is beyond the degree is 0 to as much.
+    assert np.abs(values[:count] - expected).max() <= 1e-13
+    assert np.abs(again[:count] - np.pad(series, ((0, count - degree - 1), (0, 0)))).max() <= 1e-13
+    exact = 0.25 * np.polynomial.chebyshev.chebint(series, lbnd=-1)
+    assert np.abs(integral - np.pad(exact, ((0, count - degree - 1), (0, 0)))).max() <= 1e-13
 
 
 def test_rates_are_those_of_the_equations():
