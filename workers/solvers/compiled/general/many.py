@@ -13,12 +13,14 @@ from workers.solvers.compiled.general.records import Asked, Models
 from workers.solvers.compiled.general.sampling import values_at
 from workers.solvers.compiled.general.series import STATE
 from workers.solvers.compiled.general.steps import new_pieces, take_steps
-from workers.solvers.compiled.general.twin import HELD, NUMBERS, lanes_of, settle
+from workers.solvers.compiled.general.twin import HELD, NUMBERS, RUNS, lanes_of, settle
 from workers.solvers.compiled.kernels import kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+SHARES = (0.0, 1.0, 0.5, 0.25)
+"""The local tolerances of the runs, as shares of the way from the fine to the coarse one, in logarithms."""
 MOST_STEPS = 2**14
 """Longer runs are left to code that keeps one at a time: those of all lanes would take some hundred MB."""
 
@@ -34,7 +36,12 @@ def _run_all(
     asked: Asked,
     pieces: FloatArray,
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
-    """Run some motions; the lanes of each are backward and forward, finely, then less so."""
+    """Run some motions; the lanes of each are backward and forward, run by run.
+
+    The first is the fine one. Of a problem that rounded numbers might as well have meant the second has all,
+    and runs as coarsely as is asked; the third has its state, and the fourth its constants, by steps between.
+    Where the rounding of one is by chance what the first has lost, that of another is not.
+    """
     width = lanes_of(asked)
     used = width * count
     starts, ends, tolerances = np.empty((STATE, used)), np.empty(used), np.empty(used)
@@ -42,17 +49,22 @@ def _run_all(
     moments = np.empty((STATE, used))
     for n in range(count):
         model = which[begin + n]
-        for run in range(width):
-            lane, is_fine = width * n + run, run < width // 2
-            is_back = run % 2 == 0 if width == 4 else asked.first < 0.0
+        for lane in range(width * n, width * (n + 1)):
+            run = (lane - width * n) // (width // RUNS)
+            is_back = (lane - width * n) % 2 == 0 if width == 2 * RUNS else asked.first < 0.0
             ends[lane] = asked.first if is_back else asked.last
-            tolerances[lane] = asked.fine if is_fine else asked.coarse
+            tolerances[lane] = asked.fine * math.pow(asked.coarse / asked.fine, SHARES[run])
+            has_own_start, has_own_model = run in (0, 3), run in (0, 2)
             for a in range(STATE):
-                starts[a, lane] = states[begin + n, a] if is_fine else others[begin + n, a]
-                moments[a, lane] = models.moments[model, a] if is_fine else models.other_moments[model, a]
+                starts[a, lane] = states[begin + n, a] if has_own_start else others[begin + n, a]
+                moments[a, lane] = (
+                    models.moments[model, a] if has_own_model else models.other_moments[model, a]
+                )
             for k in range(len(constants)):
                 constants[k, lane] = (
-                    models.slope_constants[model, k] if is_fine else models.other_slope_constants[model, k]
+                    models.slope_constants[model, k]
+                    if has_own_model
+                    else models.other_slope_constants[model, k]
                 )
     return take_steps(
         models.slopes,

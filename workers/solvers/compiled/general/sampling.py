@@ -1,4 +1,4 @@
-"""Values of functions of time, and how two runs differ, by compiled code.
+"""Values of functions of time, and how runs differ, by compiled code.
 
 The values have the very digits of :class:`service.dynamics.solution.dense_output.DenseOutput`. Rows of series
 have the six variables, and two columns of nothing, side by side.
@@ -115,38 +115,41 @@ def new_values_at(
 
 
 @kernel
+def widen(values: FloatArray, others: FloatArray, gaps: FloatArray) -> None:
+    """Raise ``gaps`` to what values and others differ by; NaN stays. All have the same shape (n, LANES)."""
+    rows, seconds, found = place_of(values), place_of(others), place_of(gaps)
+    for n in range(len(values)):
+        far = size_of(take(rows, n) - take(seconds, n))
+        put(found, n, larger(far, take(found, n)) + (far - far))
+
+
+@kernel
 def compare(
     code: IntArray,
     constants: FloatArray,
     result: int,
     moments: FloatArray,
-    fine_breaks: FloatArray,
-    fine: FloatArray,
-    fine_length: int,
-    coarse_breaks: FloatArray,
-    coarse: FloatArray,
-    coarse_length: int,
+    start: FloatArray,
+    values: FloatArray,
+    gaps: FloatArray,
     times: FloatArray,
     safety: float,
     rounding: float,
 ) -> tuple[float, float, float, float, FloatArray]:
-    """Return the estimated error of the finer run at ``times``, and their largest difference.
+    """Return the estimated error of a run with ``values`` at ``times``, and the largest of the ``gaps``.
 
     Then the energy at t = 0, how far it strays at most, and the three integrals there. The estimate is
-    ``safety`` times the difference, and ``rounding`` relative to the variables and to what they change by
-    while the time is multiplied by 1 + rounding. NaN where one of the numbers is not finite.
+    ``safety`` times the gaps to other runs, and ``rounding`` relative to the variables and to what they
+    change by while the time is multiplied by 1 + rounding. NaN where one of the numbers is not finite.
+    ``start`` is the row at t = 0; the others have the shape (at least n, LANES).
     """
     registers = np.empty((4, 3 + len(code), WIDTH))
     rates, integrals = np.empty((STATE, WIDTH)), np.empty((3, WIDTH))
-    none, zero = np.empty(0), np.zeros(1)
     states, others = np.empty((STATE, WIDTH)), np.empty((STATE, WIDTH))
-    start = new_values_at(fine_breaks, fine, fine_length, zero, none)
     for a in range(STATE):
-        states[a, 0] = start[0, a]
+        states[a, 0] = start[a]
     evaluate(code, constants, result, moments, registers, states, rates, integrals, 1)
     reference = integrals[:, 0].copy()
-    values = new_values_at(fine_breaks, fine, fine_length, times, none)
-    second = new_values_at(coarse_breaks, coarse, coarse_length, times, none)
     room = new_rows(5)
     found = first_row(room)
     sizes = place_of(states), place_of(others), place_of(rates), place_of(integrals)
@@ -157,7 +160,7 @@ def compare(
         for m in range(blocks * LANES):
             n = begin + min(m, count - 1)
             for a in range(STATE):
-                states[a, m], others[a, m] = values[n, a], second[n, a]
+                states[a, m], others[a, m] = values[n, a], gaps[n, a]
         evaluate(code, constants, result, moments, registers, states, rates, integrals, blocks * LANES)
         for block in range(blocks):
             for lane in range(LANES):
@@ -166,7 +169,7 @@ def compare(
             for a in range(STATE):
                 row = a * (WIDTH // LANES) + block
                 state, rate = take(sizes[0], row), size_of(take(sizes[2], row))
-                far = size_of(state - take(sizes[1], row))
+                far = take(sizes[1], row)
                 # What is not a number is seen here alone.
                 total = total + (far + rate)
                 gap, size, speed = larger(far, gap), larger(size_of(state), size), larger(rate, speed)

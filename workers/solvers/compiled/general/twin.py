@@ -1,4 +1,4 @@
-"""Two runs of motions from any state, their difference, and what they leave of the equations, at once.
+"""Runs of motions from any state, their differences, and what they leave of the equations, at once.
 
 What is decided here needs no other code; what is not is left to :mod:`workers.solvers.integration`.
 """
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.lanes import LANES
 from workers.solvers.compiled.general.records import Asked, Formula, Gradient, Models
-from workers.solvers.compiled.general.sampling import compare
+from workers.solvers.compiled.general.sampling import compare, new_values_at, widen
 from workers.solvers.compiled.general.steps import ARRIVED, FAILED, seen
 from workers.solvers.compiled.kernels import kernel
 
@@ -21,6 +21,8 @@ IntArray = NDArray[np.int64]
 HELD, INACCURATE, OPEN, COLLIDED = range(4)
 """All bounds are kept; they are, but the error is more than is allowed; something is not decided here; all
 bounds are kept up to a singularity of the potential."""
+RUNS = 4
+"""Of a motion. What two have lost may be the same by chance, what four have hardly: see :mod:`.many`."""
 NUMBERS = 6
 """Found of a motion: error, difference, energy, its error, defect and drift."""
 
@@ -90,8 +92,8 @@ def _holds(
 
 @kernel
 def lanes_of(asked: Asked) -> int:
-    """Return how many runs a motion has: finely and less so, on one side of t = 0 or on both."""
-    return 4 if asked.first < 0.0 < asked.last else 2
+    """Return how many lanes a motion has: those of its runs, on one side of t = 0 or on both."""
+    return 2 * RUNS if asked.first < 0.0 < asked.last else RUNS
 
 
 @kernel
@@ -180,14 +182,14 @@ def settle(
     Return the breaks, series and degrees of the finer run too.
     """
     width = lanes_of(asked)
-    lanes, steps = np.empty(4, dtype=np.int64), np.zeros(4, dtype=np.int64)
+    lanes, steps = np.empty(2 * RUNS, dtype=np.int64), np.zeros(2 * RUNS, dtype=np.int64)
     formula = Formula(models.code, models.constants[model], models.result)
     slopes = Gradient(models.slopes, models.slope_constants[model], models.gradient, models.registers)
     moments = models.moments[model]
     has_arrived = True
-    for run in range(4):
+    for run in range(2 * RUNS):
         # Where one side is empty its runs have no steps, and are said to be in the lanes of the other.
-        lanes[run] = lane + (run if width == 4 else run // 2)
+        lanes[run] = lane + (run if width == 2 * RUNS else run // 2)
         if (asked.first if run % 2 == 0 else asked.last) != 0.0:
             steps[run] = counts[lanes[run]]
         has_arrived = has_arrived and statuses[lanes[run]] == ARRIVED
@@ -199,7 +201,6 @@ def settle(
     if steps[0] + steps[1] == 0:
         return OPEN, all_breaks[lane], pieces[lane], 1
     length, largest = _seen(pieces, lanes[0], lanes[1], counts)
-    other_length, other_largest = _seen(pieces, lanes[2], lanes[3], counts)
     breaks, series = _joined(
         all_breaks[lanes[0], : steps[0] + 1],
         pieces[lanes[0]],
@@ -207,24 +208,32 @@ def settle(
         pieces[lanes[1]],
         length,
     )
-    other_breaks, other_series = _joined(
-        all_breaks[lanes[2], : steps[2] + 1],
-        pieces[lanes[2]],
-        all_breaks[lanes[3], : steps[3] + 1],
-        pieces[lanes[3]],
-        other_length,
-    )
+    none = np.empty(0)
+    start = new_values_at(breaks, series, length, np.zeros(1), none)
+    values = new_values_at(breaks, series, length, check, none)
+    gaps = np.zeros(values.shape)
+    other_length, other_largest = 1, 0.0
+    for other in range(2, 2 * RUNS, 2):
+        back, forth = lanes[other], lanes[other + 1]
+        own_length, own_largest = _seen(pieces, back, forth, counts)
+        if other == 2:
+            other_length, other_largest = own_length, own_largest
+        other_breaks, other_series = _joined(
+            all_breaks[back, : steps[other] + 1],
+            pieces[back],
+            all_breaks[forth, : steps[other + 1] + 1],
+            pieces[forth],
+            own_length,
+        )
+        widen(values, new_values_at(other_breaks, other_series, own_length, check, none), gaps)
     error, difference, energy, stray, reference = compare(
         formula.code,
         formula.constants,
         formula.result,
         moments,
-        breaks,
-        series,
-        length,
-        other_breaks,
-        other_series,
-        other_length,
+        start[0],
+        values,
+        gaps,
         check,
         asked.safety,
         asked.rounding,
