@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from service.dynamics.body import RigidBody
-from service.dynamics.equations.euler_poisson import euler_poisson_rhs
+from service.dynamics.equations.euler_poisson import energy_integral, euler_poisson_rhs
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.motion import COLUMNS
 from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.solution.dense_output import DenseOutput
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.general.held import hold
+from workers.solvers.compiled.general.integrals import integrals_at
 from workers.solvers.compiled.general.lanes import LANES, first_row, new_rows, number_at, place_of, put_number
 from workers.solvers.compiled.general.many import solve_twin
 from workers.solvers.compiled.general.nodes import HALVES, PLACES, put_gains, put_series, put_whole_states
@@ -126,6 +127,19 @@ def test_rates_are_those_of_the_equations():
     truth = np.concatenate([expected.omega, expected.gamma], axis=1)
     # Some ten roundings of numbers up to 10.
     assert np.abs(rates.T - truth).max() <= 2e-14
+
+
+@pytest.mark.parametrize("text", [FORMULA, "-g1 + g2^3*g3^(-2)/20 + 2^g2 - (2 + g1)^(1/2)"])
+def test_integrals_are_those_of_the_equations(text):
+    field = expression_potential(text, {}, BODY)
+    formula, moments = integrator_of(BODY, field).formula, integrator_of(BODY, field).moments
+    states = np.random.default_rng(6).uniform(0.1, 0.9, (WIDTH, STATE))
+    found, registers = np.empty((3, WIDTH)), np.empty((3 + len(formula.code), WIDTH))
+    integrals_at(formula, moments, registers, np.ascontiguousarray(states.T), found, WIDTH)
+    energy = energy_integral(BODY, field, states[:, :3], states[:, 3:])
+    areas = (moments[:3] * states[:, :3] * states[:, 3:]).sum(axis=1)
+    # Some ten roundings of numbers up to 10.
+    assert np.abs(found - [energy, areas, (states[:, 3:] ** 2).sum(axis=1)]).max() <= 2e-14
 
 
 def test_runs_end_at_their_end_by_their_number_of_steps_or_at_a_singularity():

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.defect.stretches import RHO
 from workers.solvers.compiled.blocks import two_sum
+from workers.solvers.compiled.general.integrals import integrals_at
 from workers.solvers.compiled.general.lanes import (
     ROW,
     first_row,
@@ -36,7 +37,7 @@ from workers.solvers.compiled.general.rates import WIDTH, new_values, rates_at
 from workers.solvers.compiled.general.records import Formula, Gradient
 from workers.solvers.compiled.general.series import STATE
 from workers.solvers.compiled.kernels import kernel
-from workers.solvers.compiled.shown.states import evaluate, largest_rates
+from workers.solvers.compiled.shown.states import largest_rates
 from workers.solvers.compiled.shown.stretches import DEEPEST, HIGHEST_DEGREE, PARTS, are_explained, disc_of
 
 FloatArray = NDArray[np.float64]
@@ -78,7 +79,7 @@ def hold(
     interpolation may leave out in all.
     """
     code, constants, result = formula
-    registers = np.empty((4, 3 + len(code), WIDTH))
+    registers = np.empty((3 + len(code), WIDTH))
     c, r = np.empty((3 + len(code), 4)), np.empty((3 + len(code), 4))
     states, rates, integrals = (
         new_values(slopes.registers, slopes.constants),
@@ -132,10 +133,9 @@ def hold(
             for m in range(count):
                 for a in range(STATE):
                     states[a, m] = number_at(at_nodes, m, a)
-            if not compares:
-                rates_at(slopes.code, slopes.gradient, moments, states, rates, count)
-            else:
-                evaluate(code, constants, result, moments, registers, states, rates, integrals, count)
+            rates_at(slopes.code, slopes.gradient, moments, states, rates, count)
+            if compares:
+                integrals_at(formula, moments, registers, states, integrals, count)
                 is_good, far = are_explained(
                     code, constants, result, moments, c, r, states, integrals, count, claim, reference, slack
                 )

@@ -227,9 +227,8 @@ def settle(
         )
         widen(values, new_values_at(other_breaks, other_series, own_length, check, none), gaps)
     error, difference, energy, stray, reference = compare(
-        formula.code,
-        formula.constants,
-        formula.result,
+        formula,
+        slopes,
         moments,
         start[0],
         values,
