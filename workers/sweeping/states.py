@@ -1,7 +1,7 @@
 """Points of sweeps of motions from any state: the kernels of a single job, without its documents.
 
 What a point needs beside numbers is kept: the integrator of a body and a potential, the times, and what is
-asked of two runs. Motions whose formulas have one structure go side by side, with the bits they have alone.
+asked of the runs. Motions whose formulas have one structure go side by side, with the bits they have alone.
 Points that kernels do not settle alone are left to single jobs.
 """
 

@@ -1,8 +1,8 @@
 """Integrates by Taylor series of high order in compiled code, which is the same for all formulas.
 
 What a formula does is a list of operations that kernels go through (:mod:`workers.solvers.compiled.general`):
-nothing is compiled for a potential or a body. Two runs, the difference of which is the error, are held
-against the equations by kernels too; what these do not settle goes through :mod:`.followed`.
+nothing is compiled for a potential or a body. Four runs tell the error by their differences, and the finest
+is held against the equations, by kernels too; what these do not settle goes through :mod:`.followed`.
 """
 
 from collections.abc import Sequence
@@ -237,7 +237,7 @@ def _formula_program(potential: FormulaPotential) -> Formula:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Two runs that arrive, every step of which keeps the equations, and what they show."""
+    """Runs that arrive, the finest of which keeps the equations in every step, and what they show."""
 
     breaks: FloatArray
     coefficients: FloatArray
