@@ -50,7 +50,7 @@ MEASURED = """## What is measured
 * **Potentials given by an integral**, which no complex ball can enter: windows are those of a scan, and
   panels are judged by the decay of their series.
 * **The method `integration`**, and with it cross-checks and motions from any state: the error is the
-  difference of two runs, held against the equations.
+  difference of runs (of four in compiled code, else of two), held against the equations.
 
 Hence the runs below. **A claim is exceeded if the true number is proven to be further away than it.** That
 none was exceeded in a run is said of its problems, and of no others.

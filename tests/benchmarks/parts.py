@@ -134,7 +134,7 @@ PARTS: Mapping[str, Part] = {
     "targets": targets,
     "precision": work_against_precision,
     "whole-jobs": partial(tables, "whole-jobs", (jobs.jobs,)),
-    "points": partial(tables, "points", (points.points, states.states)),
+    "points": partial(tables, "points", (points.points, states.states, states.kinds)),
     "atlases": partial(tables, "atlases", (atlases.atlases,)),
     "requests": partial(tables, "requests", (requests.requests,)),
     "tier-costs": tier_costs,

@@ -1,14 +1,17 @@
 """Points of sweeps of motions from any state: the kernels of a single job, without its documents.
 
 What a point needs beside numbers is kept: the integrator of a body and a potential, the times, and what is
-asked of two runs. Points that kernels do not settle alone are left to single jobs.
+asked of the runs. Motions whose formulas have one structure go side by side, with the bits they have alone.
+Points that kernels do not settle alone are left to single jobs.
 """
 
-from collections.abc import Mapping
-from dataclasses import replace
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
+from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
@@ -21,20 +24,30 @@ from service.schemas.problem.motions import is_unit
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep
+from workers.solvers.compiled.general.records import Models
+from workers.solvers.compiled.general.twin import COLLIDED, HELD, INACCURATE
 from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.integration.compiled import CompiledIntegrator, Held, integrator_of, samples_of
+from workers.solvers.integration.compiled import CompiledIntegrator, held_twins, integrator_of, models_of
+from workers.solvers.integration.errors import CollisionError
 from workers.solvers.integration.interface import neighbour_of
-from workers.solvers.integration.solve import quest_of
+from workers.solvers.integration.solve import quest_of, tolerances
 from workers.sweeping.family import has_symbol
 from workers.sweeping.plan import place_in_state
 from workers.sweeping.points import SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.solved import SolvedBlock
+from workers.sweeping.state_models import Row, SharedModels
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
 MOST_SETTINGS = 64
 """Integrators of bodies and potentials that are kept at once."""
+MOST_VALUES = 2**17
+"""Samples that are held beside those of the sweep: some 8 MB."""
 _MOMENTS = ("A", "B", "C")
+_TOLD = {"energy": 2, "energy.error": 3, "error": 0}
+"""Numbers that a sweep may keep, by their place among what is found; a general motion has no others."""
 
 
 class StateSolver:
@@ -58,6 +71,7 @@ class StateSolver:
         has_moments = isinstance(potential, dict) and any(has_symbol(potential, name) for name in _MOMENTS)
         self._reads = varies or has_moments or not isinstance(potential, dict)
         """Whether the potential of a point is read from its document."""
+        self._shared = SharedModels.of(sweep, problem)
         self._settings: dict[tuple[Fraction, ...], CompiledIntegrator | None] = {}
         self._quest = quest_of(self._times.doubles, problem.tolerance)
 
@@ -65,53 +79,121 @@ class StateSolver:
         """Solve the points ``first`` to ``first + count - 1``."""
         sweep = self._sweep
         points = SweptPoints(sweep, self._known, np.arange(first, first + count))
-        solved, missed = np.zeros((2, count), dtype=np.bool_)
+        solved, missed, collided = np.zeros((3, count), dtype=np.bool_)
         numbers = {name: np.full(count, np.nan) for name in sweep.keep}
         series = {name: np.full((count, sweep.samples), np.nan) for name in sweep.series_columns}
+        refused = {AccuracyNotMetError.code: missed, CollisionError.code: collided}
+        found = SolvedBlock(solved, refused, numbers, series)
+        states, neighbours, is_usable = self._starts(points)
+        for group in self._groups(points, first, is_usable):
+            rows = max(1, len(self._times.doubles)) if series else 1
+            portion = max(1, MOST_VALUES // rows)
+            for begin in range(0, len(group.places), portion):
+                part = group.part(begin, begin + portion)
+                self._solve_group(part, states[part.places], neighbours[part.places], found)
+        return found
+
+    def _starts(self, points: SweptPoints) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return states, those that rounded numbers might as well have meant, and where they are states."""
+        states = np.tile(self._doubles, (points.count, 1))
+        neighbours = np.tile(self._neighbours, (points.count, 1))
         # Numbers that documents may refuse are theirs to refuse.
-        for place in np.flatnonzero(are_numbers(points.doubles.T)).tolist():
-            found = self._point(points, first, place)
-            if found is None:
-                continue
-            if isinstance(found, AccuracyNotMetError):
-                missed[place] = True
-                continue
-            solved[place] = True
-            told = _told(found)
-            for name, column in numbers.items():
-                column[place] = told.get(name, np.nan)
-            if series:
-                self._put_series(series, place, found)
-        return SolvedBlock(solved, {AccuracyNotMetError.code: missed}, numbers, series)
-
-    def _put_series(self, series: Mapping[str, FloatArray], place: int, found: Held) -> None:
-        samples = samples_of(found, self._times.doubles, self._times.rests)
-        series["t"][place] = self._times.doubles
-        for name, column in zip(self._names, self._columns, strict=True):
-            series[name][place] = samples[:, column]
-
-    def _point(self, points: SweptPoints, first: int, place: int) -> Held | AccuracyNotMetError | None:
-        """Return what is found, an error, or None for a point that is left to its job."""
-        start, state, neighbour = list(self._start), self._doubles.copy(), self._neighbours.copy()
-        moments = dict[str, Fraction]()
-        exact = list[Fraction]()
+        is_usable = are_numbers(points.doubles.T)
         for axis, which in enumerate(self._places):
-            ratio = points.exact(axis, place)
-            value = Fraction(int(ratio.p), int(ratio.q))
-            if which is None or which >= 6:
-                exact.append(value)
-                if which is not None:
-                    moments[_MOMENTS[which - 6]] = value
+            if which is not None and which < 6:
+                states[:, which] = points.doubles[axis]
+                neighbours[:, which] = [
+                    _neighbour(double, points.exact(axis, place))
+                    for place, double in enumerate(points.doubles[axis].tolist())
+                ]
+        if self._moves_gamma:
+            is_usable &= [self._is_unit(points, place) for place in range(points.count)]
+        return states, neighbours, is_usable
+
+    def _is_unit(self, points: SweptPoints, place: int) -> bool:
+        gamma = list(self._start[3:])
+        for axis, which in enumerate(self._places):
+            if which in (3, 4, 5):
+                gamma[which - 3] = _fraction(points.exact(axis, place))
+        return is_unit(gamma)
+
+    def _groups(self, points: SweptPoints, first: int, is_usable: BoolArray) -> "list[_Group]":
+        """Return the usable points by the structure of what they are integrated with."""
+        places = np.flatnonzero(is_usable)
+        if all(which is not None and which < 6 for which in self._places):
+            integrator = self._integrator((), {}, first) if len(places) else None
+            if integrator is None or integrator.structure is None:
+                return []
+            return [_Group(places, np.zeros(len(places), dtype=np.int64), integrator.models)]
+        rows: dict[int, tuple[list[int], list[Row]]] = {}
+        others: dict[object, tuple[list[int], list[CompiledIntegrator]]] = {}
+        for place in places.tolist():
+            row = self._row(points, place)
+            if row is not None:
+                members, known = rows.setdefault(id(row.shared), ([], []))
+                members.append(place)
+                known.append(row)
                 continue
-            start[which] = value
-            state[which], neighbour[which] = float(value), neighbour_of(value)
-        if self._moves_gamma and not is_unit(start[3:]):
+            integrator = self._integrator_at(points, first, place)
+            if integrator is not None and integrator.structure is not None:
+                alike, integrators = others.setdefault(integrator.structure, ([], []))
+                alike.append(place)
+                integrators.append(integrator)
+        groups = [_group(members, models_of(integrators)) for members, integrators in others.values()]
+        if self._shared is not None:
+            groups += [_group(members, self._shared.models(known)) for members, known in rows.values()]
+        return groups
+
+    def _row(self, points: SweptPoints, place: int) -> Row | None:
+        """Return the constants of a point whose potential needs no document."""
+        if self._shared is None:
             return None
-        integrator = self._integrator(tuple(exact), moments, first + place)
-        if integrator is None:
-            return None
-        found = self._quest.by_kernels(integrator, state, neighbour)
-        return AccuracyNotMetError(found, self._problem.tolerance) if isinstance(found, float) else found
+        axes = [axis for axis, which in enumerate(self._places) if which is None]
+        return self._shared.row([points.exact(axis, place) for axis in axes])
+
+    def _solve_group(
+        self, group: "_Group", states: FloatArray, neighbours: FloatArray, block: SolvedBlock
+    ) -> None:
+        series = block.series
+        times = self._times.doubles if series else np.empty(0)
+        left = np.arange(len(group.places))
+        for local_tolerance in tolerances(CompiledIntegrator, self._problem.tolerance):
+            asked = self._quest.asked(CompiledIntegrator, local_tolerance)
+            found = held_twins(
+                group.models,
+                group.which[left],
+                states[left],
+                neighbours[left],
+                self._quest.check,
+                asked,
+                times,
+                self._times.rests,
+            )
+            is_held = found.endings == HELD
+            places = group.places[left[is_held]]
+            block.solved[places] = True
+            for name, column in block.numbers.items():
+                if name in _TOLD:
+                    column[places] = found.numbers[is_held, _TOLD[name]]
+            if series:
+                series["t"][places] = times
+                for name, variable in zip(self._names, self._columns, strict=True):
+                    series[name][places] = found.samples[is_held, :, variable]
+            block.refused[CollisionError.code][group.places[left[found.endings == COLLIDED]]] = True
+            left = left[found.endings == INACCURATE]
+            if not len(left):
+                break
+        block.refused[AccuracyNotMetError.code][group.places[left]] = True
+
+    def _integrator_at(self, points: SweptPoints, first: int, place: int) -> CompiledIntegrator | None:
+        """Return that of a point's body and potential; None if there is none."""
+        moments, exact = dict[str, Fraction](), list[Fraction]()
+        for axis, which in enumerate(self._places):
+            if which is None or which >= 6:
+                exact.append(_fraction(points.exact(axis, place)))
+                if which is not None:
+                    moments[_MOMENTS[which - 6]] = exact[-1]
+        return self._integrator(tuple(exact), moments, first + place)
 
     def _integrator(
         self, exact: tuple[Fraction, ...], moments: Mapping[str, Fraction], index: int
@@ -139,6 +221,33 @@ class StateSolver:
         return replace(body, A=A, B=B, C=C), self._problem.potential
 
 
-def _told(found: Held) -> Mapping[str, float]:
-    """Return the numbers that a sweep may keep; a general motion has no others."""
-    return {"energy": found.energy, "energy.error": found.energy_error, "error": found.error}
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Points whose motions go side by side."""
+
+    places: IntArray
+    which: IntArray
+    """The model of each."""
+    models: Models
+
+    def part(self, begin: int, end: int) -> "_Group":
+        """Return some of the points."""
+        return _Group(self.places[begin:end], self.which[begin:end], self.models)
+
+
+def _group(places: Sequence[int], models: Models) -> _Group:
+    """Return a group in which every point has a model of its own."""
+    return _Group(np.array(places), np.arange(len(places)), models)
+
+
+def _neighbour(double: float, exact: fmpq) -> float:
+    """Return :func:`.interface.neighbour_of` of an exact number, the nearest double of which is known."""
+    numerator, denominator = double.as_integer_ratio()
+    side = int(exact.p) * denominator - numerator * int(exact.q)
+    if side == 0 or double == 0.0:
+        return double
+    return math.nextafter(double, math.inf if side > 0 else -math.inf)
+
+
+def _fraction(value: fmpq) -> Fraction:
+    return Fraction(int(value.p), int(value.q))

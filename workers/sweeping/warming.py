@@ -71,6 +71,15 @@ STATE: Document = MappingProxyType(
     }
 )
 """Only children solve it: those of the second stage."""
+STATES: Document = MappingProxyType(
+    {
+        "base": dict(STATE),
+        "axes": [{"pointer": "/motion/omega/0", "values": ["0", "1/10"]}],
+        "keep": ["energy"],
+        "series": True,
+    }
+)
+"""As above."""
 SWEEP: Document = MappingProxyType(
     {
         "base": {
@@ -101,6 +110,7 @@ def warm_up() -> None:
     """
     warm_up_before_forks()
     _solve("state", STATE)
+    _sweep("states", STATES)
     note = _note()
     if note is not None:
         note.touch()
@@ -116,9 +126,7 @@ def warm_up_before_forks() -> None:
     """Solve all warming problems that start no thread."""
     for name, document in PROBLEMS.items():
         _solve(name, document)
-    chunk = compute_chunk(json.dumps({"sweep": dict(SWEEP), "first": 0, "count": 2}))
-    if chunk.refused:
-        raise WarmingError("sweep: a point was refused")
+    _sweep("sweep", SWEEP)
 
 
 def is_compiled() -> bool:
@@ -131,6 +139,12 @@ def _solve(name: str, document: Document) -> None:
     outcome = solve_document(json.dumps(dict(document)))
     if isinstance(outcome, Refused):
         raise WarmingError(f"{name}: {outcome.error.get('code')}: {outcome.error.get('detail')}")
+
+
+def _sweep(name: str, document: Document) -> None:
+    chunk = compute_chunk(json.dumps({"sweep": dict(document), "first": 0, "count": 2}))
+    if chunk.refused:
+        raise WarmingError(f"{name}: a point was refused")
 
 
 def _note() -> Path | None:

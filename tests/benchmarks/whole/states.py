@@ -37,6 +37,30 @@ _BASE: Mapping[str, object] = {
     "time": {"stop": 10, "samples": 101},
 }
 _AXIS = {"pointer": "/motion/omega/0", "linspace": ["1/10", "9/10", POINTS]}
+_COLLIDING: Mapping[str, object] = {
+    **_BASE,
+    "potential": {"type": "expression", "expression": "a*g1 - b/g3^2", "parameters": {"a": -1, "b": "1/20"}},
+}
+_KINDS = (
+    ("solved, p(0) varies", _BASE, _AXIS, 1e-9, ""),
+    (
+        "solved, b varies",
+        _BASE,
+        {"pointer": "/potential/parameters/b", "linspace": ["1/30", "1/10", POINTS]},
+        1e-9,
+        "",
+    ),
+    ("solved, B varies", _BASE, {"pointer": "/body/B", "linspace": ["5/4", "7/4", POINTS]}, 1e-9, ""),
+    ("an accuracy that is not met", _BASE, _AXIS, 1e-15, "≤ 2×"),
+    (
+        "a pole is met",
+        _COLLIDING,
+        {"pointer": "/motion/omega/0", "linspace": [1, 3, POINTS]},
+        1e-9,
+        "≤ 2×",
+    ),
+)
+"""What happens to the points of a sweep, its base, its axis, its tolerance, and what is asked."""
 _HEADS = ("tolerance", "a point", "error", "solve_ivp", "error", "faster", "a job", "a job, 1000 samples")
 
 
@@ -50,6 +74,31 @@ def states(effort: Effort) -> Table:
         f"whose errors are not larger, or the finest there is. Asked: at least {TIMES} times faster."
     )
     return Table("Motions from any state, beside solve_ivp", remark, _HEADS, rows)
+
+
+def kinds(effort: Effort) -> Table:
+    """Return what points take whose potential or body varies, and what refusals take."""
+    found = [_of_kind(base, axis, tolerance, effort) for _, base, axis, tolerance, _ in _KINDS]
+    rows = tuple(
+        (name, outcome, in_words(seconds), f"{seconds / found[0][0]:.1f}×", asked)
+        for (name, _, _, _, asked), (seconds, outcome) in zip(_KINDS, found, strict=True)
+    )
+    remark = (
+        f"{POINTS} points, 101 samples to t = 10, in one process, at a tolerance of 1e-9, or of 1e-15, "
+        "which is not met; asked of a refused point: at most two solved ones."
+    )
+    heads = ("points", "outcome", "a point", "of a solved one", "asked")
+    return Table("Motions from any state, by what varies and what is refused", remark, heads, rows)
+
+
+def _of_kind(
+    base: Mapping[str, object], axis: Mapping[str, object], tolerance: float, effort: Effort
+) -> tuple[float, str]:
+    document = {"base": {**base, "accuracy": {"tolerance": tolerance}}, "axes": [axis], "series": True}
+    solver = ChunkSolver(make_plan(read_sweep(document, max_points=POINTS)))
+    # The first solution compiles what is not compiled yet.
+    outcomes = set(solver.solve(0, POINTS, time.perf_counter() + 600.0).outcomes)
+    return min(_of_points(solver) for _ in range(effort.repeats(5))), ", ".join(sorted(outcomes))
 
 
 def _row(tolerance: float, effort: Effort) -> tuple[str, ...]:

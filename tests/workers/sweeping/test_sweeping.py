@@ -15,7 +15,7 @@ from service.storage.codecs.points import SOLVED, decode_points
 from service.verdicts import kept
 from service.verdicts.examination import examine_problem
 from workers.computation.compute import solve_checked
-from workers.sweeping import chunk
+from workers.sweeping import chunk, states
 from workers.sweeping.chunk import compute_chunk
 from workers.sweeping.moving import MovingSolver
 from workers.sweeping.plan import make_plan
@@ -595,6 +595,15 @@ OF_STATES = {
     "parameters of the potential, and none": sweep(
         (A, uniform(-2, -1, 2)), (B, values("1/50", 0)), ("/motion/omega/0", values(0.1, 0.2)), motion=STATE
     ),
+    "numbers of the potential that are folded, and equal ones": sweep(
+        (A, values("-1/3", "1/20", 1, 2)),
+        (B, values("1/20", "1/7")),
+        motion=STATE,
+        potential=expression("a^2*g1/3 + b/(7*g3^2) + exp(a)*g2*b - (a + b)*g1*g2", a=1, b=1),
+    ),
+    "a number that is an exponent": sweep(
+        (A, values("5/2", 2, -1)), motion=STATE, potential=expression("-g1 + (2 + g3)^a/20", a=1)
+    ),
     "functions, both ways in time": sweep(
         ("/motion/omega/0", values("-1/2", "1/7")),
         motion=STATE,
@@ -779,6 +788,18 @@ def test_states_go_through_kernels_alone(name, count, monkeypatch):
     outcome = computed(OF_STATES[name])
     assert outcome.count == read_sweep(OF_STATES[name]).points
     assert len(singly) == count
+
+
+def test_numbers_of_a_potential_need_no_documents(monkeypatch):
+    """But for one that is 1, with which the formula has one product less, and for two that are equal."""
+    read = []
+    original = states.read_problem
+    monkeypatch.setattr(states, "read_problem", lambda document: read.append(document) or original(document))
+    swept = read_sweep(OF_STATES["numbers of the potential that are folded, and equal ones"])
+    solver = chunk.ChunkSolver(make_plan(swept))
+    outcomes = solver.solve(0, swept.points, time.perf_counter() + 600.0).outcomes
+    assert set(outcomes) == {SOLVED}
+    assert len(read) < swept.points
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,11 @@
 """Integrates by Taylor series of high order in compiled code, which is the same for all formulas.
 
 What a formula does is a list of operations that kernels go through (:mod:`workers.solvers.compiled.general`):
-nothing is compiled for a potential or a body. Two runs, the difference of which is the error, are held
-against the equations by kernels too; what these do not settle goes through :mod:`.followed`.
+nothing is compiled for a potential or a body. Four runs tell the error by their differences, and the finest
+is held against the equations, by kernels too; what these do not settle goes through :mod:`.followed`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import inf
@@ -18,19 +19,24 @@ from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.general.held import hold
-from workers.solvers.compiled.general.records import Asked, Formula, Gradient
-from workers.solvers.compiled.general.sampling import values_at
+from workers.solvers.compiled.general.lanes import LANES
+from workers.solvers.compiled.general.many import solve_twin, solve_twins
+from workers.solvers.compiled.general.records import Asked, Formula, Gradient, Models
+from workers.solvers.compiled.general.sampling import TOGETHER, values_at
 from workers.solvers.compiled.general.series import STATE
-from workers.solvers.compiled.general.steps import ARRIVED, TIRED, take_steps
-from workers.solvers.compiled.general.twin import HELD, OPEN, solve_twin
-from workers.solvers.integration.errors import UnsupportedFormulaError
+from workers.solvers.compiled.general.steps import ARRIVED, TIRED, new_pieces, seen, take_steps
+from workers.solvers.compiled.general.twin import COLLIDED, HELD, NUMBERS, OPEN
+from workers.solvers.integration.errors import IntegrationError, UnsupportedFormulaError
+from workers.solvers.integration.followed import BEFORE_THE_END, SLACK
 from workers.solvers.integration.followed import ROUNDING as STEP_ROUNDING
-from workers.solvers.integration.followed import SLACK
 from workers.solvers.integration.interface import (
     COLLAPSED_STEP,
+    SINGULAR_GRADIENT,
     Rounding,
     Run,
+    Steps,
     collapse,
+    collapse_by,
     neighbour_of,
     too_many_steps,
     undefined_start,
@@ -75,6 +81,21 @@ class CompiledIntegrator:
         """V, with the constants nearest to the exact ones."""
         return _formula_program(self._potential)
 
+    @cached_property
+    def structure(self) -> tuple[object, ...] | None:
+        """What integrators have in common whose motions can go side by side; None where that is unknown.
+
+        Rounding constants to a neighbour can make two of them equal, or a sum of them vanish: then the
+        neighbour goes through other operations.
+        """
+        own, other = _structure_of(self.gradient), _structure_of(self._other.gradient)
+        return (self.formula.code.tobytes(), self.formula.result, *own) if own == other else None
+
+    @cached_property
+    def models(self) -> Models:
+        """The model of its own."""
+        return models_of([self])
+
     def neighbour(self) -> "CompiledIntegrator":
         """See Integrator.neighbour."""
         return self._other
@@ -108,12 +129,14 @@ class CompiledIntegrator:
 
     def keeps(self, run: Run, goal: float, allowed: float) -> bool:
         """See Integrator.keeps."""
+        padded = _padded(run.coefficients)
         is_kept, _, _ = hold(
             self.formula,
             self.gradient,
             self.moments,
             run.breaks,
-            run.coefficients,
+            padded,
+            padded.shape[1],
             goal,
             allowed,
             False,
@@ -133,18 +156,53 @@ class CompiledIntegrator:
         longest: float = inf,
     ) -> tuple[int, FloatArray, FloatArray]:
         """Return how the kernel's run ends, its breaks and its series."""
-        found: tuple[int, FloatArray, FloatArray] = take_steps(
-            *self.gradient[:3],
-            self.moments,
+        statuses, counts, breaks, pieces, _ = take_steps(
+            self.gradient.code,
+            self.gradient.gradient,
+            self.gradient.constants[:, None],
+            self.moments[:, None],
             self.gradient.registers,
-            state,
-            end,
-            local_tolerance,
+            state[:, None],
+            np.array([float(end)]),
+            np.array([local_tolerance]),
             max_steps,
             longest,
             COLLAPSED_STEP,
+            new_pieces(1),
         )
-        return found
+        count = int(counts[0])
+        length, _ = seen(pieces[0, :count])
+        return int(statuses[0]), breaks[0, : count + 1].copy(), pieces[0, :count, :length, :STATE].copy()
+
+
+def _padded(coefficients: FloatArray) -> FloatArray:
+    """Return series as kernels have them: beside the six variables two columns of 0."""
+    padded = np.zeros((*coefficients.shape[:2], LANES))
+    padded[:, :, :STATE] = coefficients
+    return padded
+
+
+def _structure_of(gradient: Gradient) -> tuple[object, ...]:
+    code, constants, places, registers = gradient
+    return code.tobytes(), len(constants), places.tobytes(), registers
+
+
+def models_of(integrators: Sequence[CompiledIntegrator]) -> Models:
+    """Return the models of integrators of one structure."""
+    first = integrators[0]
+    others = [integrator.neighbour() for integrator in integrators]
+    return Models(
+        first.formula.code,
+        first.formula.result,
+        first.gradient.code,
+        first.gradient.gradient,
+        first.gradient.registers,
+        np.array([integrator.formula.constants for integrator in integrators]),
+        np.array([integrator.gradient.constants for integrator in integrators]),
+        np.array([integrator.gradient.constants for integrator in others]),
+        np.array([integrator.moments for integrator in integrators]),
+        np.array([integrator.moments for integrator in others]),
+    )
 
 
 def integrator_of(body: RigidBody, potential: Potential) -> CompiledIntegrator:
@@ -179,7 +237,7 @@ def _formula_program(potential: FormulaPotential) -> Formula:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """Two runs that arrive, every step of which keeps the equations, and what they show."""
+    """Runs that arrive, the finest of which keeps the equations in every step, and what they show."""
 
     breaks: FloatArray
     coefficients: FloatArray
@@ -194,9 +252,18 @@ class Held:
 
 
 def asked_of_twin(
-    integrator: CompiledIntegrator, span: Span, *, local_tolerance: float, max_steps: int, tolerance: float
+    integrator: Steps,
+    span: Span,
+    *,
+    local_tolerance: float,
+    max_steps: int,
+    tolerance: float,
+    is_last: bool = True,
 ) -> Asked:
-    """Return what :func:`.twin.run_twin` asks of two runs, the looser ``local_tolerance`` being given."""
+    """Return what :func:`.twin.run_twin` asks of two runs, the looser ``local_tolerance`` being given.
+
+    Unless it ``is_last``, finer runs follow where these are not accurate enough.
+    """
     finer = local_tolerance / integrator.tightening
     return Asked(
         first=span.first,
@@ -205,6 +272,8 @@ def asked_of_twin(
         coarse=local_tolerance,
         max_steps=max_steps,
         collapsed=COLLAPSED_STEP,
+        singular=SINGULAR_GRADIENT,
+        before_the_end=BEFORE_THE_END,
         tolerance=tolerance,
         safety=SAFETY,
         rounding=ROUNDING,
@@ -212,6 +281,7 @@ def asked_of_twin(
         coarse_defect=max(SLACK * local_tolerance, LOOSER * STEP_ROUNDING),
         goal=GOAL,
         finest=FINEST,
+        is_last=is_last,
     )
 
 
@@ -221,31 +291,74 @@ def held_twin(
     neighbour: FloatArray,
     check: FloatArray,
     asked: Asked,
-) -> Held | float | None:
+) -> Held | IntegrationError | float | None:
     """Return what :func:`.twin.run_twin` finds where all is settled by kernels; None where not.
 
-    A number is the estimated error of the finer run, where that is larger than the tolerance.
+    An error is a singularity that the motion runs into. A number is the estimated error of the finer run,
+    where that is larger than the tolerance; infinity where finer runs follow, since then the estimate is not
+    held against the equations.
     """
-    other = integrator.neighbour()
-    status, breaks, coefficients, found = solve_twin(
-        integrator.formula,
-        integrator.gradient,
-        integrator.moments,
-        other.gradient,
-        other.moments,
-        state,
-        neighbour,
-        check,
-        asked,
-    )
+    if integrator.structure is None:
+        return None
+    status, breaks, coefficients, found = solve_twin(integrator.models, state, neighbour, check, asked)
     if status == OPEN:
         return None
     numbers: list[float] = found.tolist()
-    return Held(breaks, coefficients, *numbers) if status == HELD else numbers[0]
+    if status == COLLIDED:
+        return collapse_by(*numbers[:3])
+    if status == HELD:
+        return Held(breaks, coefficients, *numbers)
+    return numbers[0] if asked.is_last else inf
+
+
+@dataclass(frozen=True, slots=True)
+class HeldTwins:
+    """What is found of many motions at once."""
+
+    endings: IntArray
+    """HELD, INACCURATE, OPEN or COLLIDED, shape (n,)."""
+    numbers: FloatArray
+    """Error, difference, energy, its error, defect and drift, shape (n, 6)."""
+    samples: FloatArray
+    """The six variables at the times, shape (n, times, 6)."""
+
+
+def held_twins(
+    models: Models,
+    which: IntArray,
+    states: FloatArray,
+    neighbours: FloatArray,
+    check: FloatArray,
+    asked: Asked,
+    times: FloatArray,
+    rests: FloatArray | None,
+) -> HeldTwins:
+    """Return what :func:`held_twin` finds of many motions, and their values at ``times``.
+
+    ``which`` has the models of the motions; the states have the shape (n, 6).
+    """
+    count, rows = len(states), -(-len(times) // TOGETHER) * TOGETHER
+    endings, numbers = np.full(count, OPEN), np.full((count, NUMBERS), np.nan)
+    samples = np.empty((count, rows, LANES))
+    solve_twins(
+        models,
+        which,
+        states,
+        neighbours,
+        check,
+        asked,
+        times,
+        _NONE if rests is None else rests,
+        endings,
+        numbers,
+        samples,
+    )
+    return HeldTwins(endings, numbers, samples[:, : len(times), :STATE])
 
 
 def samples_of(held: Held, times: FloatArray, rests: FloatArray | None) -> FloatArray:
     """Return the six variables at the times, shape (n, 6): what the dense output has there."""
-    values = np.empty((STATE, len(times)))
-    values_at(held.breaks, held.coefficients, times, _NONE if rests is None else rests, values)
-    return np.ascontiguousarray(values.T)
+    values = np.empty((-(-len(times) // TOGETHER) * TOGETHER, LANES))
+    series = _padded(held.coefficients)
+    values_at(held.breaks, series, series.shape[1], times, _NONE if rests is None else rests, values)
+    return values[: len(times), :STATE].copy()

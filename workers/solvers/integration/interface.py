@@ -69,16 +69,21 @@ class Run:
         return float(self.breaks[-1])
 
 
-class Integrator(Protocol):
-    """The six equations for one body and one potential, ready to be integrated."""
+class Steps(Protocol):
+    """How finely a method integrates."""
 
-    name: str
     finest: float
     """Local tolerance below which rounding, not truncation, makes the error."""
     coarsest: float
     """Largest local tolerance, whatever is asked: beyond it the method is not in its element."""
     tightening: float
     """How much tighter the second of two runs must be for other steps and a smaller error."""
+
+
+class Integrator(Steps, Protocol):
+    """The six equations for one body and one potential, ready to be integrated."""
+
+    name: str
 
     def neighbour(self) -> Self:
         """Return the integrator of a problem that the rounded moments and coefficients might have meant."""
@@ -148,7 +153,11 @@ def step_has_collapsed(step: float, longest: float, time: float) -> bool:
 
 def collapse(time: float, start_gradient: FloatArray, end_gradient: FloatArray) -> IntegrationError:
     """Return what a collapsed step means, by how the potential's gradient has grown."""
-    start, end = float(np.linalg.norm(start_gradient)), float(np.linalg.norm(end_gradient))
+    return collapse_by(time, float(np.linalg.norm(start_gradient)), float(np.linalg.norm(end_gradient)))
+
+
+def collapse_by(time: float, start: float, end: float) -> IntegrationError:
+    """Return what a collapsed step means, by the sizes of the potential's gradient."""
     if not end <= SINGULAR_GRADIENT * start:
         return CollisionError(
             f"the motion runs into a singularity of the potential at t = {time:.15g} "

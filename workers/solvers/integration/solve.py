@@ -17,11 +17,16 @@ from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.evidence import COVERED, DEFECT, DRIFT, with_claim_shown
-from workers.solvers.integration.errors import IntegratorMissingError, UnsupportedFormulaError
-from workers.solvers.integration.interface import Integrator, neighbour_of
+from workers.solvers.integration.errors import (
+    IntegrationError,
+    IntegratorMissingError,
+    UnsupportedFormulaError,
+)
+from workers.solvers.integration.interface import Integrator, Steps, neighbour_of
 from workers.solvers.integration.twin import ROUNDING, Span, Twin, run_twin
 
 if TYPE_CHECKING:
+    from workers.solvers.compiled.general.records import Asked
     from workers.solvers.integration.compiled import Held
 
 FloatArray = NDArray[np.float64]
@@ -78,6 +83,8 @@ def integrate_state(
         if isinstance(held, float):
             reached = min(reached, held)
             continue
+        if isinstance(held, IntegrationError):
+            raise held
         if held is not None:
             return _held_motion(held, times, rests, local_tolerance / chosen.tightening)
         twin = run_twin(
@@ -113,25 +120,32 @@ class Quest:
 
     def try_kernels(
         self, integrator: Integrator, state: FloatArray, neighbour: FloatArray, local_tolerance: float
-    ) -> "Held | float | None":
+    ) -> "Held | IntegrationError | float | None":
         """Return what kernels settle alone: see :func:`.compiled.held_twin`."""
         if integrator.name != "taylor":
             return None
         from workers.solvers.integration import compiled  # noqa: PLC0415
 
         assert isinstance(integrator, compiled.CompiledIntegrator)
-        asked = compiled.asked_of_twin(
+        asked = self.asked(integrator, local_tolerance)
+        return compiled.held_twin(integrator, state, neighbour, self.check, asked)
+
+    def asked(self, integrator: Steps, local_tolerance: float) -> "Asked":
+        """Return what is asked of kernels."""
+        from workers.solvers.integration import compiled  # noqa: PLC0415
+
+        return compiled.asked_of_twin(
             integrator,
             self.span,
             local_tolerance=local_tolerance,
             max_steps=MAX_STEPS,
             tolerance=self.tolerance,
+            is_last=local_tolerance == tolerances(integrator, self.tolerance)[-1],
         )
-        return compiled.held_twin(integrator, state, neighbour, self.check, asked)
 
     def by_kernels(
         self, integrator: Integrator, state: FloatArray, neighbour: FloatArray
-    ) -> "Held | float | None":
+    ) -> "Held | IntegrationError | float | None":
         """Return what :func:`integrate_state` finds where kernels settle all of it; None where not.
 
         A number is the smallest error that was reached, where that is larger than the tolerance.
@@ -193,11 +207,13 @@ def _by_scipy(body: RigidBody, potential: Potential) -> Integrator:
     return Dop853Integrator(body, potential)
 
 
-def tolerances(integrator: Integrator, tolerance: float) -> list[float]:
+def tolerances(integrator: Steps, tolerance: float) -> list[float]:
     """Return the local tolerances to try, of the coarser run: by the tolerance, then the finest."""
     finest = integrator.finest * integrator.tightening
     first = FIRST_TRY * tolerance
-    return [min(first, integrator.coarsest), finest] if first > finest else [finest]
+    # What is hardly looser than the finest would take the same steps.
+    has_other_steps = first > integrator.tightening * finest
+    return [min(first, integrator.coarsest), finest] if has_other_steps else [finest]
 
 
 def _held_motion(held: "Held", times: FloatArray, rests: FloatArray | None, local_tolerance: float) -> Motion:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from service.dynamics.formula.algebras.jets import FirstOrderJets
+from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.integration.interface import Rounding
 
@@ -52,10 +53,15 @@ def gradient_line(
 
     Integer powers up to ``longest_product`` are products; None: all of them.
     """
+    return gradient_line_of(potential.tape, rounding, longest_product=longest_product)
+
+
+def gradient_line_of(tape: Tape, rounding: Rounding, *, longest_product: int | None) -> StraightLine:
+    """Return what :func:`gradient_line` does of a potential with this tape."""
     recorder = _Recorder(rounding, longest_product)
     jets = FirstOrderJets(recorder, 3)
     inputs = [recorder.variable(axis) for axis in range(3)]
-    parts = jets.gradient(potential.tape.evaluate(jets, jets.variables(inputs)))
+    parts = jets.gradient(tape.evaluate(jets, jets.variables(inputs)))
     return recorder.line(parts)
 
 

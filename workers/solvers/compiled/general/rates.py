@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from workers.solvers.compiled.general.lanes import LANES, place_of, put, spread, take
 from workers.solvers.compiled.general.series import (
     ADD,
     DIVIDE,
@@ -28,6 +29,8 @@ IntArray = NDArray[np.int64]
 
 WIDTH = 40
 """States that are gone through together."""
+ROWS = WIDTH // LANES
+"""Of a register."""
 
 
 @kernel
@@ -55,37 +58,43 @@ def _function(operation: int, u: FloatArray, to: int, i: int, j: int, count: int
 
 @kernel
 def rates_at(
-    code: IntArray, gradient: IntArray, moments: FloatArray, u: FloatArray, rates: FloatArray, count: int
+    code: IntArray, gradient: IntArray, moments: FloatArray, values: FloatArray, rates: FloatArray, count: int
 ) -> None:
-    """Fill in the rates, shape (6, WIDTH), at ``count`` states, which are the first registers."""
+    """Fill in the rates, shape (6, WIDTH), at ``count`` states, which are the first registers.
+
+    What is found at the states after these, up to a multiple of ``LANES``, is nothing.
+    """
+    u, blocks = place_of(values), (count + LANES - 1) // LANES
     for n in range(code.shape[0]):
         operation, to, i, j = code[n, 0], code[n, 1], code[n, 2], code[n, 3]
-        x, y, z = u[i], u[max(j, 0)], u[to]
+        x, y, z = i * ROWS, j * ROWS, to * ROWS
         if operation in (MULTIPLY, SCALE):
-            for m in range(count):
-                z[m] = x[m] * y[m]
+            for m in range(blocks):
+                put(u, z + m, take(u, x + m) * take(u, y + m))
         elif operation == ADD:
-            for m in range(count):
-                z[m] = x[m] + y[m]
+            for m in range(blocks):
+                put(u, z + m, take(u, x + m) + take(u, y + m))
         elif operation == SUBTRACT:
-            for m in range(count):
-                z[m] = x[m] - y[m]
+            for m in range(blocks):
+                put(u, z + m, take(u, x + m) - take(u, y + m))
         elif operation in (DIVIDE, SHARE):
-            for m in range(count):
-                z[m] = x[m] / y[m]
+            for m in range(blocks):
+                put(u, z + m, take(u, x + m) / take(u, y + m))
         elif operation == NEGATE:
-            for m in range(count):
-                z[m] = -x[m]
+            for m in range(blocks):
+                put(u, z + m, spread(0.0) - take(u, x + m))
         else:
-            _function(operation, u, to, i, j, count)
+            _function(operation, values, to, i, j, count)
     A, B, C, along, across, about = moments
-    p, q, r, g1, g2, g3 = u[0], u[1], u[2], u[3], u[4], u[5]
-    V1, V2, V3 = u[gradient[0]], u[gradient[1]], u[gradient[2]]
-    for m in range(count):
-        rates[0, m] = (along * (q[m] * r[m]) + (g2[m] * V3[m] - g3[m] * V2[m])) / A
-        rates[1, m] = (across * (p[m] * r[m]) + (g3[m] * V1[m] - g1[m] * V3[m])) / B
-        rates[2, m] = (about * (p[m] * q[m]) + (g1[m] * V2[m] - g2[m] * V1[m])) / C
-    for m in range(count):
-        rates[3, m] = r[m] * g2[m] - q[m] * g3[m]
-        rates[4, m] = p[m] * g3[m] - r[m] * g1[m]
-        rates[5, m] = q[m] * g1[m] - p[m] * g2[m]
+    V, found = gradient[0] * ROWS, place_of(rates)
+    W, X = gradient[1] * ROWS, gradient[2] * ROWS
+    for m in range(blocks):
+        p, q, r = take(u, m), take(u, ROWS + m), take(u, 2 * ROWS + m)
+        g1, g2, g3 = take(u, 3 * ROWS + m), take(u, 4 * ROWS + m), take(u, 5 * ROWS + m)
+        V1, V2, V3 = take(u, V + m), take(u, W + m), take(u, X + m)
+        put(found, m, (spread(along) * (q * r) + (g2 * V3 - g3 * V2)) / spread(A))
+        put(found, ROWS + m, (spread(across) * (p * r) + (g3 * V1 - g1 * V3)) / spread(B))
+        put(found, 2 * ROWS + m, (spread(about) * (p * q) + (g1 * V2 - g2 * V1)) / spread(C))
+        put(found, 3 * ROWS + m, r * g2 - q * g3)
+        put(found, 4 * ROWS + m, p * g3 - r * g1)
+        put(found, 5 * ROWS + m, q * g1 - p * g2)

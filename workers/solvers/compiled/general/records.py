@@ -28,6 +28,29 @@ class Formula(NamedTuple):
     result: int
 
 
+class Models(NamedTuple):
+    """Bodies and potentials of one structure: a formula, its gradient, and numbers of each model.
+
+    The second constants and moments are those of a problem that rounded numbers might as well have meant.
+    """
+
+    code: IntArray
+    result: int
+    """V, as :class:`Formula` has it."""
+    slopes: IntArray
+    gradient: IntArray
+    registers: int
+    """The gradient, as :class:`Gradient` has it."""
+    constants: FloatArray
+    """Of V, shape (models, constants)."""
+    slope_constants: FloatArray
+    other_slope_constants: FloatArray
+    """Of the gradient, shape (models, constants)."""
+    moments: FloatArray
+    other_moments: FloatArray
+    """A, B, C, B − C, C − A, A − B, shape (models, 6)."""
+
+
 class Asked(NamedTuple):
     """What is asked of two runs."""
 
@@ -40,6 +63,10 @@ class Asked(NamedTuple):
     max_steps: int
     collapsed: float
     """A step this much shorter than the longest one ends a run."""
+    singular: float
+    """Growth of the potential's gradient from the beginning of such a run that tells a singularity."""
+    before_the_end: float
+    """Share of the time of such a run of which nothing is asked."""
     tolerance: float
     safety: float
     """On the difference of the runs."""
@@ -52,3 +79,5 @@ class Asked(NamedTuple):
     """Share of the error that the truncation of F may be."""
     finest: float
     """Least truncation asked for, beside variables of the size 1."""
+    is_last: bool
+    """Whether no finer runs follow if these are not accurate enough."""

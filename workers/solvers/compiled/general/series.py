@@ -1,9 +1,9 @@
-r"""Taylor coefficients of the six variables along a motion, order by order, by compiled code.
+r"""Taylor coefficients of the six variables along motions, order by order, by compiled code.
 
 A potential's gradient is a list of operations on registers. Register n has a power series in the time,
 :math:`u_n(t) = \sum_k u_{n,k} t^k`; the coefficients of order k of all registers follow from those of lower
 orders and from the state's of order k (Moore 1966; Jorba & Zou 2005), and from these the equations give the
-state's of order k + 1.
+state's of order k + 1. Every lane is a motion of its own (:mod:`.lanes`).
 """
 
 import math
@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from workers.solvers.compiled.general.lanes import LANES, number_at, put, put_number, spread, take
 from workers.solvers.compiled.kernels import kernel
 
 FloatArray = NDArray[np.float64]
@@ -22,132 +23,152 @@ ADD, SUBTRACT, MULTIPLY, SCALE, DIVIDE, SHARE, NEGATE, POWER, EXP, LOG, SINE = r
 STATE = 6
 """Registers of p, q, r, g1, g2, g3: the first ones. Those of the constants follow."""
 ORDER = 24
+COUNT = ORDER + 1
+"""Rows of a register."""
+PRODUCTS = 9
+"""Sums that the equations are made of."""
 
 
 @kernel
-def _product(u: FloatArray, i: int, j: int, k: int) -> float:
-    """Return the coefficient of order k of a product.
-
-    Four sums do not wait for one another, and places that cannot be negative are not looked at for that.
-    """
-    x, y = u[np.uint64(i)], u[np.uint64(j)]
-    first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
+def _put_product(u: int, i: int, j: int, k: int, out: int, to: int) -> None:
+    """Put the coefficients of order k of a product into a row; two sums do not wait for each other."""
+    x, y = i * COUNT, j * COUNT
     m, n = 0, k
-    while n >= m + 3:
-        first += x[np.uint64(m)] * y[np.uint64(n)]
-        second += x[np.uint64(n)] * y[np.uint64(m)]
-        third += x[np.uint64(m + 1)] * y[np.uint64(n - 1)]
-        fourth += x[np.uint64(n - 1)] * y[np.uint64(m + 1)]
-        m += 2
-        n -= 2
-    while m <= n:
-        first += x[np.uint64(m)] * y[np.uint64(n)]
-        if m < n:
-            second += x[np.uint64(n)] * y[np.uint64(m)]
-        m += 1
-        n -= 1
-    return (first + second) + (third + fourth)
+    first, second = spread(0.0), spread(0.0)
+    if i == j:
+        while m < n:
+            first = first + take(u, x + m) * take(u, x + n)
+            m += 1
+            n -= 1
+        second = first
+    else:
+        while m < n:
+            first = first + take(u, x + m) * take(u, y + n)
+            second = second + take(u, x + n) * take(u, y + m)
+            m += 1
+            n -= 1
+    if m == n:
+        first = first + take(u, x + m) * take(u, y + n)
+    put(out, to, first + second)
 
 
 @kernel
-def _transcendental(operation: int, u: FloatArray, to: int, i: int, j: int, k: int) -> None:
+def _put_turn(u: int, k: int, out: int) -> None:
+    """Put order k of qr, pr, pq, and of the three parts of γ × ω, into the first rows."""
+    zero = spread(0.0)
+    qr, pr, pq, first, second, third = zero, zero, zero, zero, zero, zero
+    for m in range(k + 1):
+        n = k - m
+        p, q, r = take(u, m), take(u, COUNT + m), take(u, 2 * COUNT + m)
+        g1, g2, g3 = take(u, 3 * COUNT + n), take(u, 4 * COUNT + n), take(u, 5 * COUNT + n)
+        other = take(u, 2 * COUNT + n)
+        qr = qr + q * other
+        pr = pr + p * other
+        pq = pq + p * take(u, COUNT + n)
+        first = first + (r * g2 - q * g3)
+        second = second + (p * g3 - r * g1)
+        third = third + (q * g1 - p * g2)
+    put(out, 0, qr)
+    put(out, 1, pr)
+    put(out, 2, pq)
+    put(out, 3, first)
+    put(out, 4, second)
+    put(out, 5, third)
+
+
+@kernel
+def _transcendental(operation: int, u: int, to: int, i: int, j: int, k: int) -> None:
     """Fill in order k of a function f, by the differential equation that f(u(t)) satisfies."""
-    x = u[i, 0]
+    x, y, z = i * COUNT, j * COUNT, to * COUNT
     if k == 0:
-        if operation == POWER:
-            u[to, 0] = math.pow(x, u[j, 0])
-        elif operation == EXP:
-            u[to, 0] = math.exp(x)
-        elif operation == LOG:
-            u[to, 0] = math.log(x) if x > 0.0 else math.nan
-        else:
-            u[to, 0], u[j, 0] = math.sin(x), math.cos(x)
+        for lane in range(LANES):
+            value = number_at(u, x, lane)
+            if operation == POWER:
+                put_number(u, z, lane, math.pow(value, number_at(u, y, lane)))
+            elif operation == EXP:
+                put_number(u, z, lane, math.exp(value))
+            elif operation == LOG:
+                put_number(u, z, lane, math.log(value) if value > 0.0 else math.nan)
+            else:
+                put_number(u, z, lane, math.sin(value))
+                put_number(u, y, lane, math.cos(value))
         return
-    total, other = 0.0, 0.0
+    total, other = spread(0.0), spread(0.0)
+    by = spread(float(k))
     if operation == POWER:
-        exponent = u[j, 0]
+        exponent = take(u, y)
         for m in range(k):
-            total += (exponent * (k - m) - m) * u[i, k - m] * u[to, m]
-        u[to, k] = total / (k * x)
+            factor = exponent * spread(float(k - m)) - spread(float(m))
+            total = total + factor * take(u, x + k - m) * take(u, z + m)
+        put(u, z + k, total / (by * take(u, x)))
     elif operation == EXP:
         for m in range(1, k + 1):
-            total += m * u[i, m] * u[to, k - m]
-        u[to, k] = total / k
+            total = total + spread(float(m)) * take(u, x + m) * take(u, z + k - m)
+        put(u, z + k, total / by)
     elif operation == LOG:
         for m in range(1, k):
-            total += m * u[to, m] * u[i, k - m]
-        u[to, k] = (u[i, k] - total / k) / x
+            total = total + spread(float(m)) * take(u, z + m) * take(u, x + k - m)
+        put(u, z + k, (take(u, x + k) - total / by) / take(u, x))
     else:
         for m in range(1, k + 1):
-            total += m * u[i, m] * u[j, k - m]
-            other += m * u[i, m] * u[to, k - m]
-        u[to, k], u[j, k] = total / k, -other / k
+            rate = spread(float(m)) * take(u, x + m)
+            total = total + rate * take(u, y + k - m)
+            other = other + rate * take(u, z + k - m)
+        put(u, z + k, total / by)
+        put(u, y + k, spread(0.0) - other / by)
 
 
 @kernel
-def gradient_order(code: IntArray, u: FloatArray, order: int) -> None:
+def gradient_order(code: IntArray, u: int, k: int) -> None:
     """Fill in one order of all operations."""
-    k = np.uint64(order)
     for n in range(code.shape[0]):
-        operation, left, right = code[n, 0], code[n, 2], code[n, 3]
-        to, i, j = np.uint64(code[n, 1]), np.uint64(left), np.uint64(right)
+        operation, to, i, j = code[n, 0], code[n, 1], code[n, 2], code[n, 3]
+        x, y, z = i * COUNT, j * COUNT, to * COUNT + k
         if operation == MULTIPLY:
-            u[to, k] = _product(u, left, right, order)
+            _put_product(u, i, j, k, u, z)
         elif operation == SCALE:
-            u[to, k] = u[i, 0] * u[j, k]
+            put(u, z, take(u, x) * take(u, y + k))
         elif operation == ADD:
-            u[to, k] = u[i, k] + u[j, k]
+            put(u, z, take(u, x + k) + take(u, y + k))
         elif operation == SUBTRACT:
-            u[to, k] = u[i, k] - u[j, k]
+            put(u, z, take(u, x + k) - take(u, y + k))
         elif operation == DIVIDE:
-            u[to, k] = 0.0
-            u[to, k] = (u[i, k] - _product(u, code[n, 1], right, order)) / u[j, 0]
+            put(u, z, spread(0.0))
+            _put_product(u, to, j, k, u, z)
+            put(u, z, (take(u, x + k) - take(u, z)) / take(u, y))
         elif operation == SHARE:
-            u[to, k] = u[i, k] / u[j, 0]
+            put(u, z, take(u, x + k) / take(u, y))
         elif operation == NEGATE:
-            u[to, k] = -u[i, k]
+            put(u, z, spread(0.0) - take(u, x + k))
         else:
-            _transcendental(operation, u, code[n, 1], left, right, order)
+            _transcendental(operation, u, to, i, j, k)
 
 
 @kernel
-def _times_gradient(u: FloatArray, i: int, part: int, is_constant: bool, k: int) -> float:
-    """Return the coefficient of order k of a variable's product with a part of the gradient."""
-    return u[i, k] * u[part, 0] if is_constant else _product(u, i, part, k)
+def _put_pull(u: int, gradient: IntArray, i: int, j: int, k: int, out: int, to: int) -> None:
+    """Put order k of g_i V_j − g_j V_i into a row; i and j count from 0. The row after it is used too."""
+    for side in range(2):
+        g, part = (3 + i, j) if side == 0 else (3 + j, i)
+        if gradient[3 + part] == 1:
+            put(out, to + side, take(u, g * COUNT + k) * take(u, gradient[part] * COUNT))
+        else:
+            _put_product(u, g, gradient[part], k, out, to + side)
+    put(out, to, take(out, to) - take(out, to + 1))
 
 
 @kernel
-def take_series(code: IntArray, gradient: IntArray, moments: FloatArray, u: FloatArray) -> None:
-    """Fill in all orders of all registers from the state's of order 0.
+def take_series(code: IntArray, gradient: IntArray, moments: int, u: int, sums: int) -> None:
+    """Fill in all orders of all registers ``u``, ORDER + 1 rows each, from the state's of order 0.
 
     ``gradient`` has the registers of V_1, V_2, V_3 and for each whether it is a constant (1) or not (0);
-    ``moments`` are A, B, C, B − C, C − A, A − B.
+    ``moments`` are A, B, C, B − C, C − A, A − B, shape (6, LANES); ``sums`` is room for 8 rows.
     """
-    A, B, C, along, across, about = moments
-    V1, V2, V3 = gradient[0], gradient[1], gradient[2]
-    first, second, third = gradient[3] == 1, gradient[4] == 1, gradient[5] == 1
-    p, q, r, g1, g2, g3 = u[0], u[1], u[2], u[3], u[4], u[5]
     for k in range(ORDER):
         gradient_order(code, u, k)
-        qr, pr, pq, rg2, qg3, pg3, rg1, qg1, pg2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for m in range(k + 1):
-            n = np.uint64(k - m)
-            qr += q[m] * r[n]
-            pr += p[m] * r[n]
-            pq += p[m] * q[n]
-            rg2 += r[m] * g2[n]
-            qg3 += q[m] * g3[n]
-            pg3 += p[m] * g3[n]
-            rg1 += r[m] * g1[n]
-            qg1 += q[m] * g1[n]
-            pg2 += p[m] * g2[n]
-        pull1 = _times_gradient(u, 4, V3, third, k) - _times_gradient(u, 5, V2, second, k)
-        pull2 = _times_gradient(u, 5, V1, first, k) - _times_gradient(u, 3, V3, third, k)
-        pull3 = _times_gradient(u, 3, V2, second, k) - _times_gradient(u, 4, V1, first, k)
-        by = 1.0 / (k + 1)
-        p[k + 1] = (along * qr + pull1) / A * by
-        q[k + 1] = (across * pr + pull2) / B * by
-        r[k + 1] = (about * pq + pull3) / C * by
-        g1[k + 1] = (rg2 - qg3) * by
-        g2[k + 1] = (pg3 - rg1) * by
-        g3[k + 1] = (qg1 - pg2) * by
+        _put_turn(u, k, sums)
+        by = spread(1.0 / (k + 1))
+        for a in range(3):
+            _put_pull(u, gradient, (a + 1) % 3, (a + 2) % 3, k, sums, 6)
+            turn = take(moments, 3 + a) * take(sums, a) + take(sums, 6)
+            put(u, a * COUNT + k + 1, turn / take(moments, a) * by)
+            put(u, (3 + a) * COUNT + k + 1, take(sums, 3 + a) * by)

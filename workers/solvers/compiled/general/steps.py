@@ -1,11 +1,11 @@
-r"""Steps of a fixed high order along the power series of a motion, by compiled code.
+r"""Steps of a fixed high order along the power series of motions, by compiled code.
 
 The radius of convergence ρ is read off the last two coefficients. A step is
 
 .. math:: h = 0.98\, \rho\, \varepsilon^{1/(N+1)} ,
 
 so that what is left out, a geometric series in h/ρ, is about ε of the largest variable. The states are summed
-with what rounding has lost of them.
+with what rounding has lost of them. Several motions go side by side, each by its own steps (:mod:`.lanes`).
 """
 
 import math
@@ -13,13 +13,28 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.general.series import ORDER, STATE, gradient_order, take_series
+from workers.solvers.compiled.general.lanes import (
+    LANES,
+    ROW,
+    combine,
+    first_row,
+    larger,
+    new_rows,
+    number_at,
+    place_of,
+    put,
+    put_number,
+    size_of,
+    spread,
+    take,
+)
+from workers.solvers.compiled.general.series import COUNT, ORDER, STATE, gradient_order, take_series
 from workers.solvers.compiled.kernels import kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-ARRIVED, FAILED, TIRED = range(3)
+ARRIVED, FAILED, TIRED, GOING = range(4)
 """How a run ends: at its end; by what is not finite, or a collapsed step; by its number of steps."""
 CAUTION = 0.98
 ROOM = 64
@@ -49,143 +64,213 @@ CONVERSION = np.ascontiguousarray(_conversion().T)
 
 
 @kernel
-def _radius(u: FloatArray) -> float:
-    """Return the radius of convergence; NaN if a coefficient is not finite, inf if the last ones vanish."""
-    size, last, before, total = 0.0, 0.0, 0.0, 0.0
+def _put_radii(u: int, few: int, radii: FloatArray, used: int) -> None:
+    """Fill in radii of convergence; NaN if a coefficient is not finite, inf if the last ones vanish.
+
+    What is not finite in a lower order is not finite in one of the last two: all orders are sums of products.
+    """
+    zero = spread(0.0)
+    size, last, before, total = zero, zero, zero, zero
     for a in range(STATE):
-        size = max(size, abs(u[a, 0]))
-        last = max(last, abs(u[a, ORDER]))
-        before = max(before, abs(u[a, ORDER - 1]))
-        for k in range(ORDER + 1):
-            total += abs(u[a, k])
-    if not total < math.inf:
-        return math.nan
-    radius = math.inf
-    if last > 0.0:
-        radius = math.pow(size / last, 1.0 / ORDER)
-    if before > 0.0:
-        radius = min(radius, math.pow(size / before, 1.0 / (ORDER - 1)))
-    return radius
+        x, y, z = (
+            size_of(take(u, a * COUNT)),
+            size_of(take(u, a * COUNT + ORDER)),
+            size_of(take(u, a * COUNT + ORDER - 1)),
+        )
+        size, last, before = larger(x, size), larger(y, last), larger(z, before)
+        total = total + (x + y + z)
+    put(few, 0, size)
+    put(few, 1, last)
+    put(few, 2, before)
+    put(few, 3, total)
+    for lane in range(used):
+        radius, size_here = math.inf, number_at(few, 0, lane)
+        if number_at(few, 1, lane) > 0.0:
+            radius = math.pow(size_here / number_at(few, 1, lane), 1.0 / ORDER)
+        if number_at(few, 2, lane) > 0.0:
+            radius = min(radius, math.pow(size_here / number_at(few, 2, lane), 1.0 / (ORDER - 1)))
+        radii[lane] = radius if number_at(few, 3, lane) < math.inf else math.nan
 
 
 @kernel
-def _put_piece(u: FloatArray, h: float, coefficients: FloatArray, work: FloatArray) -> None:
-    """Put the Chebyshev series of the polynomials over [0, h] into ``coefficients``, shape (ORDER + 1, 6)."""
-    factor = 1.0
-    for k in range(ORDER + 1):
+def _advance(u: int, h: int, lost: int, work: int, sums: int) -> None:
+    """Move the states by ``h``, and put Chebyshev series over [0, h] of all variables into ``sums``."""
+    factor, step = spread(1.0), take(h, 0)
+    for k in range(COUNT):
         for a in range(STATE):
-            work[k, a] = u[a, k] * factor
-        factor *= h
-    for j in range(ORDER + 1):
-        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for k in range(j, ORDER + 1):
-            c = CONVERSION[j, k]
-            s0 += c * work[k, 0]
-            s1 += c * work[k, 1]
-            s2 += c * work[k, 2]
-            s3 += c * work[k, 3]
-            s4 += c * work[k, 4]
-            s5 += c * work[k, 5]
-        coefficients[j, 0], coefficients[j, 1], coefficients[j, 2] = s0, s1, s2
-        coefficients[j, 3], coefficients[j, 4], coefficients[j, 5] = s3, s4, s5
+            put(work, a * COUNT + k, take(u, a * COUNT + k) * factor)
+        factor = factor * step
+    table = place_of(CONVERSION)
+    for a in range(STATE):
+        combine(table, COUNT, COUNT, COUNT, 1, work + ROW * COUNT * a, sums + ROW * COUNT * a)
+        gain = spread(0.0)
+        for k in range(ORDER, 0, -1):
+            gain = gain + take(work, a * COUNT + k)
+        gain = gain + take(lost, a)
+        old = take(u, a * COUNT)
+        new = old + gain
+        put(lost, a, gain - (new - old))
+        put(u, a * COUNT, new)
 
 
 @kernel
-def _trimmed(coefficients: FloatArray) -> FloatArray:
-    """Return the series without the last coefficients that no double can see in any column."""
-    count = coefficients.shape[0]
-    size = np.zeros((ORDER + 1, STATE))
-    for n in range(count):
-        for k in range(ORDER + 1):
-            for a in range(STATE):
-                size[k, a] = max(size[k, a], abs(coefficients[n, k, a]))
-    length = 1
+def seen(pieces: FloatArray) -> tuple[int, float]:
+    """Return how many coefficients doubles can see in some column, without the last ones, and the largest."""
+    room = new_rows(COUNT + 1)
+    rows, sizes, largest = place_of(pieces), first_row(room), spread(0.0)
+    for k in range(COUNT):
+        value = spread(0.0)
+        for n in range(len(pieces)):
+            value = larger(size_of(take(rows, n * COUNT + k)), value)
+        put(sizes, k, value)
+        largest = larger(value, largest)
+    put(sizes, COUNT, largest)
+    length, most = 1, 0.0
     for a in range(STATE):
-        largest = 0.0
-        for k in range(ORDER + 1):
-            largest = max(largest, size[k, a])
-        tail, k = 0.0, ORDER
+        tail, k, top = 0.0, ORDER, number_at(sizes, COUNT, a)
+        most = max(most, top)
         while k >= length:
-            tail += size[k, a]
-            if tail > INVISIBLE * largest:
+            tail += number_at(sizes, k, a)
+            if tail > INVISIBLE * top:
                 length = k + 1
             k -= 1
-    return coefficients[:, :length].copy()
+    # Up to here the room has an owner.
+    room[0, 0] = 0.0
+    return length, most
+
+
+@kernel
+def _gradient_size(u: int, gradient: IntArray, lane: int) -> float:
+    total = 0.0
+    for part in range(3):
+        total += number_at(u, gradient[part] * COUNT, lane) ** 2
+    return math.sqrt(total)
+
+
+@kernel
+def new_pieces(motions: int) -> FloatArray:
+    """Return room for the series of some motions."""
+    return np.empty((motions, ROOM, COUNT, LANES))
 
 
 @kernel
 def take_steps(
     code: IntArray,
-    constants: FloatArray,
     gradient: IntArray,
+    constants: FloatArray,
     moments: FloatArray,
     registers: int,
-    state: FloatArray,
-    end: float,
-    tolerance: float,
+    states: FloatArray,
+    ends: FloatArray,
+    tolerances: FloatArray,
     max_steps: int,
     longest: float,
     collapsed: float,
-) -> tuple[int, FloatArray, FloatArray]:
-    """Integrate from ``state`` at 0 to ``end``; return how that ends, the breaks, and Chebyshev series.
+    pieces: FloatArray,
+) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
+    """Integrate from states at 0 to ``ends``; return how that ends, numbers of steps, breaks, series.
 
-    Their shapes are (steps + 1,) and (steps, degree + 1, 6). No step is longer than ``longest``; one that
-    is shorter than ``collapsed`` of the longest one ends the run, as do numbers that are not finite.
+    Every motion has a column of ``states``, ``constants`` and ``moments``; there are at most ``LANES``. The
+    shapes found are (motions,), (motions,), (motions, room + 1) and (motions, room, ORDER + 1, LANES): the
+    Chebyshev series of the six variables side by side, and two columns of 0. ``pieces`` is room for these,
+    and is made larger where needed. No step is longer than ``longest``; one that is shorter than
+    ``collapsed`` of the longest one ends a run, as do numbers that are not finite. The last are the sizes of
+    the potential's gradient at the beginning and at the end, shape (motions, 2), NaN where it has none.
     """
-    u = np.zeros((registers, ORDER + 1))
-    for n in range(len(constants)):
-        u[STATE + n, 0] = constants[n]
-    lost, work = np.zeros(STATE), np.zeros((ORDER + 1, STATE))
-    breaks, pieces = np.zeros(ROOM + 1), np.zeros((ROOM, ORDER + 1, STATE))
-    for a in range(STATE):
-        u[a, 0] = state[a]
-    share = CAUTION * math.pow(tolerance, 1.0 / (ORDER + 1.0))
-    count, time, longest_taken, total, status = 0, 0.0, 0.0, 0.0, ARRIVED
-    while time != end:
-        if count >= max_steps:
-            status = TIRED
-            break
-        take_series(code, gradient, moments, u)
-        step = share * _radius(u)
-        left = abs(end - time)
-        at_end = left <= longest and left <= step
-        limit = min(left, longest)
-        if not step >= 0.0:
-            status = FAILED
-            break
-        is_cut = limit <= step
-        step = min(step, limit)
-        longest_taken = max(longest_taken, step)
-        if not is_cut and not step > max(collapsed * longest_taken, SPACING * abs(time)):
-            status = FAILED
-            break
-        following = end if at_end else time + math.copysign(step, end)
-        h = following - time
-        if count == len(pieces):
-            more, wider = np.zeros(2 * count + 1), np.zeros((2 * count, ORDER + 1, STATE))
-            more[: count + 1] = breaks
-            wider[:count] = pieces
-            breaks, pieces = more, wider
-        _put_piece(u, h, pieces[count], work)
-        total = 0.0
+    used = len(ends)
+    # One room for all rows, with their places in it.
+    room = new_rows(registers * COUNT + 2 * STATE * COUNT + 2 * STATE + 9)
+    u = first_row(room)
+    work = u + ROW * registers * COUNT
+    sums = work + ROW * STATE * COUNT
+    lost = sums + ROW * STATE * COUNT
+    bodies = lost + ROW * STATE
+    step_row = bodies + ROW * STATE
+    few = step_row + ROW
+    for lane in range(LANES):
+        # Lanes without a motion follow the first.
+        own = lane if lane < used else 0
+        for n in range(len(constants)):
+            put_number(u, (STATE + n) * COUNT, lane, constants[n, own])
         for a in range(STATE):
-            gain = u[a, ORDER]
-            for k in range(ORDER - 1, 0, -1):
-                gain = u[a, k] + h * gain
-            gain = h * gain + lost[a]
-            new = u[a, 0] + gain
-            lost[a] = gain - (new - u[a, 0])
-            u[a, 0] = new
-            total += abs(new)
-        if not total < math.inf:
-            status = FAILED
+            put_number(u, a * COUNT, lane, states[a, own])
+            put_number(bodies, a, lane, moments[a, own])
+    radii = np.empty(LANES)
+    breaks = np.zeros((used, pieces.shape[1] + 1))
+    shares, longest_taken, times, following = np.empty(used), np.zeros(used), np.zeros(used), np.zeros(used)
+    counts, statuses = np.zeros(used, dtype=np.int64), np.full(used, GOING)
+    is_finite = np.ones(used, dtype=np.bool_)
+    for lane in range(used):
+        shares[lane] = CAUTION * math.pow(tolerances[lane], 1.0 / (ORDER + 1.0))
+        if ends[lane] == 0.0:
+            statuses[lane] = ARRIVED
+    sizes = np.empty((used, 2))
+    gradient_order(code, u, 0)
+    for lane in range(used):
+        sizes[lane, 0] = _gradient_size(u, gradient, lane)
+    left_over = True
+    while left_over:
+        take_series(code, gradient, bodies, u, few)
+        _put_radii(u, few, radii, used)
+        left_over = False
+        for lane in range(used):
+            put_number(step_row, 0, lane, 0.0)
+            if statuses[lane] != GOING:
+                continue
+            if counts[lane] >= max_steps:
+                statuses[lane] = TIRED
+                continue
+            time, end, step = times[lane], ends[lane], shares[lane] * radii[lane]
+            left = abs(end - time)
+            at_end = left <= longest and left <= step
+            limit = min(left, longest)
+            if not step >= 0.0:
+                statuses[lane] = FAILED
+                continue
+            is_cut = limit <= step
+            step = min(step, limit)
+            longest_taken[lane] = max(longest_taken[lane], step)
+            if not is_cut and not step > max(collapsed * longest_taken[lane], SPACING * abs(time)):
+                statuses[lane] = FAILED
+                continue
+            following[lane] = end if at_end else time + math.copysign(step, end)
+            put_number(step_row, 0, lane, following[lane] - time)
+            left_over = True
+        if not left_over:
             break
-        count += 1
-        time = following
-        breaks[count] = time
-    if count > 0 and status != TIRED and total < math.inf:
-        # Where the potential is hardly less than smooth, a step can end beyond its domain.
-        gradient_order(code, u, 0)
-        if not abs(u[gradient[0], 0]) + abs(u[gradient[1], 0]) + abs(u[gradient[2], 0]) < math.inf:
-            status, count = FAILED, count - 1
-    return status, breaks[: count + 1].copy(), _trimmed(pieces[:count])
+        _advance(u, step_row, lost, work, sums)
+        for lane in range(used):
+            if statuses[lane] != GOING:
+                continue
+            total = 0.0
+            for a in range(STATE):
+                total += abs(number_at(u, a * COUNT, lane))
+            is_finite[lane] = total < math.inf
+            if not is_finite[lane]:
+                statuses[lane] = FAILED
+                continue
+            count = counts[lane]
+            if count == pieces.shape[1]:
+                more, wider = np.zeros((used, 2 * count + 1)), np.empty((used, 2 * count, COUNT, LANES))
+                more[:, : count + 1] = breaks
+                wider[:, :count] = pieces[:used]
+                breaks, pieces = more, wider
+            for k in range(COUNT):
+                for a in range(STATE):
+                    pieces[lane, count, k, a] = number_at(sums, a * COUNT + k, lane)
+                for a in range(STATE, LANES):
+                    pieces[lane, count, k, a] = 0.0
+            counts[lane] = count + 1
+            times[lane] = following[lane]
+            breaks[lane, count + 1] = times[lane]
+            if times[lane] == ends[lane]:
+                statuses[lane] = ARRIVED
+    gradient_order(code, u, 0)
+    for lane in range(used):
+        sizes[lane, 1] = _gradient_size(u, gradient, lane) if is_finite[lane] else math.nan
+        if counts[lane] > 0 and statuses[lane] != TIRED and is_finite[lane] and not sizes[lane, 1] < math.inf:
+            # Where the potential is hardly less than smooth, a step can end beyond its domain.
+            statuses[lane], counts[lane], sizes[lane, 1] = FAILED, counts[lane] - 1, math.nan
+    # Up to here the room has an owner.
+    room[0, 0] = 0.0
+    return statuses, counts, breaks, pieces, sizes

@@ -1,4 +1,4 @@
-"""Two runs of a motion from any state, their difference, and what they leave of the equations, at once.
+"""Runs of motions from any state, their differences, and what they leave of the equations, at once.
 
 What is decided here needs no other code; what is not is left to :mod:`workers.solvers.integration`.
 """
@@ -9,75 +9,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.general.held import hold
-from workers.solvers.compiled.general.records import Asked, Formula, Gradient
-from workers.solvers.compiled.general.sampling import compare
-from workers.solvers.compiled.general.series import STATE
-from workers.solvers.compiled.general.steps import ARRIVED, take_steps
+from workers.solvers.compiled.general.lanes import LANES
+from workers.solvers.compiled.general.records import Asked, Formula, Gradient, Models
+from workers.solvers.compiled.general.sampling import compare, new_values_at, widen
+from workers.solvers.compiled.general.steps import ARRIVED, FAILED, seen
 from workers.solvers.compiled.kernels import kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-HELD, INACCURATE, OPEN = range(3)
-"""All bounds are kept; they are, but the error is more than is allowed; something is not decided here."""
-
-
-@kernel
-def _side(
-    slopes: Gradient, moments: FloatArray, state: FloatArray, end: float, tolerance: float, asked: Asked
-) -> tuple[bool, FloatArray, FloatArray]:
-    """Return whether a run arrives at ``end``, its breaks and its series; to t = 0 nothing is run."""
-    if end == 0.0:
-        return True, np.zeros(1), np.zeros((0, 1, STATE))
-    status, breaks, series = take_steps(
-        slopes.code,
-        slopes.constants,
-        slopes.gradient,
-        moments,
-        slopes.registers,
-        state,
-        end,
-        tolerance,
-        asked.max_steps,
-        math.inf,
-        asked.collapsed,
-    )
-    return status == ARRIVED, breaks, series
+HELD, INACCURATE, OPEN, COLLIDED = range(4)
+"""All bounds are kept; they are, but the error is more than is allowed; something is not decided here; all
+bounds are kept up to a singularity of the potential."""
+RUNS = 4
+"""Of a motion. What two have lost may be the same by chance, what four have hardly: see :mod:`.many`."""
+NUMBERS = 6
+"""Found of a motion: error, difference, energy, its error, defect and drift."""
 
 
 @kernel
 def _joined(
-    back: FloatArray, before: FloatArray, forth: FloatArray, after: FloatArray
+    back: FloatArray, before: FloatArray, forth: FloatArray, after: FloatArray, length: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return runs from t = 0 both ways as one function of time."""
     m, n = len(back) - 1, len(forth) - 1
     if m == 0:
-        return forth, after
-    breaks = np.empty(m + n + 1)
-    series = np.zeros((m + n, max(before.shape[1], after.shape[1]), STATE))
+        return forth, after[:n]
+    breaks, series = np.empty(m + n + 1), np.empty((m + n, length, LANES))
     for k in range(m + 1):
         breaks[k] = back[m - k]
     for k in range(1, n + 1):
         breaks[m + k] = forth[k]
     for k in range(m):
         sign = 1.0
-        for j in range(before.shape[1]):
-            for a in range(STATE):
+        for j in range(length):
+            for a in range(LANES):
                 series[k, j, a] = sign * before[m - 1 - k, j, a]
             sign = -sign
     for k in range(n):
-        for j in range(after.shape[1]):
-            for a in range(STATE):
+        for j in range(length):
+            for a in range(LANES):
                 series[m + k, j, a] = after[k, j, a]
     return breaks, series
-
-
-@kernel
-def _largest(series: FloatArray) -> float:
-    size = 0.0
-    for x in series.flat:
-        size = max(size, abs(x))
-    return size
 
 
 @kernel
@@ -87,6 +60,8 @@ def _holds(
     moments: FloatArray,
     breaks: FloatArray,
     series: FloatArray,
+    length: int,
+    largest: float,
     defects: float,
     goal: float,
     compares: bool,
@@ -97,7 +72,7 @@ def _holds(
     """Hold a run against the equations; ``defects`` is what a step may leave, relative to the variables."""
     if len(breaks) == 1:
         return True, 0.0, 0.0
-    allowed = defects * _largest(series)
+    allowed = defects * largest
     goal = min(goal * abs(breaks[-1]), 0.1 * allowed * len(series))
     return hold(
         formula,
@@ -105,6 +80,7 @@ def _holds(
         moments,
         breaks,
         series,
+        length,
         goal,
         allowed,
         compares,
@@ -115,92 +91,182 @@ def _holds(
 
 
 @kernel
-def solve_twin(
+def lanes_of(asked: Asked) -> int:
+    """Return how many lanes a motion has: those of its runs, on one side of t = 0 or on both."""
+    return 2 * RUNS if asked.first < 0.0 < asked.last else RUNS
+
+
+@kernel
+def _seen(pieces: FloatArray, first: int, second: int, counts: IntArray) -> tuple[int, float]:
+    """Return how many coefficients of two runs doubles can see, and the largest."""
+    length, largest = seen(pieces[first, : counts[first]])
+    if second != first:
+        other, size = seen(pieces[second, : counts[second]])
+        length, largest = max(length, other), max(largest, size)
+    return length, largest
+
+
+@kernel
+def _collision(
     formula: Formula,
     slopes: Gradient,
     moments: FloatArray,
-    other_slopes: Gradient,
-    other_moments: FloatArray,
-    state: FloatArray,
-    other_state: FloatArray,
+    lanes: IntArray,
+    statuses: IntArray,
+    steps: IntArray,
+    all_breaks: FloatArray,
+    pieces: FloatArray,
+    sizes: FloatArray,
+    asked: Asked,
+    found: FloatArray,
+) -> int:
+    """Say whether finer runs that do not arrive keep the equations up to a singularity.
+
+    Fill in the first time that a run cannot get beyond, and the sizes of the gradient that tell it.
+    """
+    status = OPEN
+    for run in range(2):
+        lane, count = lanes[run], steps[run]
+        if statuses[lane] == ARRIVED or (asked.first if run == 0 else asked.last) == 0.0:
+            continue
+        if statuses[lane] != FAILED or not sizes[lane, 1] > asked.singular * sizes[lane, 0] or count == 0:
+            return OPEN
+        breaks, own = all_breaks[lane, : count + 1], pieces[lane, :count]
+        length, largest = seen(own)
+        allowed = asked.fine_defect * largest
+        # Next to the singularity it runs into, a run is not asked what is there.
+        limit, held = (1.0 - asked.before_the_end) * abs(breaks[count]), 0
+        while held < count and abs(breaks[held]) < limit:
+            held += 1
+        is_kept, _, _ = hold(
+            formula,
+            slopes,
+            moments,
+            breaks[: held + 1],
+            own[:held],
+            length,
+            0.1 * allowed * count,
+            allowed,
+            False,
+            math.inf,
+            np.zeros(3),
+            0.0,
+        )
+        if not is_kept:
+            return OPEN
+        time, other = breaks[count], lanes[run + 2]
+        if statuses[other] == FAILED and abs(all_breaks[other, steps[run + 2]]) < abs(time):
+            time = all_breaks[other, steps[run + 2]]
+        if status == OPEN or abs(time) < abs(found[0]):
+            found[0], found[1], found[2] = time, sizes[lane, 0], sizes[lane, 1]
+        status = COLLIDED
+    return status
+
+
+@kernel
+def settle(
+    models: Models,
+    model: int,
+    lane: int,
+    statuses: IntArray,
+    counts: IntArray,
+    all_breaks: FloatArray,
+    pieces: FloatArray,
+    sizes: FloatArray,
     check: FloatArray,
     asked: Asked,
-) -> tuple[int, FloatArray, FloatArray, FloatArray]:
-    """Run finely from ``state``, less so from ``other_state``, and hold both against the equations.
+    found: FloatArray,
+) -> tuple[int, FloatArray, FloatArray, int]:
+    """Compare the runs from ``lane`` on, hold them against the equations; see :func:`.many.solve_twins`.
 
-    The second run has the constants of a problem that rounded ones might as well have meant. Return how that
-    ends, breaks and series of the finer run, and error, difference, energy, its error, defect and drift.
+    Return the breaks, series and degrees of the finer run too.
     """
-    found = np.full(6, math.nan)
-    nothing = np.zeros(1), np.zeros((0, 1, STATE))
-    is_good, back, before = _side(slopes, moments, state, asked.first, asked.fine, asked)
-    if not is_good:
-        return OPEN, nothing[0], nothing[1], found
-    is_good, forth, after = _side(slopes, moments, state, asked.last, asked.fine, asked)
-    if not is_good or len(back) + len(forth) == 2:
-        return OPEN, nothing[0], nothing[1], found
-    is_good, other_back, other_before = _side(
-        other_slopes, other_moments, other_state, asked.first, asked.coarse, asked
+    width = lanes_of(asked)
+    lanes, steps = np.empty(2 * RUNS, dtype=np.int64), np.zeros(2 * RUNS, dtype=np.int64)
+    formula = Formula(models.code, models.constants[model], models.result)
+    slopes = Gradient(models.slopes, models.slope_constants[model], models.gradient, models.registers)
+    moments = models.moments[model]
+    has_arrived = True
+    for run in range(2 * RUNS):
+        # Where one side is empty its runs have no steps, and are said to be in the lanes of the other.
+        lanes[run] = lane + (run if width == 2 * RUNS else run // 2)
+        if (asked.first if run % 2 == 0 else asked.last) != 0.0:
+            steps[run] = counts[lanes[run]]
+        has_arrived = has_arrived and statuses[lanes[run]] == ARRIVED
+    if not has_arrived:
+        status = _collision(
+            formula, slopes, moments, lanes, statuses, steps, all_breaks, pieces, sizes, asked, found
+        )
+        return status, all_breaks[lane], pieces[lane], 1
+    if steps[0] + steps[1] == 0:
+        return OPEN, all_breaks[lane], pieces[lane], 1
+    length, largest = _seen(pieces, lanes[0], lanes[1], counts)
+    breaks, series = _joined(
+        all_breaks[lanes[0], : steps[0] + 1],
+        pieces[lanes[0]],
+        all_breaks[lanes[1], : steps[1] + 1],
+        pieces[lanes[1]],
+        length,
     )
-    if not is_good:
-        return OPEN, nothing[0], nothing[1], found
-    is_good, other_forth, other_after = _side(
-        other_slopes, other_moments, other_state, asked.last, asked.coarse, asked
-    )
-    if not is_good:
-        return OPEN, nothing[0], nothing[1], found
-    breaks, series = _joined(back, before, forth, after)
-    other_breaks, other_series = _joined(other_back, other_before, other_forth, other_after)
+    none = np.empty(0)
+    start = new_values_at(breaks, series, length, np.zeros(1), none)
+    values = new_values_at(breaks, series, length, check, none)
+    gaps = np.zeros(values.shape)
+    other_length, other_largest = 1, 0.0
+    for other in range(2, 2 * RUNS, 2):
+        back, forth = lanes[other], lanes[other + 1]
+        own_length, own_largest = _seen(pieces, back, forth, counts)
+        if other == 2:
+            other_length, other_largest = own_length, own_largest
+        other_breaks, other_series = _joined(
+            all_breaks[back, : steps[other] + 1],
+            pieces[back],
+            all_breaks[forth, : steps[other + 1] + 1],
+            pieces[forth],
+            own_length,
+        )
+        widen(values, new_values_at(other_breaks, other_series, own_length, check, none), gaps)
     error, difference, energy, stray, reference = compare(
-        formula.code,
-        formula.constants,
-        formula.result,
+        formula,
+        slopes,
         moments,
-        breaks,
-        series,
-        other_breaks,
-        other_series,
+        start[0],
+        values,
+        gaps,
         check,
         asked.safety,
         asked.rounding,
     )
     is_accurate = error <= asked.tolerance
-    goal = max(asked.goal * error, asked.finest * max(1.0, _largest(series))) / (asked.last - asked.first)
+    if not (is_accurate or asked.is_last):
+        return INACCURATE, breaks, series, length
+    goal = max(asked.goal * error, asked.finest * max(1.0, largest)) / (asked.last - asked.first)
     defect, drift = 0.0, 0.0
-    for side in range(2):
-        run, pieces = (back, before) if side == 0 else (forth, after)
+    for run in range(4):
+        # A motion that is accurate enough needs no more than this: the other runs only measure how errors
+        # grow, and what they leave of the equations makes the difference larger.
+        if is_accurate and run >= 2:
+            break
+        is_fine = run < 2
         is_good, by_defect, by_drift = _holds(
             formula,
             slopes,
             moments,
-            run,
-            pieces,
-            asked.fine_defect,
-            goal,
+            all_breaks[lanes[run], : steps[run] + 1],
+            pieces[lanes[run], : steps[run]],
+            length if is_fine else other_length,
+            largest if is_fine else other_largest,
+            asked.fine_defect if is_fine else asked.coarse_defect,
+            goal if is_fine else math.inf,
             is_accurate,
             error,
             reference,
             stray,
         )
         if not is_good:
-            return OPEN, breaks, series, found
-        defect, drift = max(defect, by_defect), max(drift, by_drift)
-        run, pieces = (other_back, other_before) if side == 0 else (other_forth, other_after)
-        is_good, _, _ = _holds(
-            formula,
-            slopes,
-            moments,
-            run,
-            pieces,
-            asked.coarse_defect,
-            math.inf,
-            False,
-            math.inf,
-            reference,
-            stray,
-        )
-        if not is_good:
-            return OPEN, breaks, series, found
+            return OPEN, breaks, series, length
+        if is_fine:
+            defect, drift = max(defect, by_defect), max(drift, by_drift)
     found[0], found[1], found[2], found[3] = error, difference, energy, stray
     found[4], found[5] = defect, drift
-    return (HELD if is_accurate else INACCURATE), breaks, series, found
+    return (HELD if is_accurate else INACCURATE), breaks, series, length
