@@ -14,7 +14,7 @@ MOST = 64
 """Objects of which something is kept."""
 
 
-class Kept(Generic[Given, Made]):
+class Remembering(Generic[Given, Made]):
     """A function of one immutable object that remembers its last answers."""
 
     def __init__(self, make: Callable[[Given], Made]) -> None:

@@ -20,7 +20,8 @@ ERRORS = {
 HARMLESS: dict[str, str] = {
     "angular_part/doubles.py: tail > RESOLVED * largest": "the integral itself is NaN then, and stays it",
     "atlas/periods.py: change < error": "a sum that is NaN is no improvement, and is not taken",
-    "general/steps.py: tail > INVISIBLE * largest": "a run ends before a step whose series is not finite",
+    "general/steps.py: tail > INVISIBLE * top": "a run ends before a step whose series is not finite",
+    "integrals/drifts.py: departure <= drift": "what is not known makes the drift NaN, and so it stays",
     "integration/twin.py: run.reached > 0.0": "a time, whose sign is asked",
     "integration/followed.py: run.reached > 0.0": "the same",
     "solvers/errors.py: period.error >= 0.0": "its sign is asked, before it is held against the tolerance",
@@ -33,10 +34,6 @@ _RETURNED = "what is not below infinity has been returned as NaN before"
 HARMLESS_MAXIMA: dict[str, str] = {
     "general/held.py: max(defect, size)": _RETURNED,
     "general/held.py: max(drift, far)": "of states that are explained, which those with NaN are not",
-    "general/sampling.py: max(error, safety * gap + rounding * (size + abs(times[begin + m]) * speed))": (
-        _RETURNED
-    ),
-    "general/sampling.py: max(stray, departure)": _RETURNED,
     "general/twin.py: max(defect, by_defect)": "of runs that hold, which those with NaN do not",
     "general/twin.py: max(drift, by_drift)": "the same",
     "shown/stretches.py: max(defect, size)": _RETURNED,

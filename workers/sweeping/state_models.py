@@ -39,7 +39,7 @@ class Shared:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class PointConstants:
     """The constants of one point."""
 
     shared: Shared
@@ -71,7 +71,7 @@ class SharedModels:
         model = model_of(potential, [path[1:] for path in axes], frozenset())
         return None if model is None else SharedModels(model, problem)
 
-    def row(self, numbers: Sequence[fmpq]) -> Row | None:
+    def row(self, numbers: Sequence[fmpq]) -> PointConstants | None:
         """Return the constants of the potential with these numbers on its axes; None: read its document."""
         values = self._model.values(self._moments, numbers)
         if values is None:
@@ -90,9 +90,9 @@ class SharedModels:
         slopes, other = shared.own.constants(given), shared.other.constants(given)
         if slopes is None or other is None:
             return None
-        return Row(shared, constants, slopes, other)
+        return PointConstants(shared, constants, slopes, other)
 
-    def models(self, rows: Sequence[Row]) -> Models:
+    def models(self, rows: Sequence[PointConstants]) -> Models:
         """Return the models of points of one structure."""
         shared = rows[0].shared
         gradient, count = shared.own.gradient, len(rows)

@@ -35,7 +35,7 @@ from workers.sweeping.family import has_symbol
 from workers.sweeping.plan import place_in_state
 from workers.sweeping.points import SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.solved import SolvedBlock
-from workers.sweeping.state_models import Row, SharedModels
+from workers.sweeping.state_models import PointConstants, SharedModels
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -125,7 +125,7 @@ class StateSolver:
             if integrator is None or integrator.structure is None:
                 return []
             return [_Group(places, np.zeros(len(places), dtype=np.int64), integrator.models)]
-        rows: dict[int, tuple[list[int], list[Row]]] = {}
+        rows: dict[int, tuple[list[int], list[PointConstants]]] = {}
         others: dict[object, tuple[list[int], list[CompiledIntegrator]]] = {}
         for place in places.tolist():
             row = self._row(points, place)
@@ -144,7 +144,7 @@ class StateSolver:
             groups += [_group(members, self._shared.models(known)) for members, known in rows.values()]
         return groups
 
-    def _row(self, points: SweptPoints, place: int) -> Row | None:
+    def _row(self, points: SweptPoints, place: int) -> PointConstants | None:
         """Return the constants of a point whose potential needs no document."""
         if self._shared is None:
             return None

@@ -10,7 +10,7 @@ from flint import arb, ctx, fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.keeping import Kept
+from service.dynamics.keeping import Remembering
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from workers.solvers.compiled.records import LOOP, Loop, Records, copied
 from workers.solvers.compiled.windows.arcs import AUTOMATIC, EQUATOR, POINT, REST
@@ -164,7 +164,7 @@ def _numbers_of(body: RigidBody) -> _OfBody | None:
     return _OfBody(float(A / C), float(C / ((A - C) * A)), mirrored, body.A == 2 * body.C)
 
 
-_of_body = Kept(_numbers_of)
+_of_body = Remembering(_numbers_of)
 
 
 def _start(motion: PlanarMotion) -> tuple[int, float, float, float] | None:

@@ -143,21 +143,6 @@ class Quest:
             is_last=local_tolerance == tolerances(integrator, self.tolerance)[-1],
         )
 
-    def by_kernels(
-        self, integrator: Integrator, state: FloatArray, neighbour: FloatArray
-    ) -> "Held | IntegrationError | float | None":
-        """Return what :func:`integrate_state` finds where kernels settle all of it; None where not.
-
-        A number is the smallest error that was reached, where that is larger than the tolerance.
-        """
-        reached = np.inf
-        for local_tolerance in tolerances(integrator, self.tolerance):
-            held = self.try_kernels(integrator, state, neighbour, local_tolerance)
-            if not isinstance(held, float):
-                return held
-            reached = min(reached, held)
-        return reached
-
 
 def quest_of(times: FloatArray, tolerance: float) -> Quest:
     """Return the quest for the motions at all ``times``."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.formula.tape import Instruction, Tape
 from service.dynamics.formula.tree import VARIABLES
-from service.dynamics.keeping import Kept
+from service.dynamics.keeping import Remembering
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -102,5 +102,5 @@ def _none_yet(_: Sequence[Instruction]) -> dict[int, tuple[Program, FloatArray]]
     return {}
 
 
-_PLAIN = Kept(_none_yet)
+_PLAIN = Remembering(_none_yet)
 """Programs of tapes without further variables: of their instructions, by the result."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
 from service.dynamics.defect.evidence import FINEST, GOAL, Shown
-from service.dynamics.keeping import Kept
+from service.dynamics.keeping import Remembering
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.solution.dense_output import DenseOutput
@@ -87,7 +87,7 @@ def _moments(body: RigidBody) -> FloatArray:
     return np.array(moments)
 
 
-_moments_of = Kept(_moments)
+_moments_of = Remembering(_moments)
 
 
 def _reference(energy: Estimate) -> FloatArray:
