@@ -9,22 +9,18 @@ import pytest
 
 from service.jobs.batching import BatchSize
 from service.jobs.job import Claim
-from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.sandbox import Sandbox
-from service.storage.database.ids import new_id
-from service.storage.jobs.job_store import SqlJobStore
 from tests.workers import chores
+from tests.workers.process.together import LIMITS, Together
 from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
 from workers.process.batches import Ledger, compute_in_turn
 from workers.process.limits import JobLimits
-from workers.process.runner import Runner
 from workers.process.runs import shared_out
 
 pytestmark = pytest.mark.any_database
 TOGETHER = 5
-LIMITS = JobLimits(lease_seconds=3600.0, job_seconds=3600.0, memory_mb=300, max_attempts=3, retry_seconds=0)
 
 
 class FiveAtOnce(BatchSize):
@@ -43,39 +39,6 @@ def sandbox():
     sandbox.start()
     yield sandbox
     sandbox.close()
-
-
-class Together:
-    """A runner that takes five jobs at a time, whose loop is the test's."""
-
-    def __init__(self, jobs: SqlJobStore, sandbox: Sandbox, limits: JobLimits) -> None:
-        self.jobs = jobs
-        self.runner = Runner(
-            jobs, sandbox, chores.CHORES, name="worker", slots=1, limits=limits, wake=lambda: None
-        )
-        self.batches: list[int] = []
-        self.told: list[str] = []
-
-    def submit(self, *problems: dict) -> list[str]:
-        made = self.jobs.submit_many([(problem, new_id()) for problem in problems], lane=Lane.LIST)
-        return [job.id for job in made]
-
-    def turn(self) -> None:
-        self.told += self.runner.collect(refill=True)
-        self.runner.keep_leases()
-        self.runner.reconcile()
-        self.told += self.runner.fill()
-
-    def finish(self, ids: list[str]) -> list[JobState]:
-        def are_finished() -> bool:
-            self.turn()
-            return all(self.jobs.get(job_id).is_finished for job_id in ids)
-
-        wait_until(are_finished)
-        return [self.jobs.get(job_id).state for job_id in ids]
-
-    def outcomes(self, job_id: str) -> list[AttemptOutcome]:
-        return [attempt.outcome for attempt in self.jobs.attempts(job_id)]
 
 
 @pytest.fixture
