@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 from flint import arb, ctx, fmpq
@@ -84,19 +83,35 @@ def with_rests(frame: Frame, body: RigidBody, lambdas_squared: Sequence[fmpq]) -
 
     The logarithms are those of :meth:`Frame.loops`, each with its own rest.
     """
-    mirrored = bool(frame.loop.mirrored)
-    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
-    loops = frame.loops([logarithm_of(square) for square in lambdas_squared])
-    alpha, factor = A / C, C / ((A - C) * A)
-    loops["alpha_low"] = float(alpha - Fraction(float(frame.loop.alpha)))
-    loops["factor_low"] = float(factor - Fraction(float(frame.loop.factor)))
+    mirrored = body.A < body.C
+    alpha, factor = _ratios(body)
+    logarithms = [logarithm_of(square) for square in lambdas_squared]
+    loops = frame.loops(logarithms)
+    loops["alpha_low"], loops["factor_low"] = _rest(*alpha), _rest(*factor)
+    known = loops["log_lambda"].tolist() if mirrored else logarithms
     with ctx.workprec(REST_BITS):
-        turned = arb(-1) / (2 * arb(fmpq(alpha.numerator, alpha.denominator))) if mirrored else arb(1) / 2
+        turned = arb(fmpq(-alpha[1], 2 * alpha[0])) if mirrored else arb(0.5)
         loops["log_lambda_low"] = [
-            float(arb(square).log() * turned - known)
-            for square, known in zip(lambdas_squared, loops["log_lambda"].tolist(), strict=True)
+            float(arb(square).log() * turned - rounded)
+            for square, rounded in zip(lambdas_squared, known, strict=True)
         ]
     return loops
+
+
+def _ratios(body: RigidBody) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return A/C and C/((A − C) A), A > C, each as two integers, which Python divides with one rounding.
+
+    Fractions would look for common factors at each of the steps.
+    """
+    A, C = (body.C, body.A) if body.A < body.C else (body.A, body.C)
+    a, b, c, d = A.numerator, A.denominator, C.numerator, C.denominator
+    return (a * d, b * c), (c * b * b, (a * d - b * c) * a)
+
+
+def _rest(numerator: int, denominator: int) -> float:
+    """Return what the double nearest to a quotient leaves out."""
+    n, d = (numerator / denominator).as_integer_ratio()
+    return (numerator * d - n * denominator) / (denominator * d)
 
 
 def logarithm_of(square: fmpq) -> float:
@@ -114,12 +129,12 @@ def make_frame(body: RigidBody, motion: PlanarMotion) -> Frame | None:
     if window < -1 or start is None:
         return None
     mirrored = body.A < body.C
-    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
-    alpha, logarithm = float(A / C), 0.5 * math.log(motion.lambda_squared)
+    (ratio, factor), logarithm = _ratios(body), 0.5 * math.log(motion.lambda_squared)
+    alpha = ratio[0] / ratio[1]
     shared = copied(_EMPTY)
     # Its items: numpy takes several times longer for attributes.
     loop = shared[0]
-    loop["alpha"], loop["factor"], loop["mirrored"] = alpha, float(C / ((A - C) * A)), mirrored
+    loop["alpha"], loop["factor"], loop["mirrored"] = alpha, factor[0] / factor[1], mirrored
     loop["sign1"] = motion.g3_sign if mirrored else motion.sign_of_g1
     loop["half"] = motion.sign_of_g1 if mirrored else motion.g3_sign
     loop["window"] = window

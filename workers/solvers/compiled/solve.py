@@ -87,7 +87,8 @@ def is_kept(bounds: Bounds, period: FloatLike, period_error: FloatLike) -> NDArr
     One that has not may have them from exact roots.
     """
     is_lasting = np.asarray(period_error) <= LASTING * np.asarray(period)
-    return np.asarray(bounds.time * bounds.speed + bounds.rate * bounds.largest <= KEPT) & is_lasting
+    within = bounds.time * bounds.speed + bounds.moved + bounds.rate * bounds.largest
+    return np.asarray(within <= KEPT) & is_lasting
 
 
 def _only_one(potential: Potential, run: BatchResult) -> SpectralMotion | None:
@@ -147,6 +148,6 @@ def _time_of_one_ulp(panels: Records, u: float) -> float:
 
 
 def _motion(potential: Potential, period: Period, run: BatchResult) -> SpectralMotion:
-    _, _, _, error, speed, largest, rate = run.found[0].item()
-    bounds = Bounds(error, speed, rate, largest)
+    _, _, _, error, speed, largest, rate, moved = run.found[0].item()
+    bounds = Bounds(error, speed, rate, largest, moved)
     return SpectralMotion(period, run.loops, copied(run.panels), bounds, potential)

@@ -43,6 +43,24 @@ def last_coefficients(series: FloatArray) -> float:
 
 
 @inlined
+def coefficients_after(series: FloatArray) -> float:
+    """Return the size of the coefficients that follow, counted as they are interpolated: what is left out.
+
+    Where pairs of coefficients fall by r from one to the next, those that follow add up to 4r/(1 − r) of the
+    last at most, each counted twice, as what is interpolated has it. More than the last is not said of them.
+    Evidence, no bound.
+    """
+    last = larger(abs(series[NODES - 1]), abs(series[NODES - 2]))
+    before = larger(abs(series[NODES - 3]), abs(series[NODES - 4]))
+    first = larger(abs(series[NODES - 5]), abs(series[NODES - 6]))
+    tail = last_coefficients(series)
+    if not (last < 0.2 * before and before < 0.2 * first):
+        return tail
+    falls = larger(last / before, before / first)
+    return tail * 4.0 * falls / (1.0 - falls)
+
+
+@inlined
 def distance(panel: Panel, x: float) -> float:
     """Return the distance to the anchor at x; exact next to an anchor at one of the ends."""
     return float(0.5 * (panel.low * (1.0 - x) + panel.high * (1.0 + x)))
@@ -78,3 +96,13 @@ def series_at(panel: Panel, x: float) -> tuple[float, float]:
         b1, b2 = (panel.times[k] - b2) + twice * b1, b1
         c1, c2 = (panel.slopes[k] - c2) + twice * c1, c1
     return panel.times[0] + x * b1 - b2, panel.slopes[0] + x * c1 - c2
+
+
+@inlined
+def slope_at(panel: Panel, x: float) -> float:
+    """Return dt/dx at x alone, with the bits that :func:`series_at` has."""
+    twice = 2.0 * x
+    c1, c2 = 0.0, 0.0
+    for k in range(NODES - 1, 0, -1):
+        c1, c2 = (panel.slopes[k] - c2) + twice * c1, c1
+    return float(panel.slopes[0] + x * c1 - c2)
