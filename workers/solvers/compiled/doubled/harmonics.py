@@ -28,10 +28,13 @@ from workers.solvers.compiled.doubled.arithmetic import (
 )
 from workers.solvers.compiled.doubled.curve import (
     ANGLE,
+    BELOW,
+    COSINE,
     RADICAND,
-    WIDTH,
+    SLOPED,
+    SQUARE,
     DoubledCurve,
-    radicands_doubled,
+    quotients_doubled,
     roundings_of,
 )
 from workers.solvers.compiled.kernels import fused, kernel
@@ -76,14 +79,16 @@ def rates_doubled(
 ) -> None:
     """Fill in dt/du, a column and its rest, at places whose v is known."""
     numerator = multiply((math.pi, REST_OF_PI), curve.z)
-    radicands_doubled(formula, loop, curve, sheet, count)
+    quotients_doubled(formula, loop, curve, sheet, count)
     for m in range(count):
         at = (sheet[ANGLE, m], sheet[ANGLE + 1, m])
-        near, far = subtract(at, ends[0]), subtract(ends[1], at)
-        radicand = (sheet[RADICAND, m], sheet[RADICAND + 1, m])
-        rate = multiply(numerator, root(divide(multiply(near, far), radicand)))
-        rate = divide(rate, (sheet[WIDTH, m], sheet[WIDTH + 1, m]))
-        rates[m, 0], rates[m, 1] = rate
+        cosine = (sheet[COSINE, m], sheet[COSINE + 1, m])
+        both = multiply(subtract(at, ends[0]), subtract(ends[1], at))
+        # 1/c² = cos² v/g2²: of all quotients there is one left.
+        above = multiply(multiply(both, multiply(cosine, cosine)), (sheet[BELOW, m], sheet[BELOW + 1, m]))
+        square = (sheet[SQUARE, m], sheet[SQUARE + 1, m])
+        below = multiply((sheet[SLOPED, m], sheet[SLOPED + 1, m]), square)
+        rates[m, 0], rates[m, 1] = multiply(numerator, root(divide(above, below)))
 
 
 @kernel

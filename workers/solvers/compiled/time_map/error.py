@@ -9,26 +9,32 @@ from workers.solvers.compiled.desk import POINTS, Places
 from workers.solvers.compiled.evaluation.curve import place, radicands_with_bounds
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula, Loop, Panel, Records
-from workers.solvers.compiled.time_map.series import at, coefficients_after, distance, larger
+from workers.solvers.compiled.time_map.series import distance, larger, slope_at
 
 FloatArray = NDArray[np.float64]
 
 EPSILON = 2.0**-52
 TIME_ULPS = 1.5
 """Roundings of a time on a panel, in 2^-52 of its length: of the difference, the series, and the step."""
-INSIDE, ACROSS = 0.25, 1.0 / 32.0
-"""What a series that is not proved leaves out of t at a place of its panel, and of its length, in
-coefficients that follow. In the nodes T_k is T_(32−k) with the other sign, k > 16, and T_16 is 0: t is off by
-0.067 at most with T_16, by 0.13 with the others, and by 0.008 to 0.04 at the end. With coefficients that fall
-by 0.7 at least from one to the next, these sums are 0.25 and 0.02 of the last one."""
+SEEN = 4.0
+"""Times the largest departure of a series from the formula at the places of its panel, noise left out."""
+INSIDE, ACROSS = 0.25, 0.125
+"""What the departure of a series that is not proved makes of a time on its panel, and of its length, against
+both: it is T_16 times what is smooth. In the nodes T_k is −T_(32−k), k > 16, and T_16 is 0:
+t is off by 0.067 at most with T_16, by 0.13 with the others, and by 0.008 to 0.04 at the end if coefficients
+fall by 0.7 from one to the next; with fractional powers they fall off slowly, but as k^-3 at least."""
 EACH = 4
-"""Of a panel, where the rounding is looked at: three for t, the last for dt/du."""
+"""Of a panel, where the rounding is looked at, three for t, the last for dt/du, and the series."""
+WHOLE = tuple(math.cos(math.pi * j / 16) for j in (13, 8, 3, 10))
+HALF = tuple(math.cos(math.pi * j / 16) for j in (7, 5, 2, 6))
+"""Those places, at which |T_16| is 1: on the whole of −1 ≤ x ≤ 1, and on one half of it."""
 
 
 @kernel
 def _place_of(panel: Panel, k: int) -> float:
-    share = 0.37 if k == EACH - 1 else 0.09 + 0.4 * k
-    return float(panel.first + (panel.last - panel.first) * share)
+    if panel.last - panel.first == 2.0:
+        return WHOLE[k]
+    return HALF[k] if panel.last > 0.0 else -HALF[k]
 
 
 @kernel
@@ -76,6 +82,23 @@ def _bounds_at_ends(formula: Formula, loop: Loop, places: Places) -> tuple[float
     return places.bound[0], places.bound[1]
 
 
+@inlined
+def _departure(loop: Loop, panel: Panel, places: Places, row: int) -> float:
+    """Return what is to be counted of the departure of a series from dt/du, against that."""
+    half, numerator = 0.5 * (panel.high - panel.low), math.pi * loop.z
+    off = 0.0
+    for k in range(row, row + EACH):
+        K = places.radicand[k]
+        if not loop.rotates:
+            K /= places.below[k] * places.above[k]
+        rate = numerator / (places.c[k] * math.sqrt(K)) if K > 0.0 else math.nan
+        seen = abs(slope_at(panel, _place_of(panel, k - row)) / (half * rate) - 1.0)
+        # What noise hides counts once, what is beyond it several times.
+        noise = places.noise[k]
+        off = larger(off, min(seen, noise) + SEEN * max(seen - noise, 0.0) if seen == seen else math.nan)
+    return off
+
+
 @kernel
 def map_error(
     formula: Formula,
@@ -115,11 +138,10 @@ def map_error(
                 error += inside[n]
                 worst = larger(worst, places.noise[row + EACH - 1] + panel.proved)
                 continue
-            tail = coefficients_after(panel.slopes)
-            inside[n] = rough * panel.length + INSIDE * tail
-            error += rough * panel.length + ACROSS * tail
-            _, smallest = at(panel, _place_of(panel, EACH - 1))
-            worst = larger(worst, places.noise[row + EACH - 1] + 2.0 * tail / smallest)
+            off = _departure(loop, panel, places, row)
+            inside[n] = (rough + INSIDE * off) * panel.length
+            error += (rough + ACROSS * off) * panel.length
+            worst = larger(worst, places.noise[row + EACH - 1] + off)
     return error, worst
 
 

@@ -43,24 +43,6 @@ def last_coefficients(series: FloatArray) -> float:
 
 
 @inlined
-def coefficients_after(series: FloatArray) -> float:
-    """Return the size of the coefficients that follow, counted as they are interpolated: what is left out.
-
-    Where pairs of coefficients fall by r from one to the next, those that follow add up to 4r/(1 − r) of the
-    last at most, each counted twice, as what is interpolated has it. More than the last is not said of them.
-    Evidence, no bound.
-    """
-    last = larger(abs(series[NODES - 1]), abs(series[NODES - 2]))
-    before = larger(abs(series[NODES - 3]), abs(series[NODES - 4]))
-    first = larger(abs(series[NODES - 5]), abs(series[NODES - 6]))
-    tail = last_coefficients(series)
-    if not (last < 0.2 * before and before < 0.2 * first):
-        return tail
-    falls = larger(last / before, before / first)
-    return tail * 4.0 * falls / (1.0 - falls)
-
-
-@inlined
 def distance(panel: Panel, x: float) -> float:
     """Return the distance to the anchor at x; exact next to an anchor at one of the ends."""
     return float(0.5 * (panel.low * (1.0 - x) + panel.high * (1.0 + x)))
