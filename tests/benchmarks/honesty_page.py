@@ -48,7 +48,7 @@ MEASURED = """## What is measured
   of the period is told from how the last ones fall, with half the decades that they fall counted; each panel
   is held against the formula, with twice the digits, at one place, and four times the largest departure
   counts.
-* **How fast variables change**, by which errors of times become errors of samples: differences of neighbouring
+* **How fast variables change**, by which times that are off make samples be off: differences of neighbouring
   places, eight to a panel, and a quarter more. Each panel has its own.
 * **Potentials given by an integral**, which no complex ball can enter: windows are those of a scan, and
   panels are judged by the decay of their series.

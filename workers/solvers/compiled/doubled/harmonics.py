@@ -156,6 +156,7 @@ def _largest_of(folded: FloatArray, number: int, end: int) -> float:
 def _fill_series(folded: FloatArray, number: int, mean: Twice, series: FloatArray, times: FloatArray) -> None:
     """Fill in all harmonics a_k, as doubles, and a_k/(kπ) with twice the digits, a row and its rest."""
     stride, last = MOST // number, 4 * MOST
+    share = divide((2.0, 0.0), (float(number), 0.0))
     series[0] = mean[0]
     for k in range(1, number):
         row, total, rest = 2 * (k % 2), 0.0, 0.0
@@ -168,15 +169,15 @@ def _fill_series(folded: FloatArray, number: int, mean: Twice, series: FloatArra
             rest += left
             t += step
             t -= last if t >= last else 0
-        part = quick_sum(2.0 * total / number, 2.0 * rest / number)
+        part = multiply(quick_sum(total, rest), share)
         series[k] = part[0]
         times[0, k], times[1, k] = multiply(part, (OVER[k, 0], OVER[k, 1]))
 
 
 @kernel
-def time_of(times: FloatArray, length: int, mean: Twice, parts: int) -> Twice:
-    """Return the time from u = 0 to so many of 2 MOST parts of the whole, by the series of the rate."""
-    total = scale(mean, parts / (2 * MOST))
+def time_of(times: FloatArray, length: int, mean: Twice, u: float) -> Twice:
+    """Return the time from 0 to ``u``, a multiple of 1/256, by the series of the rate."""
+    total, parts = scale(mean, u), int(2 * MOST * u)
     # sin kπu = cos(kπu − π/2).
     t = 3 * MOST
     high, rest = total

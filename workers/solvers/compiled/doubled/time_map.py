@@ -127,7 +127,7 @@ def _set_starts(
         u = 0.5 * panel.anchor + (0.0 if panel.first == 0.0 else panel.low)
         parts, before = 2 * MOST * u, 0.0
         if parts == math.floor(parts):
-            panel.start, panel.start_lo = time_of(times, length, mean, int(parts))
+            panel.start, panel.start_lo = time_of(times, length, mean, u)
         else:
             one = panels[n - 1]
             panel.start, panel.start_lo = add((one.start, one.start_lo), (one.length, 0.0))

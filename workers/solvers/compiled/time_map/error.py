@@ -18,16 +18,20 @@ TIME_ULPS = 1.5
 """Roundings of a time on a panel, in 2^-52 of its length: of the difference, the series, and the step."""
 SEEN = 4.0
 """Times the largest departure of a series from the formula at the places of its panel, noise left out."""
-INSIDE, ACROSS = 0.25, 0.125
+INSIDE, ACROSS = 1.0 / 8.0, 1.0 / 32.0
 """What the departure of a series that is not proved makes of a time on its panel, and of its length, against
-both: it is T_16 times what is smooth. In the nodes T_k is −T_(32−k), k > 16, and T_16 is 0:
-t is off by 0.067 at most with T_16, by 0.13 with the others, and by 0.008 to 0.04 at the end if coefficients
-fall by 0.7 from one to the next; with fractional powers they fall off slowly, but as k^-3 at least."""
+both. In the nodes T_k is −T_(32−k), k > 16, and T_16 is 0: integrated, T_16 departs by 0.067 at most and by
+0.008 at the end, others to k = 25 by 0.17 and 0.04, the last ones by 0.8 and 0.7. If coefficients fall by 0.7
+at least from one to the next, the sums are 0.15 and 0.02 of the product, with fractional powers, as k^-3, 0.5
+and 0.1; with what is counted of a departure besides, 0.5 and 0.125 are kept."""
 EACH = 4
 """Of a panel, where the rounding is looked at, three for t, the last for dt/du, and the series."""
 WHOLE = tuple(math.cos(math.pi * j / 16) for j in (13, 8, 3, 10))
 HALF = tuple(math.cos(math.pi * j / 16) for j in (7, 5, 2, 6))
 """Those places, at which |T_16| is 1: on the whole of −1 ≤ x ≤ 1, and on one half of it."""
+NEAR = (HALF[0] / 0.09) ** 2
+"""Times the rounding at the first place of half a panel: next to a rest it grows like x^-2, as far as to the
+first node at 0.098."""
 
 
 @kernel
@@ -130,8 +134,8 @@ def map_error(
         _noise(formula, loop, at_ends, places, EACH * (end - begin))
         for n in range(begin, end):
             panel, row = panels[n], EACH * (n - begin)
-            rough = 0.0
-            for k in range(EACH - 1):
+            rough = (NEAR if panel.last - panel.first < 2.0 else 1.0) * places.noise[row] / 3.0
+            for k in range(1, EACH - 1):
                 rough += places.noise[row + k] / 3.0
             if not math.isnan(panel.proved):
                 inside[n] = (rough + panel.proved) * panel.length
