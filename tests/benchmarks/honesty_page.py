@@ -41,7 +41,7 @@ MEASURED = """## What is measured
 * **Roundings in the compiled solvers** (`draft`, `standard`, `high`) are bounded operation by operation; that
   none was forgotten is not proved.
 * **What series leave out in the compiled solvers where V is a sum of powers up to degree 12** (in `draft`,
-  `standard` and sweeps): four times the largest departure from the formula, seen at four places of each
+  `standard` and sweeps): three times the largest departure from the formula, seen at four places of each
   panel where it is largest if what follows the series is smooth. No feature of such a V is narrower than
   the sphere over its degree. The bounds that prove it would cost several times the solver.
 * **The kernel of `high` for such sums** (any A/C, without exact roots): what harmonics of the rate leave out
