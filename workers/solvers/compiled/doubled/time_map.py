@@ -89,7 +89,10 @@ def map_time_doubled(
     is_between = loop.start != 0.0 and loop.start != 1.0 and not (is_symmetric and loop.start == 0.5)
     if is_between:
         loop.start = _start_between(loop, ends)
-    loop.origin, loop.origin_lo = time_at(panels, number, loop.start)
+        loop.origin, loop.origin_lo = time_at(panels, number, loop.start)
+    else:
+        # An end, or the middle: not by way of a panel, whose time is off there.
+        loop.origin, loop.origin_lo = time_of(times, length, mean, loop.start)
     loop.backwards = loop.sense < 0.0
     found.rate_error = worst
     found.speed, found.largest, found.moved = extent(loop, panels, number, desk.moments, astray)

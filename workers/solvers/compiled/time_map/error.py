@@ -77,13 +77,16 @@ def _noise(
 
 @inlined
 def _bounds_at_ends(formula: Formula, loop: Loop, places: Places) -> tuple[float, float]:
-    """Return the bounds of the rounding of P at both ends, which are zeros of it."""
+    """Return bounds of P at both ends, zeros of it if these were no doubles; with roundings.
+
+    Next to a pole, where v is a multiple of π, an end is off by more than what P is rounded by there.
+    """
     if loop.by_roots or loop.rotates:
         return 0.0, 0.0
     places.sine[0], places.cosine[0] = loop.s_lower, loop.c_lower
     places.sine[1], places.cosine[1] = loop.s_upper, loop.c_upper
     radicands_with_bounds(formula, loop, places, 2)
-    return places.bound[0], places.bound[1]
+    return places.bound[0] + abs(places.radicand[0]), places.bound[1] + abs(places.radicand[1])
 
 
 @inlined
