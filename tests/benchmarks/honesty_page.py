@@ -41,12 +41,15 @@ MEASURED = """## What is measured
 * **Roundings in the compiled solvers** (`draft`, `standard`, `high`) are bounded operation by operation; that
   none was forgotten is not proved.
 * **What series leave out in the compiled solvers where V is a sum of powers up to degree 12** (in `draft`,
-  `standard` and sweeps): it is taken from their last coefficients. No feature of such a V is narrower than
+  `standard` and sweeps): three times the largest departure from the formula, seen at four places of each
+  panel where it is largest if what follows the series is smooth. No feature of such a V is narrower than
   the sphere over its degree. The bounds that prove it would cost several times the solver.
 * **The kernel of `high` for such sums** (any A/C, without exact roots): what harmonics of the rate leave out
   of the period is told from how the last ones fall, with half the decades that they fall counted; each panel
   is held against the formula, with twice the digits, at one place, and four times the largest departure
   counts.
+* **How fast variables change**, by which times that are off make samples be off: differences of neighbouring
+  places, eight to a panel, and a quarter more. Each panel has its own.
 * **Potentials given by an integral**, which no complex ball can enter: windows are those of a scan, and
   panels are judged by the decay of their series.
 * **The method `integration`**, and with it cross-checks and motions from any state: the error is the

@@ -92,7 +92,7 @@ def solve_batch(batch: Batch) -> BatchResult:
 
 def bounds_of(found: Records) -> Bounds:
     """Return what the errors of samples are made of."""
-    return Bounds(found["time_error"], found["speed"], found["rate_error"], found["largest"])
+    return Bounds(found["time_error"], found["speed"], found["rate_error"], found["largest"], found["moved"])
 
 
 def errors_of(found: Records, latest: FloatArray | float) -> FloatArray:

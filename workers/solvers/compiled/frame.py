@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
 
 import numpy as np
 from flint import arb, ctx, fmpq
@@ -85,19 +84,35 @@ def with_rests(frame: Frame, body: RigidBody, lambdas_squared: Sequence[fmpq]) -
 
     The logarithms are those of :meth:`Frame.loops`, each with its own rest.
     """
-    mirrored = bool(frame.loop.mirrored)
-    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
-    loops = frame.loops([logarithm_of(square) for square in lambdas_squared])
-    alpha, factor = A / C, C / ((A - C) * A)
-    loops["alpha_low"] = float(alpha - Fraction(float(frame.loop.alpha)))
-    loops["factor_low"] = float(factor - Fraction(float(frame.loop.factor)))
+    mirrored = body.A < body.C
+    alpha, factor = _ratios(body)
+    logarithms = [logarithm_of(square) for square in lambdas_squared]
+    loops = frame.loops(logarithms)
+    loops["alpha_low"], loops["factor_low"] = _rest(*alpha), _rest(*factor)
+    known = loops["log_lambda"].tolist() if mirrored else logarithms
     with ctx.workprec(REST_BITS):
-        turned = arb(-1) / (2 * arb(fmpq(alpha.numerator, alpha.denominator))) if mirrored else arb(1) / 2
+        turned = arb(fmpq(-alpha[1], 2 * alpha[0])) if mirrored else arb(0.5)
         loops["log_lambda_low"] = [
-            float(arb(square).log() * turned - known)
-            for square, known in zip(lambdas_squared, loops["log_lambda"].tolist(), strict=True)
+            float(arb(square).log() * turned - rounded)
+            for square, rounded in zip(lambdas_squared, known, strict=True)
         ]
     return loops
+
+
+def _ratios(body: RigidBody) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return A/C and C/((A − C) A), A > C, each as two integers, which Python divides with one rounding.
+
+    Fractions would look for common factors at each of the steps.
+    """
+    A, C = (body.C, body.A) if body.A < body.C else (body.A, body.C)
+    a, b, c, d = A.numerator, A.denominator, C.numerator, C.denominator
+    return (a * d, b * c), (c * b * b, (a * d - b * c) * a)
+
+
+def _rest(numerator: int, denominator: int) -> float:
+    """Return what the double nearest to a quotient leaves out."""
+    n, d = (numerator / denominator).as_integer_ratio()
+    return (numerator * d - n * denominator) / (denominator * d)
 
 
 def logarithm_of(square: fmpq) -> float:
@@ -159,9 +174,8 @@ def _numbers_of(body: RigidBody) -> _OfBody | None:
     """Return what kernels know of a body, None where A = C."""
     if body.A == body.C:
         return None
-    mirrored = body.A < body.C
-    A, C = (body.C, body.A) if mirrored else (body.A, body.C)
-    return _OfBody(float(A / C), float(C / ((A - C) * A)), mirrored, body.A == 2 * body.C)
+    (alpha, factor), mirrored = _ratios(body), body.A < body.C
+    return _OfBody(alpha[0] / alpha[1], factor[0] / factor[1], mirrored, body.A == 2 * body.C)
 
 
 _of_body = Remembering(_numbers_of)

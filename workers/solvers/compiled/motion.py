@@ -24,8 +24,6 @@ FloatLike = float | FloatArray
 ALL = np.arange(6)
 PIECES = 128
 """Of a dense output; a motion that needs more is resolved without this much haste."""
-TIME_ULPS = 1.5
-"""Roundings of a reduced time, in 2^-52 of the period: of the origin, the sum and the series."""
 FORMULA_ULPS = 6.0
 """Roundings of a variable once the phase is known, in 2^-52 of itself."""
 
@@ -35,22 +33,23 @@ class Bounds:
     """What the error of a sample is made of; numbers, or arrays for many motions."""
 
     time: FloatLike
-    """Of t(u) within one period."""
+    """Of t(u) within one period, wherever it is."""
     speed: FloatLike
     """Largest time derivative of any variable."""
     rate: FloatLike
     """Relative, of dt/du, which p and r inherit."""
     largest: FloatLike
     """Largest |p| or |r|."""
+    moved: FloatLike
+    """Error of a variable by what times are off besides, where they are off: a product at each place."""
 
     def error_at(self, latest: FloatLike, length: FloatLike, uncertainty: FloatLike) -> FloatArray:
         """Return the bound of any variable's error up to |t| = ``latest``, the period being known so well."""
         turns = latest / length
-        # A time in doubles, and turns times the rounding of the period's two doubles.
-        rounding = TIME_ULPS * EPSILON * length + turns * length * EPSILON**2
-        late = self.time + uncertainty * turns + rounding
+        # Turns times the rounding of the period's two doubles.
+        late = self.time + uncertainty * turns + turns * length * EPSILON**2
         ulps = FORMULA_ULPS * EPSILON
-        return np.asarray(late * self.speed + (self.rate + ulps) * self.largest + ulps)
+        return np.asarray(late * self.speed + self.moved + (self.rate + ulps) * self.largest + ulps)
 
 
 @dataclass(frozen=True, slots=True)

@@ -175,13 +175,15 @@ class Found:
     period: float
     period_error: float
     time_error: float
-    """Of a time within one period."""
+    """Of a time within one period, at the start of each panel."""
     speed: float
     """Largest time derivative of any variable."""
     largest: float
     """Largest |p| or |r|."""
     rate_error: float
     """Relative, of dt/du."""
+    moved: float
+    """Error of a variable by what times are off besides, each on its panel."""
 
 
 def layout(view: type, **shapes: int | tuple[int, ...]) -> np.dtype[np.void]:

@@ -87,15 +87,16 @@ def is_kept(bounds: Bounds, period: FloatLike, period_error: FloatLike) -> NDArr
     One that has not may have them from exact roots.
     """
     is_lasting = np.asarray(period_error) <= LASTING * np.asarray(period)
-    return np.asarray(bounds.time * bounds.speed + bounds.rate * bounds.largest <= KEPT) & is_lasting
+    within = bounds.time * bounds.speed + bounds.moved + bounds.rate * bounds.largest
+    return np.asarray(within <= KEPT) & is_lasting
 
 
 def _only_one(potential: Potential, run: BatchResult) -> SpectralMotion | None:
-    about, loop = run.found[0], run.loops[0]
-    if not about["panels"]:
+    # All of its numbers at once: numpy takes several times longer for single ones.
+    panels, period, period_error, *_ = run.found[0].item()
+    if not panels:
         return None
-    period = Period(float(about["period"]), float(loop["period_lo"]), float(about["period_error"]))
-    return _motion(potential, period, run)
+    return _motion(potential, Period(period, float(run.loops[0]["period_lo"]), period_error), run)
 
 
 def solve_rational(
@@ -147,6 +148,6 @@ def _time_of_one_ulp(panels: Records, u: float) -> float:
 
 
 def _motion(potential: Potential, period: Period, run: BatchResult) -> SpectralMotion:
-    _, _, _, error, speed, largest, rate = run.found[0].item()
-    bounds = Bounds(error, speed, rate, largest)
+    _, _, _, error, speed, largest, rate, moved = run.found[0].item()
+    bounds = Bounds(error, speed, rate, largest, moved)
     return SpectralMotion(period, run.loops, copied(run.panels), bounds, potential)

@@ -11,7 +11,7 @@ from workers.solvers.compiled.doubled.time_map import map_time_doubled
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula, Found, Loop, Records, Start
-from workers.solvers.compiled.time_map.error import map_error
+from workers.solvers.compiled.time_map.error import add_roundings, map_error
 from workers.solvers.compiled.time_map.proved import build_time_map
 from workers.solvers.compiled.time_map.sampling import extent, sample
 from workers.solvers.compiled.time_map.series import time_at
@@ -108,10 +108,12 @@ def map_time(
     loop.period_hi, loop.period_lo = turns * length, 0.0
     loop.origin, loop.origin_lo = time_at(panels, number, loop.start)
     loop.backwards = loop.sense < 0.0
-    error, found.rate_error = map_error(formula, loop, panels, number, desk.places)
-    found.speed, found.largest = extent(loop, panels, number, desk.moments)
+    astray = np.empty(number)
+    error, found.rate_error = map_error(formula, loop, panels, number, desk.places, astray)
+    add_roundings(panels, number, astray)
+    found.speed, found.largest, found.moved = extent(loop, panels, number, desk.moments, astray)
     found.period, found.period_error, found.time_error = loop.period_hi, turns * error, turns * error
-    if found.period_error < math.inf and found.speed < math.inf and found.rate_error < math.inf:
+    if found.period_error < math.inf and found.speed < math.inf and found.rate_error + found.moved < math.inf:
         found.panels = number
 
 
@@ -156,7 +158,7 @@ def solve_sets(
             loop.z, loop.g = equator_of(loop.alpha, loop.log_lambda)
             loop.start, loop.sense = find_orbit(formula, loop, desk)
         found.panels, found.period, found.period_error, found.time_error = 0, math.nan, math.nan, math.nan
-        found.speed, found.largest, found.rate_error = math.nan, math.nan, math.nan
+        found.speed, found.largest, found.rate_error, found.moved = math.nan, math.nan, math.nan, math.nan
         if loop.start == loop.start and len(lows):
             map_time_doubled(formula, loop, tolerance, panels, desk, found)
         elif loop.start == loop.start:

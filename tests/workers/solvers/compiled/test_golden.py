@@ -7,7 +7,7 @@ from flint import arb, ctx
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from tests.support.golden import GOLDEN
 from tests.support.planar import body, formula
-from workers.solvers.compiled.solve import solve_spectral
+from workers.solvers.compiled.solve import LASTING, solve_spectral
 
 RATIONAL = ("G1", "G2", "G4", "G6")
 NU_1 = PlanarMotion(None, nu=Fraction(1))
@@ -105,8 +105,10 @@ def test_periods_next_to_a_pole_that_is_not_passed_have_all_digits(digits, side)
     a = (-1) ** side * Fraction(1, 10**digits)
     motion = solve_spectral(rigid_body, formula(f"({a})*g1 - (g1^2-g2^2)", rigid_body), NU_1, tier="high")
     assert motion.ends == (("rest", "equator"), ("pole", "equator"))[side]
-    # 31 digits are given of one of them.
-    assert off(motion.period, POLE[digits][side], trips=2) <= 1e-30
+    # 31 digits are given of one of them; the kernel that keeps a motion without its roots claims fewer, of a
+    # period that is good for 1e8 of them.
+    claimed = 1e-30 if motion.loop.by_roots else motion.period.error
+    assert off(motion.period, POLE[digits][side], trips=2) <= claimed <= LASTING * motion.period.hi
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,16 @@ from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
 from workers.solvers.compiled.batch import TOLERANCES, Batch, solve_batch
 from workers.solvers.compiled.desk import DESK
+from workers.solvers.compiled.evaluation.curve import place, rates
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.records import MAX_PANELS, NODES, PANEL, new_records
 from workers.solvers.compiled.solve_set import new_formula
-from workers.solvers.compiled.time_map.error import larger, map_error
+from workers.solvers.compiled.time_map.error import add_roundings, larger, map_error
 from workers.solvers.compiled.time_map.panels import MATRIX
 from workers.solvers.compiled.time_map.proved import build_time_map
 from workers.solvers.compiled.time_map.sampling import extent
-from workers.solvers.compiled.time_map.series import POINTS, at, time_at
+from workers.solvers.compiled.time_map.series import POINTS, at, distance, slope_at, time_at
 from workers.solvers.compiled.time_map.truncation import DEGREE, seen_between
 
 DOUBLE = body(2, 1)
@@ -70,13 +71,52 @@ def test_what_is_said_of_the_map_is_found_again(solved):
     panels, desk = new_records(PANEL, MAX_PANELS), new_records(DESK)[0]
     number, _ = build_time_map(worked, run.loops[0], TOLERANCES["standard"], panels, desk)
     assert number == len(run.panels)
-    error, rate_error = map_error(worked, run.loops[0], panels, number, desk.places)
+    astray = np.empty(number)
+    error, rate_error = map_error(worked, run.loops[0], panels, number, desk.places, astray)
+    add_roundings(panels, number, astray)
     found = run.found[0]
     assert (found.rate_error, found.period_error) == (
         rate_error,
         error * (1.0 if run.loops[0].rotates else 2.0),
     )
-    assert (found.speed, found.largest) == extent(run.loops[0], panels, number, desk.moments)
+    said = extent(run.loops[0], panels, number, desk.moments, astray)
+    assert (found.speed, found.largest, found.moved) == said
+
+
+def test_what_times_are_worth_is_a_product_at_a_place(solved):
+    run, _ = solved
+    panels, number, moments = run.panels, len(run.panels), new_records(DESK)[0].moments
+    speed, _, all_alike = extent(run.loops[0], panels, number, moments, np.full(number, 0.5))
+    # Where all panels are off by as much, the place of the largest speed decides.
+    assert all_alike == 0.5 * speed
+    products = [extent(run.loops[0], panels, number, moments, row)[2] for row in np.eye(number)]
+    # A step between places belongs to one panel, to two of them at most where it ends one.
+    assert max(products) == speed
+    assert min(products) < speed
+    assert np.isnan(extent(run.loops[0], panels, number, moments, np.full(number, np.nan))[2])
+
+
+@pytest.mark.parametrize("tier", ["draft", "standard"])
+def test_series_depart_by_no_more_than_what_is_said(solved, tier):
+    run, worked = solved
+    panels, desk = new_records(PANEL, MAX_PANELS), new_records(DESK)[0]
+    loop = run.loops[0]
+    number, _ = build_time_map(worked, loop, TOLERANCES[tier], panels, desk)
+    _, rate_error = map_error(worked, loop, panels, number, desk.places, np.empty(number))
+    places = desk.places
+    for panel in panels[:number]:
+        # Next to a rest the formula's own rounding grows, and what is said of p and r is said of the panel.
+        first, last = (
+            x if x != 0.0 else 0.38 * (panel.first + panel.last) for x in (panel.first, panel.last)
+        )
+        for count, x in enumerate(np.linspace(first, last, 53)[1:-1].tolist()):
+            at_x = place(loop, panel.anchor, distance(panel, x))
+            k = count % 16
+            places.below[k], places.above[k], places.sine[k], places.cosine[k], places.speed[k] = at_x
+            rates(worked, loop, places, k + 1)
+            series = slope_at(panel, x) / (0.5 * (panel.high - panel.low))
+            # A rounding of the series beside it.
+            assert abs(series / places.rate[k] - 1.0) <= rate_error + 4e-16
 
 
 def test_nan_is_the_larger():

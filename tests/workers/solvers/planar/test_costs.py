@@ -98,7 +98,7 @@ def test_what_the_kernel_of_draft_declines_is_left_to_that_of_standard():
     document = {
         "body": {"A": 2, "B": "3/2", "C": 1},
         "potential": {"type": "expression", "expression": "-g1 + 1/(20*g3^2)"},
-        "motion": {"type": "planar", "nu": 1},
+        "motion": {"type": "planar", "nu": 4},
         "time": {"periods": 100_000, "samples": 11},
         "accuracy": {"tier": "draft"},
     }

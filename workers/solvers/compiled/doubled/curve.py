@@ -33,9 +33,10 @@ FROM_END = 2.0**-28
 STEEP = 2.0**-78
 """Of an end, against the distance of both: what may be left open."""
 
-ANGLE, RADICAND, WIDTH, G1, COSINE = 0, 2, 4, 6, 12
-"""Rows of a sheet of places, each followed by its rest: v, P, c = g2/cos v, then g1, g2, g3, and cos v."""
-ROWS = 14
+ANGLE, RADICAND, SQUARE, G1, COSINE, SLOPED, BELOW = 0, 2, 4, 6, 12, 14, 16
+"""Rows of a sheet of places, each followed by its rest: v, P, g2², g1, g2, g3, cos v, and P as a quotient.
+P is a double alone where nobody asks for more."""
+ROWS = 18
 
 
 class DoubledCurve(NamedTuple):
@@ -65,10 +66,10 @@ def curve_of(loop: Loop) -> DoubledCurve:
 
 
 @kernel
-def radicands_doubled(
+def quotients_doubled(
     formula: Formula, loop: Loop, curve: DoubledCurve, sheet: FloatArray, count: int
 ) -> None:
-    """Fill in P, and what it is made of, at places of which v is known."""
+    """Fill in what P is the quotient of, and what that is made of, at places of which v is known."""
     for m in range(count):
         sine, cosine = sine_and_cosine((sheet[ANGLE, m], sheet[ANGLE + 1, m]))
         size = sine if sine[0] > 0.0 else (-sine[0], -sine[1])
@@ -81,7 +82,7 @@ def radicands_doubled(
         second = root(square)
         if cosine[0] < 0.0:
             second = (-second[0], -second[1])
-        sheet[WIDTH, m], sheet[WIDTH + 1, m] = divide(second, cosine)
+        sheet[SQUARE, m], sheet[SQUARE + 1, m] = square
         sheet[COSINE, m], sheet[COSINE + 1, m] = cosine
         first = scale(first, loop.sign1)
         one, other = (third, first) if loop.mirrored else (first, third)
@@ -93,9 +94,22 @@ def radicands_doubled(
     for m in range(count):
         one, other = (sheet[G1, m], sheet[G1 + 1, m]), (sheet[G1 + 4, m], sheet[G1 + 5, m])
         up, down = (one, other) if loop.mirrored else (other, one)
-        value = multiply(curve.factor, divide(multiply(up, (slope[row, m], low[row, m])), down))
+        value = multiply(curve.factor, multiply(up, (slope[row, m], low[row, m])))
         sign = -1.0 if loop.mirrored else 1.0
-        sheet[RADICAND, m], sheet[RADICAND + 1, m] = sign * value[0], sign * value[1]
+        sheet[SLOPED, m], sheet[SLOPED + 1, m] = sign * value[0], sign * value[1]
+        sheet[BELOW, m], sheet[BELOW + 1, m] = down
+        sheet[RADICAND, m], sheet[RADICAND + 1, m] = sign * value[0] / down[0], 0.0
+
+
+@kernel
+def radicands_doubled(
+    formula: Formula, loop: Loop, curve: DoubledCurve, sheet: FloatArray, count: int
+) -> None:
+    """Fill in P as well."""
+    quotients_doubled(formula, loop, curve, sheet, count)
+    for m in range(count):
+        sloped, below = (sheet[SLOPED, m], sheet[SLOPED + 1, m]), (sheet[BELOW, m], sheet[BELOW + 1, m])
+        sheet[RADICAND, m], sheet[RADICAND + 1, m] = divide(sloped, below)
 
 
 @kernel

@@ -19,19 +19,25 @@ from workers.solvers.compiled.doubled.arithmetic import (
     add,
     divide,
     doubled,
+    exact_sum,
     multiply,
+    quick_sum,
     root,
+    scale,
     subtract,
 )
 from workers.solvers.compiled.doubled.curve import (
     ANGLE,
+    BELOW,
+    COSINE,
     RADICAND,
-    WIDTH,
+    SLOPED,
+    SQUARE,
     DoubledCurve,
-    radicands_doubled,
+    quotients_doubled,
     roundings_of,
 )
-from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.kernels import fused, kernel
 from workers.solvers.compiled.records import Formula, Loop
 
 FloatArray = NDArray[np.float64]
@@ -41,6 +47,8 @@ FEWEST, MOST = 48, 384
 TOGETHER = 48
 RESOLVED = 2.0**-51
 """The last harmonics against the mean, from which on the series is that of doubles."""
+LASTING = 2e-25
+"""Error of half a period, against it, for which twice as many places are taken."""
 FAR = 1e-4
 """The same, above which twice as many places are too few."""
 LAST = 4
@@ -48,13 +56,15 @@ LAST = 4
 REST_OF_PI = 1.2246467991473532e-16
 
 
-def _table() -> FloatArray:
+def _tables() -> tuple[FloatArray, FloatArray]:
     with ctx.workprec(160):
-        return np.array([doubled((arb.pi() * t / (2 * MOST)).cos()) for t in range(4 * MOST)])
+        cosines = [doubled((arb.pi() * t / (2 * MOST)).cos()) for t in range(4 * MOST)]
+        over = [doubled(1 / (arb.pi() * max(k, 1))) for k in range(MOST)]
+    return np.array(cosines), np.array(over)
 
 
-COSINES = _table()
-"""At multiples of π/(2 MOST), a turn in all."""
+COSINES, OVER = _tables()
+"""At multiples of π/(2 MOST), a turn in all; and 1/(kπ)."""
 
 
 @kernel
@@ -69,14 +79,16 @@ def rates_doubled(
 ) -> None:
     """Fill in dt/du, a column and its rest, at places whose v is known."""
     numerator = multiply((math.pi, REST_OF_PI), curve.z)
-    radicands_doubled(formula, loop, curve, sheet, count)
+    quotients_doubled(formula, loop, curve, sheet, count)
     for m in range(count):
         at = (sheet[ANGLE, m], sheet[ANGLE + 1, m])
-        near, far = subtract(at, ends[0]), subtract(ends[1], at)
-        radicand = (sheet[RADICAND, m], sheet[RADICAND + 1, m])
-        rate = multiply(numerator, root(divide(multiply(near, far), radicand)))
-        rate = divide(rate, (sheet[WIDTH, m], sheet[WIDTH + 1, m]))
-        rates[m, 0], rates[m, 1] = rate
+        cosine = (sheet[COSINE, m], sheet[COSINE + 1, m])
+        both = multiply(subtract(at, ends[0]), subtract(ends[1], at))
+        # 1/c² = cos² v/g2²: of all quotients there is one left.
+        above = multiply(multiply(both, multiply(cosine, cosine)), (sheet[BELOW, m], sheet[BELOW + 1, m]))
+        square = (sheet[SQUARE, m], sheet[SQUARE + 1, m])
+        below = multiply((sheet[SLOPED, m], sheet[SLOPED + 1, m]), square)
+        rates[m, 0], rates[m, 1] = multiply(numerator, root(divide(above, below)))
 
 
 @kernel
@@ -141,19 +153,43 @@ def _largest_of(folded: FloatArray, number: int, end: int) -> float:
 
 
 @kernel
-def _fill_series(folded: FloatArray, number: int, mean: Twice, series: FloatArray) -> None:
-    """Fill in all harmonics, as doubles."""
-    stride = MOST // number
+def _fill_series(folded: FloatArray, number: int, mean: Twice, series: FloatArray, times: FloatArray) -> None:
+    """Fill in all harmonics a_k, as doubles, and a_k/(kπ) with twice the digits, a row and its rest."""
+    stride, last = MOST // number, 4 * MOST
+    share = divide((2.0, 0.0), (float(number), 0.0))
     series[0] = mean[0]
     for k in range(1, number):
-        row, total, other = 2 * (k % 2), 0.0, 0.0
+        row, total, rest = 2 * (k % 2), 0.0, 0.0
         t, step = k * stride, 2 * k * stride
-        # Two sums, of which each has half the roundings.
-        for j in range(0, number // 2, 2):
-            total += folded[row, j] * COSINES[t % (4 * MOST), 0]
-            other += folded[row, j + 1] * COSINES[(t + step) % (4 * MOST), 0]
-            t += 2 * step
-        series[k] = 2.0 * (total + other) / number
+        for j in range(number // 2):
+            high, c = folded[row, j], COSINES[t, 0]
+            product = high * c
+            rest += fused(high, c, -product) + (high * COSINES[t, 1] + folded[row + 1, j] * c)
+            total, left = exact_sum(total, product)
+            rest += left
+            t += step
+            t -= last if t >= last else 0
+        part = multiply(quick_sum(total, rest), share)
+        series[k] = part[0]
+        times[0, k], times[1, k] = multiply(part, (OVER[k, 0], OVER[k, 1]))
+
+
+@kernel
+def time_of(times: FloatArray, length: int, mean: Twice, u: float) -> Twice:
+    """Return the time from 0 to ``u``, a multiple of 1/256, by the series of the rate."""
+    total, parts = scale(mean, u), int(2 * MOST * u)
+    # sin kπu = cos(kπu − π/2).
+    t = 3 * MOST
+    high, rest = total
+    for k in range(1, length):
+        t += parts
+        t -= 4 * MOST if t >= 4 * MOST else 0
+        one, c = times[0, k], COSINES[t, 0]
+        product = one * c
+        rest += fused(one, c, -product) + (one * COSINES[t, 1] + times[1, k] * c)
+        high, left = exact_sum(high, product)
+        rest += left
+    return quick_sum(high, rest)
 
 
 @kernel
@@ -166,8 +202,12 @@ def find_harmonics(
     sheet: FloatArray,
     places: Places,
     series: FloatArray,
-) -> tuple[int, Twice, float]:
-    """Fill in the cosine series of dt/du; return its length (0: none), its mean and the error of that."""
+    times: FloatArray,
+) -> tuple[int, Twice, float, float]:
+    """Fill in the cosine series of dt/du, and that of t.
+
+    Return its length (0: none), its mean, the error of that, and that of :func:`time_of`.
+    """
     rates, folded = np.empty((MOST, 2)), np.empty((4, MOST // 2))
     number = FEWEST
     while number <= MOST:
@@ -184,12 +224,17 @@ def find_harmonics(
         _fold(rates, number, mean, folded)
         last = _largest_of(folded, number, number)
         if not last < math.inf:
-            return 0, mean, math.nan
-        if last <= RESOLVED * mean[0]:
-            before = _largest_of(folded, number, number - number // 4)
-            # From n to 2n they fall as from 3n/4 to n, four times over: half of that is kept.
-            fall = min(1.0, last / before) if before > 0.0 else 1.0
-            _fill_series(folded, number, mean, series)
-            return number, mean, 4.0 * last * fall * fall + errors / number + 2.0**-98 * mean[0]
+            return 0, mean, math.nan, math.nan
+        before = _largest_of(folded, number, number - number // 4)
+        # From n to 2n they fall as from 3n/4 to n, four times over: half of that is kept.
+        fall = min(1.0, last / before) if before > 0.0 else 1.0
+        # Half as many again would do for some, but only twice as many are there.
+        is_fine = 4.0 * last * fall * fall <= LASTING * mean[0] or number == MOST
+        if last <= RESOLVED * mean[0] and is_fine:
+            _fill_series(folded, number, mean, series, times)
+            rounding = errors / number + 2.0**-98 * mean[0]
+            # Σ|a_k| (1/(kπ) + 1/((2n − k)π)) over what is left out, and interpolated: while a quarter of n
+            # harmonics falls to 7/8 at least, it is below 3 of the last.
+            return number, mean, 4.0 * last * fall * fall + rounding, 4.0 * (last + rounding)
         number *= 4 if last > FAR * mean[0] else 2
-    return 0, (math.nan, 0.0), math.nan
+    return 0, (math.nan, 0.0), math.nan, math.nan

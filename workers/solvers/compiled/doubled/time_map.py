@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workers.solvers.compiled.desk import Desk
 from workers.solvers.compiled.doubled.arithmetic import Twice, add, scale, sine_and_cosine, subtract
@@ -13,16 +14,19 @@ from workers.solvers.compiled.doubled.harmonics import (
     TOGETHER,
     find_harmonics,
     rates_doubled,
+    time_of,
 )
 from workers.solvers.compiled.evaluation.curve import place
 from workers.solvers.compiled.evaluation.low_degree import is_of_low_degree
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Found, Loop, Panel, Records
-from workers.solvers.compiled.time_map.error import EPSILON
+from workers.solvers.compiled.time_map.error import EPSILON, add_roundings
 from workers.solvers.compiled.time_map.panels import build_panels
 from workers.solvers.compiled.time_map.sampling import extent
-from workers.solvers.compiled.time_map.series import at, distance, time_at
+from workers.solvers.compiled.time_map.series import at, distance, larger, time_at
 from workers.solvers.compiled.windows.arcs import POINT
+
+FloatArray = NDArray[np.float64]
 
 SHARES = (0.23, 0.71)
 """Of panels in turn, where their series are held against the formula."""
@@ -56,8 +60,10 @@ def map_time_doubled(
         return
     ends = (low_end, high_end)
     _set_ends(loop, curve, ends)
-    series = np.empty(MOST)
-    length, mean, error = find_harmonics(formula, loop, curve, ends, off, sheet, desk.places, series)
+    series, times = np.empty(MOST), np.empty((2, MOST))
+    length, mean, error, left = find_harmonics(
+        formula, loop, curve, ends, off, sheet, desk.places, series, times
+    )
     if length == 0:
         return
     known = Formula(
@@ -76,26 +82,69 @@ def map_time_doubled(
     if number == 0:
         return
     loop.period_hi, loop.period_lo = 2.0 * mean[0], 2.0 * mean[1]
+    worst = _worst_seen(formula, loop, curve, ends, panels, number) + OWN * EPSILON
+    astray = np.empty(number)
+    _set_starts(times, length, mean, worst, left, panels, number, astray)
     is_symmetric = loop.s_middle == 0.0 or loop.c_middle == 0.0
     is_between = loop.start != 0.0 and loop.start != 1.0 and not (is_symmetric and loop.start == 0.5)
     if is_between:
         loop.start = _start_between(loop, ends)
-    loop.origin, loop.origin_lo = time_at(panels, number, loop.start)
+        loop.origin, loop.origin_lo = time_at(panels, number, loop.start)
+    else:
+        # An end, or the middle: not by way of a panel, whose time is off there.
+        loop.origin, loop.origin_lo = time_of(times, length, mean, loop.start)
     loop.backwards = loop.sense < 0.0
-    worst = _worst_seen(formula, loop, curve, ends, panels, number) + OWN * EPSILON
     found.rate_error = worst
-    found.speed, found.largest = extent(loop, panels, number, desk.moments)
+    found.speed, found.largest, found.moved = extent(loop, panels, number, desk.moments, astray)
     found.period, found.period_error = loop.period_hi, 2.0 * error
-    # Its length is known: what lies on the way to a place in it is bounded by half of all there can be.
-    astray = abs((total - mean[0]) - mean[1])
-    found.time_error = worst * mean[0] + 0.5 * astray + EPSILON * mean[0]
+    found.time_error = left
     if is_between:
-        found.time_error += START * EPSILON * _rate_at(panels, number, loop.start)
+        # Of the time at the start, which is that of all.
+        found.time_error += START * EPSILON * _rate_at(panels, number, loop.start) + _largest_of(astray)
     # The series are all of one function: their lengths are its mean, up to roundings.
-    is_one = astray <= 2.0 * worst * mean[0]
+    is_one = abs((total - mean[0]) - mean[1]) <= 2.0 * worst * mean[0]
     is_exact = found.period_error <= EXACT * found.period
-    if is_one and is_exact and found.time_error * found.speed + worst * found.largest <= COARSEST:
+    within = found.time_error * found.speed + found.moved + worst * found.largest
+    if is_one and is_exact and within <= COARSEST:
         found.panels = number
+
+
+@kernel
+def _set_starts(
+    times: FloatArray,
+    length: int,
+    mean: Twice,
+    worst: float,
+    left: float,
+    panels: Records,
+    number: int,
+    astray: FloatArray,
+) -> None:
+    """Set the times at which panels start to those of the whole series; fill in what times on each are off.
+
+    So errors of rates do not add up: within a panel a time is off by what it has passed there. A panel that
+    starts at no multiple of the series' angles goes on from the one before.
+    """
+    for n in range(number):
+        panel = panels[n]
+        u = 0.5 * panel.anchor + (0.0 if panel.first == 0.0 else panel.low)
+        parts, before = 2 * MOST * u, 0.0
+        if parts == math.floor(parts):
+            panel.start, panel.start_lo = time_of(times, length, mean, u)
+        else:
+            one = panels[n - 1]
+            panel.start, panel.start_lo = add((one.start, one.start_lo), (one.length, 0.0))
+            before = astray[n - 1] - left
+        astray[n] = before + worst * panel.length + left
+    add_roundings(panels, number, astray)
+
+
+@kernel
+def _largest_of(values: FloatArray) -> float:
+    largest = 0.0
+    for value in values:
+        largest = larger(largest, value)
+    return largest
 
 
 @kernel

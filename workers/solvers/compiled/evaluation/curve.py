@@ -151,20 +151,6 @@ def factor_by_roots(loop: Loop, below: float, above: float, sine: float, cosine:
     return float(value)
 
 
-@kernel
-def _by_harmonics(harmonics: FloatArray, loop: Loop, places: Places, count: int) -> None:
-    """Fill in dt/du by Clenshaw's recurrence: of its cosine series in θ, v = m − h cos θ."""
-    twice, b1, b2 = places.noise, places.rate, places.radicand
-    for m in range(count):
-        twice[m] = (places.above[m] - places.below[m]) / loop.half_width
-        b1[m], b2[m] = 0.0, 0.0
-    for k in range(len(harmonics) - 1, 0, -1):
-        for m in range(count):
-            b1[m], b2[m] = (harmonics[k] - b2[m]) + twice[m] * b1[m], b1[m]
-    for m in range(count):
-        b1[m] = (harmonics[0] - b2[m]) + 0.5 * twice[m] * b1[m]
-
-
 @inlined
 def rates(
     formula: Formula,
@@ -173,9 +159,6 @@ def rates(
     count: int,
 ) -> None:
     """Fill in dt/du at places that are there as :func:`place` has them."""
-    if len(formula.harmonics):
-        _by_harmonics(formula.harmonics, loop, places, count)
-        return
     if loop.by_roots:
         loop_points(loop, places, count)
         for k in range(count):

@@ -109,11 +109,50 @@ def _split(panel: Panel, tail: float, waiting: Records, pending: int) -> None:
 
 
 @inlined
+def _mirrored(values: FloatArray, begin: int, end: int) -> None:
+    """Fill in the other half of the nodes, if one of them is known."""
+    if end - begin < NODES:
+        for j in range(begin, end):
+            values[NODES - 1 - j] = values[j]
+
+
+@inlined
+def _by_harmonics(
+    harmonics: FloatArray, panel: Panel, begin: int, end: int, places: Places, values: FloatArray
+) -> None:
+    """Fill in dt/du at the nodes by Clenshaw's recurrence: of its cosine series in θ = πu."""
+    twice, b1, b2 = places.noise, places.rate, places.radicand
+    for j in range(begin, end):
+        turn = math.pi * distance(panel, POINTS[j])
+        if panel.anchor == 1:
+            twice[j] = -2.0 * math.sin(turn)
+        else:
+            root = math.sin(0.5 * turn)
+            twice[j] = (2.0 - 4.0 * root * root) * (1.0 - panel.anchor)
+        b1[j], b2[j] = 0.0, 0.0
+    # There is an even number of them. Two at a time: numbers go through memory half as often.
+    last = len(harmonics) - 1
+    for j in range(begin, end):
+        b1[j] = harmonics[last]
+    for k in range(last - 1, 0, -2):
+        upper, lower = harmonics[k], harmonics[k - 1]
+        for j in range(begin, end):
+            above = (upper - b2[j]) + twice[j] * b1[j]
+            b1[j], b2[j] = (lower - b1[j]) + twice[j] * above, above
+    for j in range(begin, end):
+        values[j] = (harmonics[0] - b2[j]) + 0.5 * twice[j] * b1[j]
+    _mirrored(values, begin, end)
+
+
+@inlined
 def _rates_at_nodes(formula: Formula, loop: Loop, panel: Panel, places: Places, values: FloatArray) -> None:
     """Fill in dt/du at the nodes, of which one half mirrors the other on half a panel."""
     begin, end = 0, NODES
     if panel.last - panel.first < 2.0:
         begin, end = (0, NODES // 2) if panel.last > 0.0 else (NODES // 2, NODES)
+    if len(formula.harmonics):
+        _by_harmonics(formula.harmonics, panel, begin, end, places, values)
+        return
     for j in range(begin, end):
         k = j - begin
         places.below[k], places.above[k], places.sine[k], places.cosine[k], places.speed[k] = place(
@@ -122,8 +161,7 @@ def _rates_at_nodes(formula: Formula, loop: Loop, panel: Panel, places: Places, 
     rates(formula, loop, places, end - begin)
     for j in range(begin, end):
         values[j] = places.rate[j - begin]
-        if end - begin < NODES:
-            values[NODES - 1 - j] = values[j]
+    _mirrored(values, begin, end)
 
 
 @kernel

@@ -28,8 +28,8 @@ def build_time_map(
     """Fill the table of panels; return their number and the length of time.
 
     For a libration they cover 0 ≤ u ≤ 1, half a period. The number is 0 if dt/du is not resolved, or if
-    that is not proved on the whole of each panel. For a V of low degree it is taken from the last
-    coefficients of each series, which is no proof: its bounds would cost several times the map.
+    that is not proved on the whole of each panel. For a V of low degree the last coefficients of each series
+    decide, which is no proof, and what they leave out is seen later: bounds would cost several times the map.
     """
     proves = loop.by_roots or not is_of_low_degree(formula)
     squares = np.empty((MAX_PANELS if proves else 0, NODES))

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from workers.solvers.compiled.blocks import BLOCK, SPLIT, sort_by_interval, two_sum
 from workers.solvers.compiled.desk import Moments
-from workers.solvers.compiled.evaluation.curve import loop_points, place
-from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.evaluation.curve import loop_points
+from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Loop, Panel, Records
-from workers.solvers.compiled.time_map.series import at, distance, series_at
+from workers.solvers.compiled.time_map.series import at, distance, larger, series_at, slope_at
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -22,6 +22,8 @@ IntArray = NDArray[np.int64]
 STEP = 1e-8
 """A Newton step after which the error, its square, is below rounding."""
 MAX_STEPS = 61
+SINE = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9))
+"""Of x³, x⁵, …: up to π/4 the next term is below 2^-61 of the sum."""
 
 
 @kernel
@@ -90,20 +92,59 @@ def _find_phases(panel: Panel, moments: Moments, begin: int, end: int) -> None:
             inside = to if (below < to) & (to < above) else 0.5 * (below + above)
             to = min(last, max(first, to)) if is_close != 0.0 else inside
             moments.phase[k] = x if is_found != 0.0 else to
-            moments.slope[k], moments.floor[k], moments.ceiling[k] = slope, below, above
+            moments.floor[k], moments.ceiling[k] = below, above
             moments.is_found[k] = max(is_found, is_close)
-            left += 1 if is_found == 0.0 else 0
+            left += 1 if max(is_found, is_close) == 0.0 else 0
         if left == 0:
             break
+    for k in range(begin, end):
+        moments.slope[k] = slope_at(panel, moments.phase[k])
+
+
+@inlined
+def _sine(x: float) -> float:
+    """Return sin x for |x| ≤ π/4, off by a rounding; functions of the C library take one at a time."""
+    z = x * x
+    series = SINE[5] + z * (SINE[6] + z * SINE[7])
+    series = SINE[1] + z * (SINE[2] + z * (SINE[3] + z * (SINE[4] + z * series)))
+    return x + x * z * (SINE[0] + z * series)
 
 
 @kernel
 def _places(loop: Loop, panel: Panel, moments: Moments, begin: int, end: int) -> None:
-    """Fill in the places on one panel at phases."""
-    width, anchor = panel.high - panel.low, panel.anchor
+    """Fill in the places on one panel at phases: what :func:`.place` says, many at once.
+
+    Of no angle more than π/4 is asked: 2 sin ½x cos ½x and 1 − 2 sin² ½x are the sine and cosine of others.
+    """
+    width, anchor, h = panel.high - panel.low, panel.anchor, loop.half_width
+    if loop.rotates:
+        for k in range(begin, end):
+            sine = _sine(math.pi * distance(panel, moments.phase[k]))
+            cosine = math.sqrt(1.0 - sine * sine)
+            turned = -sine if anchor % 4 == 1 or anchor % 4 == 2 else sine
+            other = -cosine if anchor % 4 == 2 or anchor % 4 == 3 else cosine
+            moments.sine[k] = loop.direction * (other if anchor % 2 else turned)
+            moments.cosine[k] = turned if anchor % 2 else other
+            moments.speed[k], moments.width[k] = math.pi, width
+        return
+    if anchor == 1:
+        s_from, c_from, sense = loop.s_middle, loop.c_middle, 1.0
+        for k in range(begin, end):
+            sine = _sine(math.pi * distance(panel, moments.phase[k]))
+            moments.floor[k] = 0.5 * h * sine
+            moments.speed[k] = math.pi * h * math.sqrt(1.0 - sine * sine)
+    else:
+        s_from, c_from, sense = loop.s_lower, loop.c_lower, 1.0
+        if anchor == 2:
+            s_from, c_from, sense = loop.s_upper, loop.c_upper, -1.0
+        for k in range(begin, end):
+            root = _sine(0.5 * math.pi * distance(panel, moments.phase[k]))
+            moments.floor[k] = sense * h * root * root
+            moments.speed[k] = 2.0 * math.pi * h * abs(root) * math.sqrt(1.0 - root * root)
     for k in range(begin, end):
-        w = distance(panel, moments.phase[k])
-        _, _, moments.sine[k], moments.cosine[k], moments.speed[k] = place(loop, anchor, w)
+        half = _sine(moments.floor[k])
+        s, c = 2.0 * half * math.sqrt(1.0 - half * half), 1.0 - 2.0 * half * half
+        moments.sine[k], moments.cosine[k] = s_from * c + c_from * s, c_from * c - s_from * s
         moments.width[k] = width
 
 
@@ -198,16 +239,21 @@ def sample_one(
 
 
 @kernel
-def extent(loop: Loop, panels: Records, number: int, moments: Moments) -> tuple[float, float]:
-    """Return the largest time derivative of any variable, and the largest |p| or |r|, over all panels.
+def extent(
+    loop: Loop, panels: Records, number: int, moments: Moments, astray: FloatArray
+) -> tuple[float, float, float]:
+    """Return the largest time derivative of any variable, the largest |p| or |r|, and what times are worth.
 
+    That is the largest product of a panel's largest derivative and its ``astray``, the error of times there.
     Derivatives are differences between neighbouring places, a factor added for what is between them.
     """
-    steepest, largest, last = 0.0, 0.0, math.nan
+    steepest, largest, moved, last, off = 0.0, 0.0, 0.0, math.nan, 0.0
     previous, now = np.empty(5), np.empty(5)
     for n in range(number):
         panel = panels[n]
         count = 8 + (n == number - 1)
+        # Of all panels since the last place: the step to the first of one lies in the one before it.
+        off = larger(off, astray[n])
         for k in range(count):
             moments.phase[k] = panel.first + 0.125 * k * (panel.last - panel.first)
             moments.sense[k] = 1.0
@@ -225,8 +271,11 @@ def extent(loop: Loop, panels: Records, number: int, moments: Moments) -> tuple[
             now[2], now[3], now[4] = moments.g1[k], moments.g2[k], moments.g3[k]
             largest = max(largest, abs(now[0]), abs(now[1]))
             if step > 0.0:
+                here = 0.0
                 for i in range(5):
-                    steepest = max(steepest, abs(now[i] - previous[i]) / step)
+                    here = max(here, abs(now[i] - previous[i]) / step)
+                steepest = max(steepest, here)
+                moved, off = larger(moved, here * off), astray[n]
             previous[:] = now
             last = moments.time[k]
-    return 1.25 * steepest, largest
+    return 1.25 * steepest, largest, 1.25 * moved

@@ -78,3 +78,13 @@ def series_at(panel: Panel, x: float) -> tuple[float, float]:
         b1, b2 = (panel.times[k] - b2) + twice * b1, b1
         c1, c2 = (panel.slopes[k] - c2) + twice * c1, c1
     return panel.times[0] + x * b1 - b2, panel.slopes[0] + x * c1 - c2
+
+
+@inlined
+def slope_at(panel: Panel, x: float) -> float:
+    """Return dt/dx at x alone, with the bits that :func:`series_at` has."""
+    twice = 2.0 * x
+    c1, c2 = 0.0, 0.0
+    for k in range(NODES - 1, 0, -1):
+        c1, c2 = (panel.slopes[k] - c2) + twice * c1, c1
+    return float(panel.slopes[0] + x * c1 - c2)
