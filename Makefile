@@ -12,7 +12,7 @@ PYTEST_OPTIONS ?=
 OTHER_PROCESSOR := $(BIN)/python -m tests.support.other_processor
 NUMBERS := tests/golden tests/laws tests/conformance tests/workers/solvers \
 	tests/workers/cli/test_doctor.py $(addprefix tests/workers/computation/test_,outputs.py tiers.py) \
-	tests/workers/sweeping/test_sweeping.py tests/workers/sweeping/test_family.py
+	tests/workers/sweeping/test_sweeping.py tests/workers/sweeping/parameters/test_family.py
 
 .PHONY: demo serve test test-long test-portable test-container lint docs bench screenshots format clean
 

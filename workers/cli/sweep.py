@@ -102,7 +102,7 @@ class _Told:
 def _run(
     found: Sweep, document: object, file: PointFile | None, settings: Settings, workers: int, told: _Told
 ) -> int:
-    sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.block"])
+    sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.planar.block"])
     crew = Crew(found, document, sandbox, workers=workers, seconds=settings.job_seconds)
     stop, tally, began = StopAsked(), Tally(), time.monotonic()
     try:

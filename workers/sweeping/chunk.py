@@ -19,10 +19,10 @@ from workers.sweeping.plan import FEW, Plan, make_plan, plan_moving
 from workers.sweeping.pointwise import SweepPoint, solve_point
 
 if TYPE_CHECKING:
-    from workers.sweeping.block import BlockSolver
-    from workers.sweeping.moving import MovingSolver
+    from workers.sweeping.moving.moving import MovingSolver
+    from workers.sweeping.planar.block import BlockSolver
+    from workers.sweeping.planar.solved import SolvedBlock
     from workers.sweeping.slices import SlicedSolver
-    from workers.sweeping.solved import SolvedBlock
     from workers.sweeping.states import StateSolver
 
 FloatArray = NDArray[np.float64]
@@ -68,7 +68,7 @@ class ChunkSolver:
         if plan.quick is not None:
             keep_compiled_code()
             # The compiler is loaded only where it is needed.
-            from workers.sweeping import block  # noqa: PLC0415
+            from workers.sweeping.planar import block  # noqa: PLC0415
 
             self._blocks = block.BlockSolver(plan.sweep, plan.quick)
         elif plan.states:
@@ -78,7 +78,8 @@ class ChunkSolver:
             self._blocks = states.StateSolver(plan.sweep)
         elif _may_be_cut(plan):
             keep_compiled_code()
-            from workers.sweeping import moving, slices  # noqa: PLC0415
+            from workers.sweeping import slices  # noqa: PLC0415
+            from workers.sweeping.moving import moving  # noqa: PLC0415
 
             data = plan_moving(plan.sweep)
             outer = slices.outer_axes(plan.sweep, 1 if data is None else LARGE_SLICE)

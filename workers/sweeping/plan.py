@@ -1,6 +1,6 @@
 """Finds once what holds for all points of a sweep."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -14,14 +14,20 @@ from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.computation.outputs import takes_doubles
 from workers.solvers.planar.choose import compiled_tier
-from workers.sweeping.coefficients import Coefficients, coefficients_of
-from workers.sweeping.energies import Energies, energies_of
-from workers.sweeping.family import Path, Poles, SweepFamily, has_symbol, prove_family, smooth_poles
-from workers.sweeping.integrals import keeps_further
+from workers.sweeping.parameters.coefficients import coefficients_of
+from workers.sweeping.parameters.energies import energies_of
+from workers.sweeping.parameters.family import (
+    SweepFamily,
+    has_symbol,
+    prove_family,
+    smooth_poles,
+)
+from workers.sweeping.planar.integrals import keeps_further
+from workers.sweeping.planar.quick import Quick, Side
 
 if TYPE_CHECKING:
-    from workers.sweeping.by_roots import RationalFamily
-    from workers.sweeping.moving import Moving
+    from workers.sweeping.moving.moving import Moving
+    from workers.sweeping.planar.by_roots import RationalFamily
 
 _CURVE_FIELDS = ("lambda", "nu")
 FEW = (
@@ -37,44 +43,6 @@ _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
 _BY_DOUBLES = {"orientation", "stability"}
 """Outputs that compiled doubles have for the tiers that are content with them."""
-
-
-@dataclass(frozen=True, slots=True)
-class Side:
-    """The motions with one sign of g1; λ differs from point to point."""
-
-    motion: PlanarMotion
-    energies: Energies | None
-    rational: "RationalFamily | None" = None
-    """The potentials as sums of powers, at the tier ``high`` alone, which is for these."""
-
-
-@dataclass(frozen=True, slots=True)
-class Quick:
-    """The data for solving points in compiled doubles."""
-
-    problem: Problem
-    """The first point's."""
-    potential: Mapping[str, object]
-    """The base's."""
-    paths: tuple[Path, ...]
-    """Of the numbers in the potential that vary."""
-    places: tuple[int, ...]
-    """Of their axes, in the same order."""
-    coefficients: Coefficients
-    """What these numbers make, in which the potential is linear."""
-    curve_place: int | None
-    """Of the axis of λ or nu."""
-    start_place: int | None
-    """Of the axis of g1 at the start."""
-    moment_place: int | None
-    """Of the axis of B, on which planar motions do not depend."""
-    time_places: Mapping[str, int]
-    """Of the axes of the times, by their names."""
-    sides: Mapping[int, Side]
-    """By the sign of g1."""
-    family: SweepFamily
-    poles: Poles | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +193,7 @@ def _motions(sweep: Sweep, motion: PlanarMotion) -> list[PlanarMotion]:
 
 def _rational(problem: Problem, family: SweepFamily, motion: PlanarMotion) -> "RationalFamily | None":
     # The compiler is loaded only where it is needed.
-    from workers.sweeping.by_roots import rational_family  # noqa: PLC0415
+    from workers.sweeping.planar.by_roots import rational_family  # noqa: PLC0415
 
     return rational_family(problem.body, family, motion)
 
@@ -284,8 +252,8 @@ def plan_moving(sweep: Sweep) -> "Moving | None":
     ):
         return None
     # The compiler is loaded only where it is needed.
-    from workers.sweeping.models import model_of  # noqa: PLC0415
-    from workers.sweeping.moving import Moving  # noqa: PLC0415
+    from workers.sweeping.moving.models import model_of  # noqa: PLC0415
+    from workers.sweeping.moving.moving import Moving  # noqa: PLC0415
 
     places = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
     paths = tuple(sweep.axes[k].path[1:] for k in places)

@@ -19,9 +19,9 @@ from service.schemas.problem.problem import read_problem
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.reading.pointers import with_values
 from service.schemas.sweep.sweep import Sweep, SweepAxis, json_number
-from workers.sweeping.block import BlockSolver
 from workers.sweeping.plan import FEW, make_plan
-from workers.sweeping.solved import SolvedBlock
+from workers.sweeping.planar.block import BlockSolver
+from workers.sweeping.planar.solved import SolvedBlock
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]

@@ -31,11 +31,11 @@ from workers.solvers.integration.compiled import CompiledIntegrator, held_twins,
 from workers.solvers.integration.errors import CollisionError
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.solve import quest_of, tolerances
-from workers.sweeping.family import has_symbol
+from workers.sweeping.moving.state_models import PointConstants, SharedModels
+from workers.sweeping.parameters.family import has_symbol
+from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.plan import place_in_state
-from workers.sweeping.points import SweptPoints, are_numbers, listed_exactly
-from workers.sweeping.solved import SolvedBlock
-from workers.sweeping.state_models import PointConstants, SharedModels
+from workers.sweeping.planar.solved import SolvedBlock
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -17,7 +17,7 @@ from service.verdicts.examination import examine_problem
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk, states
 from workers.sweeping.chunk import compute_chunk
-from workers.sweeping.moving import MovingSolver
+from workers.sweeping.moving.moving import MovingSolver
 from workers.sweeping.plan import make_plan
 
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}

@@ -13,7 +13,7 @@ from service.dynamics.problem import PlanarMotion, StartAtEquator, TimeList
 from tests.support.planar import body, formula
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.solve import solve_spectral
-from workers.sweeping.doubles import Sampling, sweep_sets
+from workers.sweeping.planar.doubles import Sampling, sweep_sets
 
 DOUBLE = body(2, 1)
 TIMES = np.linspace(-7.0, 23.0, 101)

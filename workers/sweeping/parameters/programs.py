@@ -21,7 +21,7 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.tape import Instruction, Tape, with_inputs
 from service.schemas.reading.pointers import with_values
 from workers.solvers.compiled.evaluation.program import Program, make_program, rests_of
-from workers.sweeping.family import Path, potential_of
+from workers.sweeping.parameters.family import Path, potential_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

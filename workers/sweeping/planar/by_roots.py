@@ -26,8 +26,8 @@ from workers.solvers.compiled.rational.roots import Radicand, curve_of, expansio
 from workers.solvers.compiled.records import FOUND, Records, copied, new_records
 from workers.solvers.compiled.solve import solve_rational
 from workers.solvers.compiled.time_map.sampling import sample_one
-from workers.sweeping.doubles import Sampling, Swept, logarithms_of, pass_a_pole
-from workers.sweeping.family import SweepFamily
+from workers.sweeping.parameters.family import SweepFamily
+from workers.sweeping.planar.doubles import Sampling, Swept, logarithms_of, pass_a_pole
 
 FloatArray = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from service.dynamics.further_integrals import FurtherIntegral, find_further_int
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.compiled.integrals.of_many import drifts_of_many, further_drifts_of_many
 from workers.solvers.invariants import drifts_of
-from workers.sweeping.programs import Group
+from workers.sweeping.parameters.programs import Group
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

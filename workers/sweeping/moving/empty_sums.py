@@ -24,9 +24,9 @@ from service.dynamics.reduction.sign_proofs.equators import equators
 from service.dynamics.verdict.proofs.power_sums import Judgement
 from service.dynamics.verdict.proofs.reading_powers import PowerSum, number_of
 from workers.solvers.compiled.records import Records
-from workers.sweeping.emptiness import LOGARITHM
-from workers.sweeping.programs import nearest_double
-from workers.sweeping.templates import MomentsOfPoint
+from workers.sweeping.moving.templates import MomentsOfPoint
+from workers.sweeping.parameters.programs import nearest_double
+from workers.sweeping.planar.emptiness import LOGARITHM
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

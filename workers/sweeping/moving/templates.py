@@ -20,7 +20,7 @@ from service.dynamics.formula.limits import MAX_EXPONENT
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.compiled.evaluation.program import Program, make_program
-from workers.sweeping.programs import nearest_double, numbers_of
+from workers.sweeping.parameters.programs import nearest_double, numbers_of
 
 FloatArray = NDArray[np.float64]
 Key = tuple[object, ...]

@@ -19,7 +19,7 @@ from service.dynamics.potentials.families.general_solution import Quadrant
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import PRECISION
 from service.dynamics.verdict.verdict import Verdict
-from workers.sweeping.family import SweepFamily
+from workers.sweeping.parameters.family import SweepFamily
 
 KNOWN_BITS = 110
 """A ball of this relative accuracy has lost no more than 50 bits by cancellation."""

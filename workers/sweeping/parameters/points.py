@@ -15,8 +15,8 @@ from service.dynamics.problem import PlanarMotion, TimePeriods, Times, TimeSpan
 from service.dynamics.sweep_axes import ListedAxis
 from service.schemas.reading.numbers import LARGEST, LATEST
 from service.schemas.sweep.sweep import Sweep, SweepAxis
-from workers.sweeping.coefficients import Coefficients
-from workers.sweeping.programs import nearest_double
+from workers.sweeping.parameters.coefficients import Coefficients
+from workers.sweeping.parameters.programs import nearest_double
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

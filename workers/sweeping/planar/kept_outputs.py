@@ -19,9 +19,9 @@ from workers.solvers.compiled.records import Records
 from workers.solvers.orientation.advance import estimate
 from workers.solvers.orientation.by_doubles import advances_by_doubles
 from workers.solvers.stability.by_doubles import Perturbed
-from workers.sweeping.doubles import logarithms_of
-from workers.sweeping.plan import Side
-from workers.sweeping.programs import Group
+from workers.sweeping.parameters.programs import Group
+from workers.sweeping.planar.doubles import logarithms_of
+from workers.sweeping.planar.quick import Side
 
 FloatArray = NDArray[np.float64]
 

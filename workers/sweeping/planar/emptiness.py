@@ -11,8 +11,8 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, have_no_motion, shape_of
 from service.dynamics.reduction.sign_proofs.equators import equators
 from workers.solvers.compiled.frame import make_frame
-from workers.sweeping.doubles import logarithms_of
-from workers.sweeping.programs import Group
+from workers.sweeping.parameters.programs import Group
+from workers.sweeping.planar.doubles import logarithms_of
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]

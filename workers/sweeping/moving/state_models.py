@@ -20,8 +20,8 @@ from workers.solvers.integration.compiled import moments_of
 from workers.solvers.integration.errors import UnsupportedFormulaError
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.programs import SharedGradient, shared_gradient
-from workers.sweeping.models import model_of
-from workers.sweeping.templates import Key, Model, MomentsOfPoint, Template, shared_template
+from workers.sweeping.moving.models import model_of
+from workers.sweeping.moving.templates import Key, Model, MomentsOfPoint, Template, shared_template
 
 FloatArray = NDArray[np.float64]
 

@@ -15,17 +15,24 @@ from service.schemas.reading.pointers import with_values
 from service.schemas.sweep.sweep import Sweep, json_number
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.planar.choose import compiled_tier
-from workers.sweeping.by_roots import sweep_by_roots
-from workers.sweeping.doubles import Sampling, Swept, sweep_sets
-from workers.sweeping.emptiness import have_no_motion_at
-from workers.sweeping.family import potential_of
-from workers.sweeping.integrals import KeptIntegrals
-from workers.sweeping.kept_outputs import OUTPUTS, KeptOutputs
-from workers.sweeping.near_poles import keep_their_sign
-from workers.sweeping.plan import Quick, Side
-from workers.sweeping.points import Parameters, SweptPoints, are_numbers, curves_of, listed_exactly, times_of
-from workers.sweeping.programs import AffineProgram, Group, affine_program, grouped
-from workers.sweeping.solved import NO_MOTION, FoundPoints, SolvedBlock, numbers_of_motions
+from workers.sweeping.parameters.family import potential_of
+from workers.sweeping.parameters.points import (
+    Parameters,
+    SweptPoints,
+    are_numbers,
+    curves_of,
+    listed_exactly,
+    times_of,
+)
+from workers.sweeping.parameters.programs import AffineProgram, Group, affine_program, grouped
+from workers.sweeping.planar.by_roots import sweep_by_roots
+from workers.sweeping.planar.doubles import Sampling, Swept, sweep_sets
+from workers.sweeping.planar.emptiness import have_no_motion_at
+from workers.sweeping.planar.integrals import KeptIntegrals
+from workers.sweeping.planar.kept_outputs import OUTPUTS, KeptOutputs
+from workers.sweeping.planar.near_poles import keep_their_sign
+from workers.sweeping.planar.quick import Quick, Side
+from workers.sweeping.planar.solved import NO_MOTION, FoundPoints, SolvedBlock, numbers_of_motions
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from service.dynamics.motion import COLUMNS
 from service.dynamics.reduction.windows import NoMotionError
 from service.schemas.sweep.sweep import Sweep
-from workers.sweeping.doubles import Swept
+from workers.sweeping.planar.doubles import Swept
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -1,0 +1,1 @@
+"""Blocks of motions whose bodies, exponents or potentials differ."""

@@ -1,0 +1,1 @@
+"""Blocks of planar motions of one body, in compiled doubles."""
