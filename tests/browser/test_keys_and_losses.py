@@ -104,6 +104,8 @@ def test_a_service_that_is_started_again_is_found_again(context, chromium_path, 
         tab = Watched(context.new_page(), Site(service, {}, ""))
         page = tab.open("")
         expect(page.locator("#status")).to_contain_text("Waiting0")
+        # The last that it loads: a service that ends before would be told where the page would be.
+        expect(page.locator("#cards")).to_contain_text("Nothing has been solved yet")
         assert tab.faults == []
     expect(page.locator("#pulse")).to_contain_text("does not answer")
     expect(page.locator("#status")).to_contain_text("Waiting0")  # what is known is still shown

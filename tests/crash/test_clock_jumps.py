@@ -134,7 +134,7 @@ def test_forward_a_worker_that_is_first_to_renew_its_lease_keeps_the_job(databas
     job = jobs.submit({"chore": "sleep", "seconds": 0.2}, "digest")
     first.fill()
     clock.set(HOUR)
-    first._heartbeats[job.id] = 0.0
+    first._leases.due[job.id] = 0.0
     first.keep_leases()
     look(second)
     second.fill()

@@ -97,6 +97,11 @@ def fields_of(claim: Claim) -> dict[str, object]:
     return {"job": claim.job_id, "attempt": claim.attempt}
 
 
+def extra_of(claim: Claim) -> dict[str, object]:
+    """Return what a line of the log about a claim has besides its text."""
+    return {"fields": fields_of(claim)}
+
+
 def _same(outcome: SolveOutcome) -> SolveOutcome:
     return outcome
 

@@ -20,8 +20,10 @@ from service.jobs.store import JobStore
 from service.logs import about, call_about
 from service.sandbox import Sandbox, SandboxCrashError, SandboxTimeoutError, result_of
 from workers.process.batches import Call, Ledger, compute_in_turn
+from workers.process.leases import Leases
 from workers.process.limits import JobLimits
-from workers.process.results import Results, TakingTerms, fields_of
+from workers.process.portions import Portions
+from workers.process.results import Results, extra_of, fields_of
 from workers.process.runs import ChildRun, shared_out
 from workers.process.waiting import Waiting
 
@@ -40,8 +42,6 @@ WATCH_SECONDS = 0.2
 """How often to look for cancellations while a job runs."""
 RECONCILE_SECONDS = 1.0
 """How often to look for expired leases."""
-_AHEAD = 8
-"""Of jobs of which so many fit into a batch, next batches are claimed before there are places for them."""
 _STOPPED, _SLOW = "the worker stopped", "a job before it took long"
 """Why jobs are queued again."""
 
@@ -83,15 +83,12 @@ class Runner:
         self._waiting = Waiting()
         self._waits_since = 0.0
         """When a child last began something, or a job last began to wait."""
-        self._heartbeats: dict[str, float] = {}
-        """When the leases of claimed jobs are to be prolonged."""
+        self._leases = Leases(store, limits.lease_seconds)
         self._results = Results(store, limits)
-        self._size = BatchSize()
+        self._portions = Portions(BatchSize(), slots, limits.lease_seconds)
         self._shares = LaneShares()
         self._is_dry = False
         """Nothing was left in the queue when results were stored, a moment ago."""
-        self._is_last = False
-        """The queue had fewer jobs than were asked for, the last time."""
         self._reconcile_at = self._watch_at = 0.0
 
     @property
@@ -111,7 +108,7 @@ class Runner:
                 self._start(self._next_waiting())
                 continue
             owed = self._shares.owed()[:free]
-            taken = self._store.take(self._name, free, **self._terms(owed, free))
+            taken = self._store.take(self._name, free, **self._portions.terms(owed, free))
             finished += self._begin(taken, owed, free)
             if taken == Taken():
                 break
@@ -152,9 +149,9 @@ class Runner:
         self._watch_at = time.monotonic() + WATCH_SECONDS
         claims = [*self._waiting, *(claim for run in self._runs for claim in run.held)]
         held = self._store.held(claims)
-        self._waiting.keep(lambda claim: self._still_holds(claim, held))
+        self._waiting.keep(lambda claim: self._holds(claim, held))
         for run in list(self._runs):
-            run.lost |= {claim.job_id for claim in run.held if not self._still_holds(claim, held)}
+            run.lost |= {claim.job_id for claim in run.held if not self._holds(claim, held)}
             if run.is_in_vain:
                 self._drop(run)
             elif run.is_untaken and time.monotonic() > run.started_by:
@@ -164,7 +161,7 @@ class Runner:
                         "job %s attempt %d: no child has taken it",
                         claim.job_id,
                         claim.attempt,
-                        extra=_extra(claim),
+                        extra=extra_of(claim),
                     )
                     self._store.lose(claim, "no child took it", **self._limits.retries())
                 self._remove(run)
@@ -208,31 +205,21 @@ class Runner:
             self._forget(claim)
         self._is_dry = False
 
+    def _holds(self, claim: Claim, held: frozenset[str]) -> bool:
+        """Say whether a claim holds; its lease is renewed if it is due."""
+        holds = self._leases.still_holds(claim, held)
+        if not holds:
+            self._forget(claim)
+        return holds
+
     def _wait(self, claims: Sequence[Claim]) -> None:
         self._waiting.add(claims)
         self._waits_since = time.monotonic()
-        for claim in claims:
-            self._heartbeats.setdefault(claim.job_id, self._next_heartbeat())
+        self._leases.begin(claims)
 
     def _free(self) -> int:
         """Return how many children have nothing to do; one may have been given another call already."""
         return self._slots - sum(not run.is_followed for run in self._runs)
-
-    def _still_holds(self, claim: Claim, held: frozenset[str]) -> bool:
-        """Send a due heartbeat; say whether the claim holds."""
-        holds = claim.job_id in held
-        if holds and time.monotonic() >= self._heartbeats[claim.job_id]:
-            holds = self._store.heartbeat(claim, lease_seconds=self._limits.lease_seconds)
-            self._heartbeats[claim.job_id] = self._next_heartbeat()
-        if not holds:
-            self._forget(claim)
-            logger.info(
-                "job %s attempt %d: the claim was lost, stopping",
-                claim.job_id,
-                claim.attempt,
-                extra=_extra(claim),
-            )
-        return holds
 
     def _start(self, claims: tuple[Claim, ...], owed: Sequence[Lane] = ()) -> None:
         compute = self._computations[claims[0].kind]
@@ -252,8 +239,8 @@ class Runner:
         now = self._waits_since = time.monotonic()
         run = ChildRun(claims, tuple(owed), future, ledger, now, now + START_SECONDS)
         self._runs.append(run)
+        self._leases.begin(claims)
         for claim in claims:
-            self._heartbeats.setdefault(claim.job_id, self._next_heartbeat())
             self._shares.begin(claim.lane)
 
         def ended(_: Future[Any]) -> None:
@@ -262,23 +249,8 @@ class Runner:
 
         future.add_done_callback(ended)
 
-    def _terms(self, owed: Sequence[Lane], places: int = 1, waiting: int = 0) -> TakingTerms:
-        """Return the terms of taking jobs for some places, beside those that wait already.
-
-        Of short ones also a batch for each child is taken, which waits until one has done its own.
-        """
-        batches = places + (self._slots if self._size.most >= _AHEAD else 0)
-        return {
-            "lease_seconds": self._limits.lease_seconds,
-            "owed": owed,
-            "together": max(1, self._size.most * batches // places - waiting),
-        }
-
     def _told(self, claim: Claim) -> Mapping[str, object]:
         return {**fields_of(claim), "worker": self._name}
-
-    def _next_heartbeat(self) -> float:
-        return time.monotonic() + self._limits.lease_seconds / 3
 
     def _remove(self, run: ChildRun) -> None:
         """Remove a run that has ended; those of its jobs that wait again keep their claims."""
@@ -293,7 +265,7 @@ class Runner:
                 self._forget(claim)
 
     def _forget(self, claim: Claim) -> None:
-        self._heartbeats.pop(claim.job_id, None)
+        self._leases.forget(claim)
         self._waiting.forget(claim.job_id)
 
     def _begin(self, taken: Taken, owed: Sequence[Lane], places: int) -> tuple[str, ...]:
@@ -303,12 +275,12 @@ class Runner:
         """
         problems = [claim for claim in taken.claims if claim.kind is JobKind.SOLVE]
         others = [claim for claim in taken.claims if claim.kind is not JobKind.SOLVE]
-        self._is_last = len(problems) < self._terms(owed, places, len(self._waiting))["together"]
+        self._portions.note(len(problems), self._portions.terms(owed, places, len(self._waiting)))
         if self._waiting and not others:
             self._wait(problems)
             self._start(self._next_waiting(), owed)
         else:
-            now = places * self._share(len(problems))
+            now = places * self._portions.share(len(problems))
             for claims in shared_out([*others, *problems[:now]], places):
                 self._start(claims, owed)
             self._wait(problems[now:])
@@ -318,12 +290,7 @@ class Runner:
         return taken.reused
 
     def _next_waiting(self) -> tuple[Claim, ...]:
-        return self._waiting.next(self._share(len(self._waiting)))
-
-    def _share(self, number: int) -> int:
-        """Return how many of so many problems a child gets: the last ones of a queue are shared out."""
-        most = self._size.most
-        return min(most, max(_AHEAD, -(-number // self._slots))) if self._is_last else most
+        return self._waiting.next(self._portions.share(len(self._waiting)))
 
     def _drop(self, run: ChildRun) -> None:
         """Kill a child that computes what nobody waits for; its other jobs are computed again."""
@@ -335,7 +302,7 @@ class Runner:
         """Queue the jobs again that wait behind a long one of their batch: others may compute them."""
         assert run.ledger is not None
         begun = run.ledger.stop()
-        self._size.reset()
+        self._portions.size.reset()
         self._is_dry = False
         behind = run.claims[begun:]
         self._store.give_back_all([claim for claim in behind if claim.job_id not in run.lost], _SLOW)
@@ -348,8 +315,10 @@ class Runner:
         (claim,) = run.claims
         with about(**fields_of(claim)):
             if claim.kind is JobKind.SOLVE:
-                self._size.learn(1, (run.ended_at or time.monotonic()) - run.began_at)
-            return self._results.store(claim, lambda: result_of(run.future), then_take, self._terms(owed))
+                self._portions.size.learn(1, (run.ended_at or time.monotonic()) - run.began_at)
+            return self._results.store(
+                claim, lambda: result_of(run.future), then_take, self._portions.terms(owed)
+            )
 
     def _finish_batch(self, run: ChildRun, then_take: int, owed: Sequence[Lane]) -> Taken | None:
         try:
@@ -364,14 +333,14 @@ class Runner:
         suspects = [c for c, o in zip(run.claims, outcomes, strict=False) if o is None]
         taken = None
         if ended:
-            terms = self._terms(owed, waiting=len(again))
+            terms = self._portions.terms(owed, waiting=len(again))
             taken = self._results.store_all(ended, 0 if suspects else then_take, terms)
         self._waiting.suspect(suspects)
         self._wait(again)
         if suspects:
-            self._size.reset()
+            self._portions.size.reset()
         elif outcomes:
-            self._size.learn(len(outcomes), (run.ended_at or time.monotonic()) - run.began_at)
+            self._portions.size.learn(len(outcomes), (run.ended_at or time.monotonic()) - run.began_at)
         return taken
 
     def _break_up(self, run: ChildRun, fault: BaseException) -> None:
@@ -387,7 +356,7 @@ class Runner:
         again = [claim for claim in run.held if claim not in blamed]
         if not is_known:
             self._waiting.suspect(again)
-        self._size.reset()
+        self._portions.size.reset()
         self._wait(again)
 
 
@@ -395,7 +364,3 @@ def _arguments(claim: Claim) -> tuple[object, ...]:
     """Return what the computation of a job gets."""
     audited = () if claim.audited is None else (claim.audited,)
     return json.dumps(claim.payload), *([claim.windows] if claim.windows or audited else ()), *audited
-
-
-def _extra(claim: Claim) -> dict[str, object]:
-    return {"fields": fields_of(claim)}
