@@ -78,4 +78,7 @@ def _rate(loop: Loop, theta: arb) -> arb:
 
 def _advance(total: arb, error: float) -> Advance:
     hi = float(total)
-    return Advance(hi, float(total - arb(hi)), error)
+    lo = float(total - arb(hi))
+    # Next to a whole turn the integral is known to more digits than two doubles of the turn have.
+    left_out = float(abs(total - arb(hi) - arb(lo)).abs_upper())
+    return Advance(hi, lo, nextafter(error + left_out, inf) if left_out > 0.0 else error)

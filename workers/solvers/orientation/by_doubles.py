@@ -18,6 +18,8 @@ from workers.solvers.orientation.advance import loop_advances
 
 TURN, REST_OF_TURN = 2.0 * math.pi, 2.4492935982947064e-16
 """2π in two doubles."""
+SUMMED = 2.0**-102
+"""Error of a sum with 2π in two doubles: 2^-105 of 2π, and half an ulp of what is left, 2^-50 at most."""
 LARGEST_ERROR = 1e-13
 """Of an advance: a curve that is so extreme that doubles know it worse is left to balls."""
 
@@ -44,11 +46,13 @@ def advances_by_doubles(loops: Records, sense: int) -> tuple[Advance, Advance] |
         return None
     rest, lo = _sum_of_turn(-first)
     # The mirror to A < C exchanges the axes and turns ψ round.
-    one, three = ((rest, lo), (-first, 0.0)) if loops[0]["mirrored"] else ((first, 0.0), (-rest, -lo))
-    return (
-        Advance(sense * one[0], sense * one[1], error),
-        Advance(sense * three[0], sense * three[1], error),
-    )
+    alone, summed = Advance(sense * first, 0.0, error), Advance(sense * rest, sense * lo, error + SUMMED)
+    return (summed, _turned(alone)) if loops[0]["mirrored"] else (alone, _turned(summed))
+
+
+def _turned(advance: Advance) -> Advance:
+    """Return the same in the other sense."""
+    return Advance(0.0 - advance.hi, 0.0 - advance.lo, advance.error)
 
 
 def _sum_of_turn(value: float) -> tuple[float, float]:

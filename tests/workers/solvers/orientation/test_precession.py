@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.equations.orientation import (
@@ -64,6 +64,7 @@ def test_golden_precession_by_doubles(nu):
         assert abs(sense * gap - TWO_PI) <= Fraction(1, 10**30)
 
 
+@example(moments=(Fraction(49, 10), Fraction(1, 5)), lambda_=Fraction(409, 25), sense=-1)
 @given(
     moments=st.tuples(*[st.fractions(Fraction(1, 5), 5, max_denominator=20)] * 2).filter(
         lambda m: m[0] != m[1]
