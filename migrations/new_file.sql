@@ -248,7 +248,7 @@ CREATE TABLE "jobs" (
 	priority INTEGER DEFAULT '0' NOT NULL, 
 	ready_at DOUBLE DEFAULT '0' NOT NULL, 
 	sweep_id CHAR(32), 
-	key_id CHAR(32), lane SMALLINT DEFAULT 0 NOT NULL CONSTRAINT ck_jobs_lane CHECK (lane IN (0, 1, 2)), turn DOUBLE DEFAULT '0' NOT NULL, examination VARCHAR(64), facts JSON, note VARCHAR(2000), changed_at DOUBLE DEFAULT '0' NOT NULL, examined_seconds DOUBLE, 
+	key_id CHAR(32), lane SMALLINT DEFAULT 0 NOT NULL CONSTRAINT ck_jobs_lane CHECK (lane IN (0, 1, 2)), turn DOUBLE DEFAULT '0' NOT NULL, examination VARCHAR(64), facts JSON, note VARCHAR(2000), changed_at DOUBLE DEFAULT '0' NOT NULL, examined_seconds DOUBLE, alone BOOLEAN DEFAULT 0 NOT NULL, 
 	CONSTRAINT pk_jobs PRIMARY KEY (id), 
 	CONSTRAINT ck_jobs_state CHECK (state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')), 
 	CONSTRAINT ck_jobs_lease CHECK ((state = 'running') = (lease_until IS NOT NULL)), 
@@ -285,5 +285,5 @@ CREATE TABLE atlases (
 	CONSTRAINT fk_atlases_job_id FOREIGN KEY(job_id) REFERENCES jobs (id) ON DELETE CASCADE
 );
 
-INSERT INTO alembic_version (version_num) VALUES ('0013');
+INSERT INTO alembic_version (version_num) VALUES ('0014');
 

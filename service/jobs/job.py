@@ -68,6 +68,8 @@ class Claim:
     """That its examination took; None without one."""
     audited: StoredSolution | None = None
     """Of an audit: the solution that is solved again and compared."""
+    alone: bool = False
+    """A child computes nothing else with it: a worker was lost that had it, perhaps because of it."""
 
     @property
     def payload(self) -> Mapping[str, object]:

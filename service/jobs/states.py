@@ -58,9 +58,10 @@ class AttemptOutcome(StrEnum):
     FAILED = "failed"
     """The computation failed, or reached its limit of time or memory: a retry would end the same way."""
     LOST = "lost"
-    """The child or the whole worker died; only this is retried, and counted."""
+    """The child died that computed it, or the whole worker, which computed it alone; only this is counted."""
     RETURNED = "returned"
-    """The worker returned it to the queue: it was asked to stop, or a job that it took together took long."""
+    """It went back to the queue, and may not have begun: its worker was asked to stop, a job that it took
+    together took long, or the worker died, which had it with others. After a death it is computed alone."""
     CANCELLED = "cancelled"
 
 
@@ -77,8 +78,11 @@ JITTER = 0.2
 def pause_after(losses: int, first_seconds: float, spread: float) -> float:
     """Return how long a job waits that has lost ``losses`` workers: twice as long each time.
 
+    The first time it does not wait: the worker may have been killed for any reason.
     ``spread`` is a random number from -1 to 1.
     """
+    if losses < 2:
+        return 0.0
     # The exponent is bounded: 2**losses could be too large for a double.
-    pause = min(first_seconds * 2.0 ** min(losses - 1, 60), LONGEST_PAUSE_SECONDS)
+    pause = min(first_seconds * 2.0 ** min(losses - 2, 60), LONGEST_PAUSE_SECONDS)
     return pause * (1.0 + JITTER * spread)

@@ -155,10 +155,14 @@ class JobStore(Protocol):
         """
         ...
 
-    def lose(self, claim: Claim, detail: str, *, max_attempts: int, retry_seconds: float) -> bool:
+    def lose(
+        self, claim: Claim, detail: str, *, max_attempts: int, retry_seconds: float, has_begun: bool = True
+    ) -> bool:
         """Record that the child died: requeue the job, or fail it as ``lost_worker``.
 
-        It is not claimed for ``retry_seconds``, and twice as long each further time.
+        From the second time on it is not claimed for ``retry_seconds``, then twice as long each time. If it
+        may not ``has_begun``, and was not to be computed alone, that is not counted as a loss. Then it is
+        computed alone, and the next time is counted.
         """
         ...
 
@@ -175,5 +179,8 @@ class JobStore(Protocol):
         ...
 
     def reconcile(self, *, max_attempts: int, retry_seconds: float) -> tuple[str, ...]:
-        """Do the same as :meth:`lose` to every job whose lease has ended; return their ids."""
+        """Do the same as :meth:`lose` to every job whose lease has ended; return their ids.
+
+        Nobody knows which of them had begun.
+        """
         ...

@@ -114,6 +114,19 @@ def test_defaults_are_plain_values():
     assert objects == []
 
 
+def test_every_integer_of_a_query_has_bounds_that_a_database_can_count_to():
+    found = {
+        (path, parameter["name"]): (parameter["schema"].get("minimum"), parameter["schema"].get("maximum"))
+        for path, _, operation in operations()
+        for parameter in operation.get("parameters", [])
+        if parameter["in"] == "query" and parameter["schema"].get("type") == "integer"
+    }
+    assert ("/v1/sweeps/{sweep_id}/points", "offset") in found
+    without = [place for place, (low, high) in found.items() if low is None or high is None]
+    assert without == []
+    assert all(-(2**31) <= low <= high < 2**31 for low, high in found.values())
+
+
 def test_headers_that_openapi_describes_by_other_means_are_no_parameters():
     declared = {
         parameter["name"].lower()

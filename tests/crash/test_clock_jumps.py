@@ -125,7 +125,7 @@ def test_forward_a_held_job_is_given_to_another_and_ends_once(database, jobs, cl
     finish(first)
     assert jobs.get(job.id).state is JobState.RUNNING
     finish(second)
-    assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
+    assert outcomes(jobs, job) == [AttemptOutcome.RETURNED, AttemptOutcome.SUCCEEDED]
     assert_solved_once(database, jobs, job)
 
 
@@ -169,7 +169,7 @@ def test_back_a_job_whose_worker_died_waits_and_is_not_lost(database, jobs, cloc
     look(second)
     second.fill()
     finish(second)
-    assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
+    assert outcomes(jobs, job) == [AttemptOutcome.RETURNED, AttemptOutcome.SUCCEEDED]
     assert_solved_once(database, jobs, job)
     finish(first)
     assert_solved_once(database, jobs, job)

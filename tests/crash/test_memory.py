@@ -64,7 +64,10 @@ def test_a_job_that_takes_all_memory_of_the_machine_ends_once(
     assert jobs.get(modest.id).state is JobState.SUCCEEDED
     dead = jobs.get(greedy.id)
     assert (dead.state, dead.error["code"]) == (JobState.FAILED, "lost_worker")
-    assert [attempt.outcome for attempt in jobs.attempts(greedy.id)] == ["lost"] * max_attempts
+    outcomes = [attempt.outcome for attempt in jobs.attempts(greedy.id)]
+    # The first time that the kernel takes the worker, nobody knows whose fault it is.
+    assert outcomes.count("lost") == max_attempts
+    assert outcomes.count("returned") == len(outcomes) - max_attempts <= 1
     assert [finding.code for finding in inspect(database) if finding.broken] == []
 
 

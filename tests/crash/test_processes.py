@@ -1,16 +1,20 @@
 """Real workers and a real API, killed at their own commits one after the other."""
 
+import random
 import signal
+import time
 from http.client import HTTPException
 
 import pytest
 
+from service.jobs.lanes import Lane
 from service.jobs.states import JobState
 from service.storage.database.database import Database
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
 from tests.crash.client import problem
 from tests.support.databases import url_of
+from tests.support.effort import seldom
 from tests.support.lists import list_jobs
 from tests.support.serving import serving
 from tests.workers.processes import Worker, wait_until
@@ -77,3 +81,29 @@ def test_a_submit_without_an_answer_may_be_repeated(tmp_path):
     assert broken(database) == []
     assert {job.state for job in list_jobs(SqlJobStore(database)).jobs} == {JobState.SUCCEEDED}
     database.close()
+
+
+@pytest.mark.parametrize(("number", "kills"), [(100, 3), *seldom((2000, 50))])
+def test_random_kills_of_workers_fail_no_job(database, jobs, url, number, kills):
+    chance = random.Random(kills)
+    problems = [({"chore": "sleep", "seconds": 0.005, "number": k}, str(k)) for k in range(number)]
+    submitted = jobs.submit_many(problems, lane=Lane.LIST)
+
+    def finished() -> int:
+        live = (list_jobs(jobs, state=state).total for state in (JobState.QUEUED, JobState.RUNNING))
+        return number - sum(live)
+
+    for _ in range(kills):
+        worker, before = Worker(url, slots=2, max_attempts=3), finished()
+        try:
+            wait_until(lambda before=before: finished() > before)
+            time.sleep(chance.uniform(0.0, 0.1))  # the moment of the kill
+        finally:
+            worker.clean_up()
+    worker = Worker(url, slots=2, max_attempts=3)
+    try:
+        wait_until(lambda: finished() == number)
+    finally:
+        worker.clean_up()
+    assert {jobs.get(job.id).state for job in submitted} == {JobState.SUCCEEDED}
+    assert broken(database) == []

@@ -49,9 +49,9 @@ def test_a_job_that_loses_its_workers_is_given_up(losses, state):
 
 
 def test_a_pause_doubles_up_to_a_minute_and_never_comes_at_the_same_moment():
-    pauses = [pause_after(losses, 1.0, 0.0) for losses in range(1, 9)]
-    assert pauses == [1, 2, 4, 8, 16, 32, 60, 60]
+    pauses = [pause_after(losses, 1.0, 0.0) for losses in range(1, 10)]
+    assert pauses == [0, 1, 2, 4, 8, 16, 32, 60, 60]
     assert pause_after(10**6, 1.0, 0.0) == LONGEST_PAUSE_SECONDS
-    assert pause_after(1, 0.0, 1.0) == 0.0
-    assert pause_after(3, 1.0, -1.0) == 4 * (1 - JITTER)
-    assert pause_after(3, 1.0, 1.0) == 4 * (1 + JITTER)
+    assert pause_after(2, 0.0, 1.0) == 0.0
+    assert pause_after(4, 1.0, -1.0) == 4 * (1 - JITTER)
+    assert pause_after(4, 1.0, 1.0) == 4 * (1 + JITTER)

@@ -68,11 +68,11 @@ class Results:
                 _tell_too_late(claim)
         return taken if then_take else None
 
-    def record(self, claim: Claim, fault: BaseException) -> None:
+    def record(self, claim: Claim, fault: BaseException, *, has_begun: bool = True) -> None:
         """Write why an attempt has no result."""
-        if isinstance(fault, SandboxCrashError):
+        if isinstance(fault, SandboxCrashError) or not has_begun:
             logger.warning("job %s attempt %d: %s", claim.job_id, claim.attempt, fault)
-            self._store.lose(claim, str(fault), **self._limits.retries())
+            self._store.lose(claim, str(fault), has_begun=has_begun, **self._limits.retries())
         elif isinstance(fault, SandboxTimeoutError):
             detail = f"not finished after {self._limits.job_seconds:g} s, the limit for one job"
             self._fail(claim, "time_limit", detail)

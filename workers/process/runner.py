@@ -24,7 +24,7 @@ from workers.process.leases import Leases
 from workers.process.limits import JobLimits
 from workers.process.portions import Portions
 from workers.process.results import Results, extra_of, fields_of
-from workers.process.runs import ChildRun, shared_out
+from workers.process.runs import ChildRun, may_share, shared_out
 from workers.process.waiting import Waiting
 
 logger = logging.getLogger(__name__)
@@ -163,7 +163,8 @@ class Runner:
                         claim.attempt,
                         extra=extra_of(claim),
                     )
-                    self._store.lose(claim, "no child took it", **self._limits.retries())
+                    retries = self._limits.retries()
+                    self._store.lose(claim, "no child took it", has_begun=False, **retries)
                 self._remove(run)
             elif run.is_slow(time.monotonic() - WATCH_SECONDS - BATCH_SECONDS):
                 self._take_back(run)
@@ -273,8 +274,7 @@ class Runner:
 
         Problems beyond a batch for each place wait.
         """
-        problems = [claim for claim in taken.claims if claim.kind is JobKind.SOLVE]
-        others = [claim for claim in taken.claims if claim.kind is not JobKind.SOLVE]
+        problems, others = may_share(taken.claims)
         self._portions.note(len(problems), self._portions.terms(owed, places, len(self._waiting)))
         if self._waiting and not others:
             self._wait(problems)
@@ -347,12 +347,10 @@ class Runner:
         """Blame the job that its child was computing, and compute the others of the batch again."""
         current = run.current
         is_known = isinstance(fault, SandboxCrashError | SandboxTimeoutError)
-        if is_known and run.begun == 0:
-            blamed = run.held
-        else:
-            blamed = [claim for claim in run.held if is_known and claim is current]
+        has_begun = run.begun > 0
+        blamed = [claim for claim in run.held if is_known and (claim is current or not has_begun)]
         for claim in blamed:
-            self._results.record(claim, fault)
+            self._results.record(claim, fault, has_begun=has_begun)
         again = [claim for claim in run.held if claim not in blamed]
         if not is_known:
             self._waiting.suspect(again)

@@ -67,9 +67,18 @@ class ChildRun:
 
 
 def shared_out(claims: Sequence[Claim], places: int) -> Iterator[tuple[Claim, ...]]:
-    """Return what each place gets: a chunk or an atlas has one to itself, problems share the rest."""
-    problems = [claim for claim in claims if claim.kind is JobKind.SOLVE]
-    others = [claim for claim in claims if claim.kind is not JobKind.SOLVE]
+    """Return what each place gets: a chunk or an atlas has one to itself, problems share the rest.
+
+    A problem that is to be computed alone has one to itself too.
+    """
+    problems, others = may_share(claims)
     yield from ((claim,) for claim in others)
     left = max(1, places - len(others))
     yield from (tuple(problems[place::left]) for place in range(min(left, len(problems))))
+
+
+def may_share(claims: Sequence[Claim]) -> tuple[list[Claim], list[Claim]]:
+    """Return the problems that one call may compute with others, and all else."""
+    shares = [claim.kind is JobKind.SOLVE and not claim.alone for claim in claims]
+    problems = [claim for claim, together in zip(claims, shares, strict=True) if together]
+    return problems, [claim for claim, together in zip(claims, shares, strict=True) if not together]

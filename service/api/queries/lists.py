@@ -30,6 +30,10 @@ WHERE = (
 )
 
 
+FARTHEST = 10**9
+"""Rows that a request may leave out, or ask for, at most: more than any list has."""
+
+
 class AskingQuery(QueryModel):
     """What every list can be asked for."""
 
@@ -44,7 +48,7 @@ class AskingQuery(QueryModel):
         description="Items hold these facts only, such as `id,period,/motion/lambda`; null where none is.",
     )
     limit: int = Field(default=50, ge=1, le=200, description="Items on a page at most.")
-    offset: int = Field(default=0, ge=0, le=10**9, description="Items to leave out first.")
+    offset: int = Field(default=0, ge=0, le=FARTHEST, description="Items to leave out first.")
     after: str | None = Field(
         default=None,
         max_length=4000,

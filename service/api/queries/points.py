@@ -7,6 +7,7 @@ from pydantic import Field
 
 from service.api.queries.cursors import InvalidCursorError, place_of
 from service.api.queries.format_names import FORMAT_HELP, FormatName
+from service.api.queries.lists import FARTHEST
 from service.api.queries.queries import Asked, QueryModel
 from service.schemas.query.conditions import OrderKey
 from service.schemas.query.facts import Fact
@@ -43,9 +44,10 @@ class PointsQuery(QueryModel):
     limit: int | None = Field(
         default=None,
         ge=1,
+        le=FARTHEST,
         description=f"Points at most. Of a page of JSON {DEFAULT_ROWS} if left out, {MOST_ROWS} at most.",
     )
-    offset: int = Field(default=0, ge=0, description="Points to leave out first.")
+    offset: int = Field(default=0, ge=0, le=FARTHEST, description="Points to leave out first.")
     after: str | None = Field(
         default=None,
         max_length=4000,

@@ -20,7 +20,8 @@ class AttemptOut(ResponseModel):
     started_at: datetime = Field(description="When it began, UTC.")
     ended_at: datetime | None = Field(description="When it ended; null while it runs.")
     outcome: Literal["succeeded", "failed", "cancelled", "lost", "returned"] | None = Field(
-        description="`lost`: the worker or its child process died; `returned`: not computed."
+        description="`lost`: the child process died, or the worker that had only this job for it;"
+        " `returned`: not computed, or nobody knows whether it had begun when its worker died."
     )
     detail: str | None = Field(description="The reason, where there is one.")
 

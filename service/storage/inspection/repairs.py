@@ -90,13 +90,14 @@ def open_attempts() -> ColumnElement[bool]:
 
 
 def end_attempts(database: Database, broken: Broken) -> int:
-    """End abandoned attempts: the last one of a job with the job's outcome, the others as lost."""
+    """End abandoned attempts: the last one of a job with the job's outcome, the others as returned."""
     outcome = case(
         *(
             (exists().where(_is_last(), JobRow.state == state.value), outcome.value)
             for state, outcome in _OUTCOME.items()
         ),
-        else_=AttemptOutcome.LOST.value,
+        # Nobody knows whether it had begun.
+        else_=AttemptOutcome.RETURNED.value,
     )
     values = {"ended_at": DatabaseNow(), "outcome": outcome}
     statement = update(AttemptRow).where(AttemptRow.job_id.in_(broken), open_attempts()).values(**values)
@@ -124,8 +125,9 @@ def release_leases(database: Database, broken: Broken) -> int:
     for job_id, attempt in found:
         still = JobRow.id == job_id, JobRow.attempt == attempt, JobRow.id.in_(broken)
         with database.write() as session:
-            if move(session, JobState.QUEUED, *still):
-                end_attempt(session, job_id, attempt, AttemptOutcome.LOST, "its lease was released by hand")
+            if move(session, JobState.QUEUED, *still, alone=True):
+                why = "its lease was released by hand"
+                end_attempt(session, job_id, attempt, AttemptOutcome.RETURNED, why)
                 released += 1
     return released
 

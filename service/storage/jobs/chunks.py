@@ -53,7 +53,9 @@ def begin(connection: Connection, sweep_id: str) -> Document:
     return document
 
 
-def queue_chunks(session: Session, sweep: SweepRow, ranges: Iterable[Range], most: int) -> list[JobRow]:
+def queue_chunks(
+    session: Session, sweep: SweepRow, ranges: Iterable[Range], most: int, *, alone: bool = False
+) -> list[JobRow]:
     """Make a job of each range; ``most`` is the largest chunk that may be made of this sweep."""
     now, whole = database_now(session), list(ranges)
     point_seconds = UNKNOWN_POINT_SECONDS if sweep.point_seconds is None else sweep.point_seconds
@@ -76,6 +78,7 @@ def queue_chunks(session: Session, sweep: SweepRow, ranges: Iterable[Range], mos
             sweep_id=sweep.id,
             problem={"first": each.first, "count": each.count, "most": most},
             digest=_NO_DIGEST,
+            alone=alone,
             created_at=now,
         )
         for each, turn in zip(whole, turns, strict=True)
@@ -114,7 +117,7 @@ def replace_failed(session: Session, sweep: SweepRow | None, job_id: str) -> lis
         return []
     asked, most = _range(job.problem)
     if asked.count > 1:
-        return queue_chunks(session, sweep, cut(asked, PARTS), most)
+        return queue_chunks(session, sweep, cut(asked, PARTS), most, alone=job.alone)
     # Here and not at the top: it loads NumPy, which a worker needs for nothing else.
     from service.storage.codecs.points import ChunkPoints, chunk_outcome  # noqa: PLC0415
 

@@ -58,6 +58,7 @@ _CLAIM = (
         _JOBS.c.id,
         _JOBS.c.kind,
         _JOBS.c.attempt,
+        _JOBS.c.alone,
         _JOBS.c.lane,
         _JOBS.c.problem,
         _JOBS.c.digest,
@@ -152,6 +153,7 @@ def _claim(
             windows=_windows(row),
             audited=stored.get(row.audited),
             examined_seconds=row.examined_seconds,
+            alone=row.alone,
         )
         for row in sorted(rows, key=lambda row: places[row.id])
     ]

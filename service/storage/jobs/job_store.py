@@ -241,12 +241,21 @@ class SqlJobStore:
         with self._database.write() as session:
             return self._fail(session, claim, error)
 
-    def lose(self, claim: Claim, detail: str, *, max_attempts: int, retry_seconds: float = 0.0) -> bool:
+    def lose(
+        self,
+        claim: Claim,
+        detail: str,
+        *,
+        max_attempts: int,
+        retry_seconds: float = 0.0,
+        has_begun: bool = True,
+    ) -> bool:
         """Queue the job again after the loss of its child, or give it up."""
         with self._database.write() as session:
             sweep = chunks.hold(session, claim.sweep_id)
             attempt = claim.job_id, claim.attempt
-            if not lose(session, fence(claim), attempt, detail, max_attempts, retry_seconds):
+            terms = detail, max_attempts, retry_seconds
+            if not lose(session, fence(claim), attempt, *terms, has_begun=has_begun):
                 return False
             self._deliver_after_loss(session, sweep, claim.job_id)
             return True
@@ -281,8 +290,8 @@ class SqlJobStore:
             still = (JobRow.id == job_id, JobRow.attempt == attempt, *expired)
             with self._database.write() as session:
                 sweep = chunks.hold(session, sweep_id)
-                detail = "the lease ended without a heartbeat"
-                if lose(session, still, (job_id, attempt), detail, max_attempts, retry_seconds):
+                terms = "the lease ended without a heartbeat", max_attempts, retry_seconds
+                if lose(session, still, (job_id, attempt), *terms, has_begun=False):
                     self._deliver_after_loss(session, sweep, job_id)
                     changed.append(job_id)
         return tuple(changed)

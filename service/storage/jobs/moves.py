@@ -80,19 +80,25 @@ def lose(
     detail: str,
     max_attempts: int,
     retry_seconds: float,
+    *,
+    has_begun: bool,
 ) -> bool:
     """Requeue a job whose worker or child died, or fail it with its history as the error.
 
     ``attempt`` is the job's id and the number of the attempt; ``guard`` says
-    when it is lost. It waits ``retry_seconds`` after the first loss.
+    when it is lost. If it may not ``has_begun``, the first time is not counted;
+    it is computed alone from then on.
     """
     job_id, number = attempt
+    if not has_begun and move(session, JobState.QUEUED, *guard, JobRow.alone.is_(False), alone=True):
+        end_attempt(session, job_id, number, AttemptOutcome.RETURNED, detail)
+        return True
     lost = AttemptRow.job_id == job_id, AttemptRow.outcome == AttemptOutcome.LOST.value
     losses = 1 + (session.scalar(select(func.count()).select_from(AttemptRow).where(*lost)) or 0)
     target = after_loss(losses, max_attempts)
     pause = pause_after(losses, retry_seconds, random.uniform(-1.0, 1.0))
     now = database_now(session)
-    if not move(session, target, *guard, ready_at=now + pause):
+    if not move(session, target, *guard, alone=True, ready_at=now + pause):
         return False
     end_attempt(session, job_id, number, AttemptOutcome.LOST, detail, at=now)
     if target is JobState.FAILED:

@@ -46,10 +46,10 @@ class Which:
     of_lane: bool = False
     """Those of ``lane`` only."""
     problems: bool = False
-    """Problems of ``priority`` only: neither chunks of sweeps nor atlases."""
+    """Problems of ``priority`` that may share a call: no chunks, no atlases, none to be computed alone."""
 
 
-SHOWN = "id", "kind", "priority", "digest", "attempt", "ready_at"
+SHOWN = "id", "kind", "alone", "priority", "digest", "attempt", "ready_at"
 EACH = tuple(Which(of_lane, problems) for of_lane in (False, True) for problems in (False, True))
 
 
@@ -60,7 +60,8 @@ def first_jobs(*columns: ColumnElement[Any], which: Which) -> Select[*tuple[Any,
         ready = *ready, _JOBS.c.lane == bindparam("lane", type_=SmallInteger)
         order = tuple(each for each in order if each is not _JOBS.c.lane)
     if which.problems:
-        ready = *ready, _JOBS.c.priority == bindparam("of_priority", type_=Integer), _JOBS.c.kind == _PROBLEM
+        shares_a_call = _JOBS.c.kind == _PROBLEM, _JOBS.c.alone.is_(False)
+        ready = *ready, _JOBS.c.priority == bindparam("of_priority", type_=Integer), *shares_a_call
     return (
         select(*(_JOBS.c[name] for name in SHOWN), *columns)
         .where(*ready)
@@ -95,7 +96,7 @@ class Chosen:
         head = [row for row in self._rows(which, given) if row.id not in self.ids][:number]
         for row in head:
             self._take(row)
-        if together > 1 and len({row.priority for row in head}) == 1 and all(map(_is_problem, head)):
+        if together > 1 and len({row.priority for row in head}) == 1 and all(map(_may_share, head)):
             given |= {"of_priority": head[0].priority, "count": number * together}
             for row in self._rows(replace(which, problems=True), given):
                 if row.digest in self._digests and row.id not in self.ids:
@@ -112,8 +113,8 @@ class Chosen:
         self._digests.add(row.digest)
 
 
-def _is_problem(row: Row[*tuple[Any, ...]]) -> bool:
-    return bool(row.kind == JobKind.SOLVE.value)
+def _may_share(row: Row[*tuple[Any, ...]]) -> bool:
+    return row.kind == JobKind.SOLVE.value and not row.alone
 
 
 _STATEMENTS = {which: first_jobs(which=which) for which in EACH}

@@ -1,6 +1,6 @@
 """The tables of jobs and their attempts."""
 
-from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, SmallInteger, String, Uuid, desc, text
+from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, SmallInteger, String, Uuid, desc, false, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.lanes import Lane
@@ -62,8 +62,10 @@ class JobRow(Base):
     turn: Mapped[float] = mapped_column(default=0.0, server_default="0")
     """Of equal priority and lane the smaller is claimed first: see :mod:`service.jobs.turns`."""
     ready_at: Mapped[float] = mapped_column(default=0.0, server_default="0")
-    """Not claimed before this instant: after each lost worker a job waits longer."""
+    """Not claimed before this instant: a job that has lost several workers waits, each time longer."""
     attempt: Mapped[int] = mapped_column(default=0)
+    alone: Mapped[bool] = mapped_column(default=False, server_default=false())
+    """It is claimed for a child that computes nothing else: then the loss of its worker counts."""
     progress: Mapped[float] = mapped_column(default=0.0)
     error: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
     reused: Mapped[bool] = mapped_column(default=False)

@@ -1,8 +1,10 @@
 """/v1/sweeps/{id}/points: pages of JSON and streams, conditions, order, columns."""
 
+import base64
 import csv
 import io
 import json
+from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +21,7 @@ pytestmark = pytest.mark.any_database
 A, LAMBDA = "/potential/parameters/a", "/motion/lambda"
 COLUMNS = ["index", A, LAMBDA, "period", "energy", "outcome"]
 ARROW, NDJSON, CSV = "application/vnd.apache.arrow.stream", "application/x-ndjson", "text/csv"
+NPZ = "application/x-npz"
 SERIES = {
     "t": lambda indices: indices[:, None] + np.arange(3.0),
     "g1": lambda indices: -np.ones((len(indices), 3)),
@@ -267,3 +270,26 @@ def test_a_fault_before_the_first_byte_is_told(points, monkeypatch):
     monkeypatch.setattr(PointReader, "_read", broken)
     answer = points(ARROW)
     assert (answer.status_code, answer.json()["type"]) == (500, "urn:polhode:problem:internal_error")
+
+
+@pytest.mark.parametrize("accept", ["application/json", CSV, NDJSON, ARROW, NPZ])
+def test_places_beyond_every_list_are_told_or_refused(points, accept):
+    for name in ("offset", "limit"):
+        answer = points(accept, **{name: 2**64})
+        assert answer.status_code == 422
+        (fault,) = answer.json()["errors"]
+        assert (fault["pointer"], fault["code"]) == (f"?{name}", "invalid_value")
+        assert "to 1000000000" in fault["message"]
+    empty = points(accept, offset=10**9)
+    assert empty.status_code == 200
+    assert len(empty.content) < 2000
+
+
+@pytest.mark.parametrize("index", [-1e300, -1, 0.5, 2.0**63, 1e300])
+def test_a_forged_cursor_leads_to_some_page(points, index):
+    following = points(limit=2).json()["next"]
+    cursor = parse_qs(urlsplit(following).query)["after"][0]
+    content = json.loads(base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)))
+    forged = base64.urlsafe_b64encode(json.dumps([content[0], index]).encode()).decode().rstrip("=")
+    rows = indices_of(points(limit=2, after=forged))
+    assert rows == [row for row in range(POINTS) if row > index][:2]

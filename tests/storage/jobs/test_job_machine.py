@@ -56,13 +56,19 @@ class Model:
     lease_until: float = 0.0
     claim: Claim | None = None
     reused: bool = False
+    alone: bool = False
     outcomes: list = field(default_factory=list)
 
     def end(self, state, outcome, ready_at=0.0):
         self.state, self.claim, self.ready_at = state, None, max(ready_at, self.ready_at)
         self.outcomes[-1] = outcome
 
-    def lose(self, now):
+    def lose(self, now, *, has_begun):
+        if not has_begun and not self.alone:
+            self.alone = True
+            self.end(JobState.QUEUED, AttemptOutcome.RETURNED)
+            return
+        self.alone = True
         losses = 1 + self.outcomes.count(AttemptOutcome.LOST)
         state = JobState.QUEUED if losses < MAX_ATTEMPTS else JobState.FAILED
         self.end(state, AttemptOutcome.LOST, now + pause_after(losses, RETRY, 0.0))
@@ -101,7 +107,7 @@ class JobMachine(RuleBasedStateMachine):
             job.end(JobState.SUCCEEDED, AttemptOutcome.SUCCEEDED)
         for claim in taken.claims:
             job = self.jobs[claim.job_id]
-            assert (claim.worker, claim.attempt) == (worker, len(job.outcomes))
+            assert (claim.worker, claim.attempt, claim.alone) == (worker, len(job.outcomes), job.alone)
             job.state, job.claim, job.lease_until = JobState.RUNNING, claim, self.clock.now + LEASE
         return multiple(*taken.claims)
 
@@ -151,13 +157,14 @@ class JobMachine(RuleBasedStateMachine):
         if job is not None:
             job.end(JobState.FAILED, AttemptOutcome.FAILED)
 
-    @rule(claim=claims)
-    def lose(self, claim):
+    @rule(claim=claims, has_begun=st.booleans())
+    def lose(self, claim, has_begun):
         job = self.holder(claim)
-        lost = self.store.lose(claim, "died", max_attempts=MAX_ATTEMPTS, retry_seconds=RETRY)
+        limits = {"max_attempts": MAX_ATTEMPTS, "retry_seconds": RETRY}
+        lost = self.store.lose(claim, "died", has_begun=has_begun, **limits)
         assert lost == (job is not None)
         if job is not None:
-            job.lose(self.clock.now)
+            job.lose(self.clock.now, has_begun=has_begun)
 
     @rule(claim=claims)
     def give_back(self, claim):
@@ -196,7 +203,7 @@ class JobMachine(RuleBasedStateMachine):
         found = self.store.reconcile(max_attempts=MAX_ATTEMPTS, retry_seconds=RETRY)
         assert set(found) == {job.id for job in expired}
         for job in expired:
-            job.lose(self.clock.now)
+            job.lose(self.clock.now, has_begun=False)
 
     @invariant()
     def the_store_is_the_model(self):

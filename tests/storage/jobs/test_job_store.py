@@ -17,6 +17,7 @@ from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.effort import examples
 from tests.support.finishing import finish_success
 from tests.support.lists import list_jobs
+from workers.process.runs import shared_out
 
 OVER = -1.0  # a lease that has ended when it is granted
 
@@ -111,7 +112,7 @@ def test_a_zombie_finds_its_job_finished_by_the_next(jobs, database):
     assert not succeed(jobs, zombie)
     assert count_results(database) == [1, 1, 1]
     outcomes = [(a.worker, a.outcome) for a in jobs.attempts(job.id)]
-    assert outcomes == [("first", AttemptOutcome.LOST), ("second", AttemptOutcome.SUCCEEDED)]
+    assert outcomes == [("first", AttemptOutcome.RETURNED), ("second", AttemptOutcome.SUCCEEDED)]
 
 
 def test_a_heartbeat_keeps_the_lease(jobs):
@@ -124,15 +125,39 @@ def test_a_heartbeat_keeps_the_lease(jobs):
 
 def test_a_job_that_kills_its_workers_is_given_up_with_its_history(jobs):
     job = jobs.submit(PROBLEM, "digest")
-    for n in range(2):
+    for n in range(3):
         claim(jobs, f"worker-{n}", OVER)
         jobs.reconcile(max_attempts=3)
-    assert jobs.lose(claim(jobs, "worker-2"), "the child died of SIGSEGV", max_attempts=3)
+    assert jobs.lose(claim(jobs, "worker-3"), "the child died of SIGSEGV", max_attempts=3)
     dead = jobs.get(job.id)
     assert (dead.state, dead.error["code"]) == (JobState.FAILED, "lost_worker")
-    assert [a["worker"] for a in dead.error["attempts"]] == ["worker-0", "worker-1", "worker-2"]
-    assert dead.error["attempts"][2]["detail"] == "the child died of SIGSEGV"
+    assert [a["worker"] for a in dead.error["attempts"]] == [f"worker-{n}" for n in range(4)]
+    assert [a["outcome"] for a in dead.error["attempts"]] == ["returned", "lost", "lost", "lost"]
+    assert dead.error["attempts"][3]["detail"] == "the child died of SIGSEGV"
     assert claim(jobs) is None
+
+
+def test_what_was_lost_with_others_is_claimed_alone_and_before_the_others(jobs):
+    submitted = [jobs.submit(PROBLEM, str(n)).id for n in range(6)]
+    together = {"lease_seconds": OVER, "together": 3}
+    assert [c.job_id for c in jobs.take("first", 1, **together).claims] == submitted[:3]
+    assert set(jobs.reconcile(max_attempts=1)) == set(submitted[:3])
+    for job_id in submitted[:3]:
+        (claimed,) = jobs.take("second", 1, **together).claims
+        assert (claimed.job_id, claimed.alone) == (job_id, True)
+    rest = jobs.take("second", 1, **together).claims
+    assert [(c.job_id, c.alone) for c in rest] == [(job_id, False) for job_id in submitted[3:]]
+    # What is lost alone counts.
+    jobs.reconcile(max_attempts=1)
+    assert [jobs.get(job_id).state for job_id in submitted] == [JobState.FAILED] * 3 + [JobState.QUEUED] * 3
+
+
+def test_a_place_is_for_one_that_is_to_be_alone_or_for_several_others(jobs):
+    submitted = [jobs.submit(PROBLEM, str(n)).id for n in range(5)]
+    assert jobs.lose(claim(jobs), "died", max_attempts=3)
+    taken = jobs.take("worker", 2, lease_seconds=60.0, together=4).claims
+    assert [(c.job_id, c.alone) for c in taken] == [(submitted[0], True), (submitted[1], False)]
+    assert list(shared_out(taken, 2)) == [(taken[0],), (taken[1],)]
 
 
 def test_a_worker_that_stops_is_not_a_loss(jobs):

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -156,6 +157,19 @@ def test_a_child_that_is_killed_from_outside_costs_an_attempt_of_the_one_that_it
     assert {tuple(crew.outcomes(job_id)) for job_id in (ids[0], *ids[2:])} == {(AttemptOutcome.SUCCEEDED,)}
 
 
+def test_a_child_that_dies_before_it_begins_costs_nobody_an_attempt(together, sandbox):
+    crew = together(max_attempts=1)
+    child = sandbox.run(os.getpid, seconds=30)
+    os.kill(child, signal.SIGSTOP)  # it takes the call, and begins nothing
+    ids = crew.submit(*({} for _ in range(TOGETHER)))
+    crew.turn()
+    os.kill(child, signal.SIGKILL)
+    assert crew.finish(ids) == [JobState.SUCCEEDED] * TOGETHER
+    returned = [AttemptOutcome.RETURNED, AttemptOutcome.SUCCEEDED]
+    assert [crew.outcomes(job_id) for job_id in ids] == [returned] * TOGETHER
+    assert len(crew.batches) == 1  # afterwards each was computed alone
+
+
 def test_a_worker_that_stops_gives_back_all_that_it_has_not_done(together, tmp_path):
     crew, log = together(), tmp_path / "log"
     ids = crew.submit({"chore": "spin", "log": str(log)}, {}, {}, {}, {})
@@ -191,9 +205,10 @@ def claim_of(number: int, kind: JobKind) -> Claim:
 def test_places_are_shared_by_problems_and_never_by_what_takes_long():
     solves = [claim_of(k, JobKind.SOLVE) for k in range(7)]
     chunk, atlas = claim_of(8, JobKind.CHUNK), claim_of(9, JobKind.ATLAS)
-    shares = list(shared_out([*solves[:2], chunk, *solves[2:], atlas], 4))
-    assert shares[:2] == [(chunk,), (atlas,)]
-    assert sorted(len(share) for share in shares[2:]) == [3, 4]
-    assert sorted(int(claim.job_id) for share in shares[2:] for claim in share) == list(range(7))
+    alone = replace(claim_of(10, JobKind.SOLVE), alone=True)
+    shares = list(shared_out([*solves[:2], chunk, *solves[2:], atlas, alone], 5))
+    assert shares[:3] == [(chunk,), (atlas,), (alone,)]
+    assert sorted(len(share) for share in shares[3:]) == [3, 4]
+    assert sorted(int(claim.job_id) for share in shares[3:] for claim in share) == list(range(7))
     assert list(shared_out([], 3)) == []
     assert list(shared_out(solves[:2], 3)) == [(solves[0],), (solves[1],)]

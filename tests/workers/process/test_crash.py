@@ -5,6 +5,7 @@ import signal
 
 import pytest
 
+from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobState
 from tests.workers.processes import stop_between_transactions, wait_until
 
@@ -53,10 +54,10 @@ def test_a_killed_worker_is_replaced_after_its_lease(jobs, start_worker, log):
     # What is to come back by the lease is not brought by anything that takes long.
     start_worker(lease_seconds=LONG, poll_seconds=3600)
     wait_until(lambda: state_of(jobs, job) is JobState.SUCCEEDED)
-    assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
-    lost, succeeded = jobs.attempts(job.id)
-    assert (lost.ended_at - lost.started_at).total_seconds() >= LEASE
-    assert succeeded.started_at >= lost.ended_at
+    assert outcomes(jobs, job) == [AttemptOutcome.RETURNED, AttemptOutcome.SUCCEEDED]
+    returned, succeeded = jobs.attempts(job.id)
+    assert (returned.ended_at - returned.started_at).total_seconds() >= LEASE
+    assert succeeded.started_at >= returned.ended_at
     assert len(children(log)) == 2
 
 
@@ -125,6 +126,25 @@ def test_a_worker_that_slept_through_its_lease_does_not_finish_the_job(jobs, url
     # Its child has gone on and finishes; what it hands over is out of date.
     first.process.send_signal(signal.SIGCONT)
     wait_until(lambda: jobs.get(job.id).is_finished)
-    assert outcomes(jobs, job) == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
+    assert outcomes(jobs, job) == [AttemptOutcome.RETURNED, AttemptOutcome.SUCCEEDED]
     assert first.terminate() == 0
     assert jobs.get(job.id).attempt == 2
+
+
+def test_no_other_job_pays_for_the_one_at_which_workers_die(jobs, start_worker, log):
+    problems = [{"number": number} for number in range(40)]
+    # Late enough that its worker has others with it.
+    problems[20] = {"chore": "sleep", "seconds": 3600.0, "log": str(log)}
+    submitted = jobs.submit_many([(problem, str(k)) for k, problem in enumerate(problems)], lane=Lane.LIST)
+    deadly, others = submitted[20], [*submitted[:20], *submitted[21:]]
+    for deaths in range(1, 5):
+        worker = start_worker(lease_seconds=LEASE, max_attempts=3)
+        wait_until(lambda deaths=deaths: len(children(log)) == deaths)
+        worker.kill()
+    start_worker(lease_seconds=LONG, max_attempts=3)
+    wait_until(lambda: all(jobs.get(job.id).is_finished for job in submitted))
+    assert jobs.get(deadly.id).error["code"] == "lost_worker"
+    assert outcomes(jobs, deadly) == [AttemptOutcome.RETURNED, *[AttemptOutcome.LOST] * 3]
+    assert {state_of(jobs, job) for job in others} == {JobState.SUCCEEDED}
+    # When the others were lost with it, none was alone.
+    assert not any(AttemptOutcome.LOST in outcomes(jobs, job) for job in others)

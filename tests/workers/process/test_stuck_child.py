@@ -43,4 +43,4 @@ def test_its_job_goes_to_a_new_child(jobs, sandbox, monkeypatch, tmp_path):
 
     wait_until(work)
     assert jobs.get(job.id).state is JobState.SUCCEEDED
-    assert [a.outcome for a in jobs.attempts(job.id)] == [AttemptOutcome.LOST, AttemptOutcome.SUCCEEDED]
+    assert [a.outcome for a in jobs.attempts(job.id)] == [AttemptOutcome.RETURNED, AttemptOutcome.SUCCEEDED]

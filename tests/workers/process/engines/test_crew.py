@@ -96,9 +96,9 @@ def test_a_poison_job_stops_after_three_attempts_with_its_history(jobs, submit, 
     assert [attempt["outcome"] for attempt in dead.error["attempts"]] == ["lost"] * 3
     assert len(runs(log)) == 3
     first, second, third = jobs.attempts(dead.id)
-    # 0.1 s and 0.2 s, a fifth less at the least.
-    assert (second.started_at - first.ended_at).total_seconds() >= 0.08
-    assert (third.started_at - second.ended_at).total_seconds() >= 0.16
+    assert second.started_at >= first.ended_at
+    # 0.1 s, a fifth less at the least.
+    assert (third.started_at - second.ended_at).total_seconds() >= 0.08
 
 
 def test_a_running_job_is_cancelled(installation, jobs, submit, log):

@@ -92,7 +92,7 @@ def test_the_chunk_of_a_killed_worker_is_computed_on_another_host(installation):
     # A busy machine may renew a lease too late, so that a living worker has lost another chunk, too.
     ends = [(is_of(killed, name), end) for job, name, end in attempts(installation, sweep) if job == caught]
     assert ends[-1] == (False, AttemptOutcome.SUCCEEDED)
-    assert ends.count((True, AttemptOutcome.LOST)) == 1
+    assert ends.count((True, AttemptOutcome.RETURNED)) == 1
     assert other.terminate() == 0
 
 

@@ -64,8 +64,9 @@ def test_a_fenced_zombie_changes_no_row(installation, jobs):
 
 def test_a_lost_job_is_not_taken_before_its_pause_is_over(installation, jobs):
     job = jobs.submit({}, "pause")
-    (claim,) = jobs.take("worker", 1, lease_seconds=60).claims
-    assert jobs.lose(claim, "died", max_attempts=3, retry_seconds=1000.0)
+    for _ in range(2):  # after the first loss there is no pause
+        (claim,) = jobs.take("worker", 1, lease_seconds=60).claims
+        assert jobs.lose(claim, "died", max_attempts=3, retry_seconds=1000.0)
     installation.deliver_again(job.id)
     assert jobs.take("worker", 1, lease_seconds=60).claims == ()
     assert jobs.repair() == 0
