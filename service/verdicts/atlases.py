@@ -12,6 +12,7 @@ from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.bands import Band, Measured, WindowSeries
 from service.dynamics.atlas.changes import Change
 from service.dynamics.atlas.parts import Atlas, AtlasPart, Proof
+from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.atlas.reading import AtlasQuestion, read_atlas
 from service.verdicts.documents import Document, verdict_document
@@ -66,8 +67,9 @@ def _draw(document: object, *, processor: float, clock: float) -> Document:
     if refused:
         return refused
     is_late = _Bell(deadline(processor, clock))
+    potential = simplified(asked.potential)
     atlas = make_atlas(
-        asked.body, asked.potential, asked.range, asked.samples, is_late, has_periods=asked.wants_period
+        asked.body, potential, asked.range, asked.samples, is_late, has_periods=asked.wants_period
     )
     found = {"verdict": verdict.verdict, **atlas_document(atlas, asked)}
     return {"verdict": found, "is_late": bool(atlas.undecided) and is_late.has_rung}

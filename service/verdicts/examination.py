@@ -28,6 +28,7 @@ from service.dynamics.reduction.windows import (
 )
 from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
+from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.problem import Question, read_problem, read_question
 from service.schemas.reading.faults import InvalidProblemError
@@ -154,7 +155,8 @@ def _judge_question(document: object) -> Answer:
     if question.problem is not None and not isinstance(question.motion, PlanarMotion):
         return {"verdict": None}
     verdict = decide(question.body, question.potential, verdict_deadline())
-    answer = verdict_document(question.body, verdict, question.potential)
+    potential = simplified(question.potential)
+    answer = verdict_document(question.body, verdict, potential)
     answer["classical"] = classification_of(question)
     accepts = question.problem is not None and question.problem.problem.accept == "undecided"
     refusal = None if question.problem is None else refusal_of_verdict(verdict, answer, accepts)
@@ -166,10 +168,10 @@ def _judge_question(document: object) -> Answer:
         return {"verdict": {**answer, "nearest": nearest}}
     if isinstance(question.motion, PlanarMotion):
         with ctx.workprec(PRECISION):
-            found = find_windows(question.body, question.potential, question.motion)
+            found = find_windows(question.body, potential, question.motion)
             existence = None
             if not found:
-                existence = Searches(1).document(question.body, question.potential, question.motion)
+                existence = Searches(1).document(question.body, potential, question.motion)
             try:
                 chosen = _require_asked(question, question.motion, found)
             except NoMotionError as error:
@@ -233,9 +235,8 @@ def _judge_problem(problem: Problem, kept: Kept, keys: Keys, searches: Searches)
         try:
             window = _require_motion(problem, problem.motion, windows)
         except NoMotionError as error:
-            return refusal_without_motion(
-                error, searches.document(problem.body, problem.potential, problem.motion)
-            )
+            found = searches.document(problem.body, simplified(problem.potential), problem.motion)
+            return refusal_without_motion(error, found)
         if verdict.verdict == "undecided":
             _prove_motion(problem, problem.motion, window)
     return {"verdict": {**answer, "motions": [window_document(window)]}}

@@ -24,6 +24,7 @@ from service.dynamics.reduction.elliptic import elliptic_motion
 from service.dynamics.reduction.formulas import reduced_motion
 from service.dynamics.reduction.windows import find_windows
 from service.dynamics.verdict.proofs.energy_terms import sum_text
+from service.dynamics.verdict.simple_form import simplified
 from service.schemas.problem.problem import Question, read_question
 from service.typesetting.equations import TIME, typeset
 from service.verdicts.documents import Document
@@ -260,7 +261,7 @@ def _elliptic(question: Question) -> Iterator[Equation]:
     if terms is None:
         return
     quadrant = next(quadrant for quadrant in QUADRANTS if SIGNS[quadrant] == (sign, motion.g3_sign))
-    for window in find_windows(body, question.potential, motion):
+    for window in find_windows(body, simplified(question.potential), motion):
         found = elliptic_motion(body, terms, motion.lambda_squared, sign, window)
         if found is not None and motion.window in (None, window.index):
             for name, tree in found.items():

@@ -10,6 +10,7 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import find_windows, find_windows_together, remember_windows
+from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.verdicts.kept_verdicts import read_verdict, write_verdict
 from service.verdicts.kept_windows import read_windows, write_windows
@@ -71,18 +72,24 @@ class Kept:
     def windows(
         self, key: str | None, body: RigidBody, potential: Potential, motion: PlanarMotion
     ) -> tuple[Window, ...]:
-        """Return all windows on the curve of a motion; raises what :func:`find_windows` raises."""
+        """Return all windows on the curve of a motion; raises what :func:`find_windows` raises.
+
+        They are found with a simpler formula, where there is one, and have it.
+        """
         content = None if key is None else self._contents.get(key)
         if content is not None:
+            kept = read_windows(content, body, potential, motion)
             # For whatever else in this process asks for them.
-            remember_windows(body, potential, motion, read_windows(content, body, potential, motion))
+            remember_windows(body, kept[0].arcs[0].loop.potential if kept else potential, motion, kept)
+            return kept
+        potential = simplified(potential)
         if key in self._curves and key not in self._together:
             self._look_ahead(key, body, potential)
         known = None if key is None else self._together.get(key)
         if isinstance(known, DynamicsError):
             raise known.with_traceback(None)
         windows = find_windows(body, potential, motion) if known is None else known
-        if key is not None and content is None:
+        if key is not None:
             written = write_windows(windows)
             if written is not None:
                 self.found[key] = written

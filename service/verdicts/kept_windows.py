@@ -4,12 +4,15 @@ import json
 from typing import Any  # what was read from JSON
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.potential import Potential
+from service.dynamics.formula.parser import parse
+from service.dynamics.formula.printer import format_tree
+from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint, loop_at
 from service.dynamics.reduction.root_finding.gap import NearRest
 from service.dynamics.reduction.window import Window
+from service.dynamics.verdict.simple_form import is_simplified, with_simpler
 from service.verdicts.exact_balls import NotExactError, read_ball, write_ball
 
 Document = dict[str, object]
@@ -24,6 +27,7 @@ def write_windows(windows: tuple[Window, ...]) -> str | None:
     loop = windows[0].arcs[0].loop
     try:
         written = {
+            "formula": format_tree(loop.potential.tree) if is_simplified(loop.potential) else None,
             "loop": [write_ball(loop.Z), write_ball(loop.G)],
             "windows": [_window(window) for window in windows],
         }
@@ -35,10 +39,15 @@ def write_windows(windows: tuple[Window, ...]) -> str | None:
 def read_windows(
     text: str, body: RigidBody, potential: Potential, motion: PlanarMotion
 ) -> tuple[Window, ...]:
-    """Return the windows that :func:`write_windows` wrote, for the problem that they were found for."""
+    """Return the windows that :func:`write_windows` wrote, for the problem that they were found for.
+
+    Their loops have the potential they were found with, which may be a simpler one that was proved equal.
+    """
     found = json.loads(text)
     if not found["windows"]:
         return ()
+    if found["formula"] is not None and isinstance(potential, FormulaPotential):
+        potential = with_simpler(potential.as_stated, parse(found["formula"]))
     Z, G = map(read_ball, found["loop"])
     loop = loop_at(body, potential, motion, Z, G)
     return tuple(_read_window(window, loop) for window in found["windows"])

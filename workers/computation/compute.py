@@ -16,6 +16,7 @@ from service.dynamics.motion import COLUMNS, CrossCheck, Motion
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.windows import hand_on_windows
 from service.dynamics.solution.dense_output import DenseOutput
+from service.dynamics.verdict.simple_form import simplified
 from service.jobs.outcome import Refused, Solved, SolveOutcome
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
@@ -51,10 +52,23 @@ def solve_document(document_json: str, windows_json: str = "") -> SolveOutcome:
         problem = read_problem(document)
     except DynamicsError as fault:
         return _refused(document, fault)
-    if windows_json and isinstance(problem.motion, PlanarMotion):
-        windows = read_windows(windows_json, problem.body, problem.potential, problem.motion)
-        hand_on_windows(problem.body, problem.potential, problem.motion, windows)
+    motion = problem.motion
+    if not windows_json or not isinstance(motion, PlanarMotion):
+        return _solve_read(document, _simplified(problem), began)
+    windows = read_windows(windows_json, problem.body, problem.potential, motion)
+    if windows:
+        # Whether there is a simpler formula was found with them.
+        problem = replace(problem, potential=windows[0].arcs[0].loop.potential)
+    hand_on_windows(problem.body, problem.potential, motion, windows)
     return _solve_read(document, problem, began)
+
+
+def _simplified(problem: Problem) -> Problem:
+    """Return a planar problem with the formula that windows are found with."""
+    if not isinstance(problem.motion, PlanarMotion):
+        return problem
+    potential = simplified(problem.potential)
+    return problem if potential is problem.potential else replace(problem, potential=potential)
 
 
 def _solve_read(document: Document, problem: Problem, began: float) -> SolveOutcome:
@@ -117,7 +131,7 @@ def _solve_examined(document: Document, examined: Examined) -> SolveOutcome:
         # Another document: it states a tier where the first one had a budget.
         document = with_tier(document, choice)
         problem = read_problem(document)
-    return _solve_read(document, problem, began)
+    return _solve_read(document, _simplified(problem), began)
 
 
 def solve(problem: Problem) -> Motion:

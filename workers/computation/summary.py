@@ -5,10 +5,12 @@ from dataclasses import asdict
 import numpy as np
 from flint import arb
 
+from service.dynamics.formula.printer import format_tree
 from service.dynamics.motion import CrossCheck, Estimate, Motion
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Problem
 from service.dynamics.solution.ball_columns import as_decimals
+from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL, is_simplified
 from service.storage.codecs.summary import FIRST_PASSAGE, PROVEN_SAMPLES
 from service.versions import version_of
 from workers.computation.outputs import Findings
@@ -48,7 +50,7 @@ def summarise(
         "precession": None if precession is None else _precession(precession),
         "conventions": motion.conventions,
         "warnings": [asdict(notice) for notice in findings.notices],
-        "evidence": _evidence(motion),
+        "evidence": _evidence(problem, motion),
         "provenance": provenance(),
     }
 
@@ -69,9 +71,15 @@ def provenance() -> Document:
     }
 
 
-def _evidence(motion: Motion) -> Document:
+def _evidence(problem: Problem, motion: Motion) -> Document:
     """Return what the solvers measured, and what the motion says of itself beside its error."""
-    said = {FIRST_PASSAGE: motion.first_passage, PROVEN_SAMPLES: motion.enclosed_by}
+    potential = problem.potential
+    simpler = format_tree(potential.tree) if is_simplified(potential) else None
+    said = {
+        FIRST_PASSAGE: motion.first_passage,
+        PROVEN_SAMPLES: motion.enclosed_by,
+        SIMPLER_POTENTIAL: simpler,
+    }
     return {**motion.evidence, **{name: value for name, value in said.items() if value is not None}}
 
 

@@ -1,16 +1,23 @@
 """Finds once what holds for all points of a sweep."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import islice, product
+from math import prod
 from typing import TYPE_CHECKING
 
 from flint import fmpq
 
+from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.verdict.proofs.power_sums import judge_power_sum
 from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
+from service.dynamics.verdict.simple_form import is_simplified, simplified
+from service.schemas.problem.problem import read_problem
+from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.computation.outputs import takes_doubles
 from workers.solvers.planar.choose import compiled_tier
@@ -40,6 +47,8 @@ FEW = (
 """Numbers that have few values."""
 _TIME_FIELDS = ("start", "stop", "periods")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
+MOST_CORNERS = 16
+"""Points of a sweep whose formulas are looked at before blocks are planned."""
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
 _BY_DOUBLES = {"orientation", "stability"}
 """Outputs that compiled doubles have for the tiers that are content with them."""
@@ -73,6 +82,8 @@ def make_plan(sweep: Sweep) -> Plan:
     if are_states(sweep):
         return Plan(sweep, is_judged=False, quick=None, states=True)
     if not isinstance(problem.motion, PlanarMotion) or not isinstance(potential, dict):
+        return Plan(sweep, is_judged=False, quick=None)
+    if not _is_solved_as_stated(sweep):
         return Plan(sweep, is_judged=False, quick=None)
     moves_body = any(axis.path[0] == "body" for axis in sweep.axes if axis.path != _MOMENT)
     moves_body |= any(axis.path == _MOMENT for axis in sweep.axes) and has_symbol(potential, "B")
@@ -232,6 +243,26 @@ def _is_judged_alone(problem: Problem) -> bool:
     return True
 
 
+def _is_solved_as_stated(sweep: Sweep) -> bool:
+    """Tell whether no simpler formula is solved in place of that of a point, at the ends of the axes."""
+    lengths = [each.axis.length for each in sweep.axes]
+    moves = [each.path[0] in ("potential", "body") for each in sweep.axes]
+    if sweep.combine == "zip":
+        corners = [0, sweep.points - 1]
+    else:
+        steps = [prod(lengths[k + 1 :]) for k in range(len(lengths))]
+        ends = [((0, length - 1) if moved else (0,)) for length, moved in zip(lengths, moves, strict=True)]
+        corners = [
+            sum(place * step for place, step in zip(places, steps, strict=True))
+            for places in islice(product(*ends), MOST_CORNERS)
+        ]
+    for index in dict.fromkeys(corners if any(moves) else [0]):
+        with suppress(DynamicsError, InvalidProblemError):
+            if is_simplified(simplified(read_problem(sweep.document(index)).potential)):
+                return False
+    return True
+
+
 def plan_moving(sweep: Sweep) -> "Moving | None":
     """Return how points are solved in blocks whose bodies or exponents differ; None if they are not.
 
@@ -258,7 +289,7 @@ def plan_moving(sweep: Sweep) -> "Moving | None":
     places = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
     paths = tuple(sweep.axes[k].path[1:] for k in places)
     model = model_of(potential, paths, frozenset(moments))
-    if model is None or not _is_judged_alone(problem):
+    if model is None or not _is_solved_as_stated(sweep) or not _is_judged_alone(problem):
         return None
     curve, start = (
         next((k for k, axis in enumerate(sweep.axes) if is_it(axis)), None)

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -57,6 +57,11 @@ class Potential(ABC):
     @abstractmethod
     def tape(self) -> Tape:
         """Return V as a tape over g1, g2, g3; raises NoClosedFormError."""
+
+    @property
+    def as_stated(self) -> "Potential":
+        """Return the potential by the formula that was typed: what a verdict is about."""
+        return self
 
     @property
     def has_formula(self) -> bool:
@@ -165,15 +170,22 @@ class FormulaPotential(Potential):
     tape: Tape = field()
     family: str = field()
     notices: tuple[Notice, ...] = field(default=(), compare=False)
+    stated: "FormulaPotential | None" = field(default=None, compare=False)
+    """By the formula that was typed, where ``tree`` is a simpler one that is equal on the sphere."""
+
+    @property
+    def as_stated(self) -> "FormulaPotential":
+        """See Potential.as_stated."""
+        return self if self.stated is None else self.stated
 
     def alone(self) -> "FormulaPotential":
         """Return the same potential with a tape of its own: what is kept beside a tape is for one problem."""
         tape = Tape(self.tape.variables, self.tape.instructions, self.tape.result, self.tape.derived)
-        return FormulaPotential(self.tree, tape, self.family, self.notices)
+        return replace(self, tape=tape)
 
     def formula(self) -> str:
-        """Return V as a formula of the grammar."""
-        return format_tree(self.tree)
+        """Return V as a formula of the grammar, the one that was typed."""
+        return format_tree(self.as_stated.tree)
 
     def value(self, gamma: FloatArray) -> FloatArray:
         """See Potential.value."""

@@ -7,7 +7,13 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.tape import Tape
 from service.dynamics.verdict.proofs.energy_formula import OctantTerms
 from service.dynamics.verdict.proofs.energy_terms import EnergyTerms, energy_terms
-from service.dynamics.verdict.proofs.on_lines import is_circle, is_continuous_with, is_not_crossed, joins
+from service.dynamics.verdict.proofs.on_lines import (
+    has_no_value,
+    is_circle,
+    is_continuous_with,
+    is_not_crossed,
+    joins,
+)
 from service.dynamics.verdict.proofs.proof import Proof, Signs, prove
 from service.dynamics.verdict.refutations.counterexample import Counterexample, survey
 from service.dynamics.verdict.refutations.jumps import Jump, find_jump
@@ -93,7 +99,7 @@ def examine_lines(
         switch = crossing.switch
         if switch not in harmless:
             harmless[switch] = is_harmless(body, switches, switch)
-        if harmless[switch] or is_joined(body, switches, crossing):
+        if harmless[switch] or is_joined(body, switches, crossing) or is_edge(switches, crossing):
             continue
         for box in pieces.lines[crossing]:
             jump = find_jump(body, switches, switch, (crossing.positive, crossing.negative), box)
@@ -119,6 +125,13 @@ def is_joined(body: RigidBody, switches: Switches, crossing: Crossing) -> bool:
     """Whether V and H are proved the same on both sides of the line between two pieces."""
     above, below = switches.on_piece(crossing.positive), switches.on_piece(crossing.negative)
     return joins(body, above, below, switches.argument(crossing.switch))
+
+
+def is_edge(switches: Switches, crossing: Crossing) -> bool:
+    """Whether the formula is proved to have no value on one side of the line between two pieces."""
+    argument = switches.argument(crossing.switch)
+    sides = ((crossing.positive, 1), (crossing.negative, -1))
+    return any(has_no_value(switches.on_piece(signs), argument, sign) for signs, sign in sides)
 
 
 def _refuting(

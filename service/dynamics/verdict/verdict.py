@@ -82,7 +82,8 @@ def decide(body: RigidBody, potential: Potential, is_late: Callable[[], bool] = 
     """Return the verdict on ``potential`` for ``body``; B plays no part.
 
     Only the values on the unit sphere matter: potentials that agree there get
-    the same verdict. When it ``is_late``, what is not decided stays undecided.
+    the same verdict, which is about the formula as it was typed. When it ``is_late``, what is not decided
+    stays undecided.
 
     Raises
     ------
@@ -92,6 +93,7 @@ def decide(body: RigidBody, potential: Potential, is_late: Callable[[], bool] = 
         V, or a part of its formula, has no finite value and derivatives at any of the points tried.
     """
     body.require_planar()
+    potential = potential.as_stated
     points: Sequence[Point] = tuple(sphere_points())
     if isinstance(potential, GeneralPotential):
         return _decide_general(body, potential, points, is_late)

@@ -8,6 +8,7 @@ from sqlalchemy import update
 
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction import windows as found_windows
+from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL
 from service.jobs.outcome import Solved
 from service.schemas.problem.problem import check_problem
 from service.storage.tables.examinations import ExaminationRow
@@ -15,6 +16,7 @@ from service.verdicts.entries import keys_of
 from service.verdicts.examination import examine_problems
 from tests.support.api import PLANAR
 from tests.support.examinations import examination_of
+from workers.computation import compute
 from workers.computation.compute import solve_document
 from workers.process.tasks import solve_problem
 
@@ -35,6 +37,12 @@ PROBLEMS = {
         "potential": {"type": "expression", "expression": "-g1+(1+sqrt(5))/4*(g1^2-g2^2)"},
         "motion": {"type": "planar", "lambda": 1, "start": {"g1": "1/2"}},
     },
+    "written with cancellation": PLANAR
+    | BASE
+    | {"potential": {"type": "expression", "expression": "1e6*(g1^2+g2^2+g3^2-1)-g1+1/20/g3^2"}},
+    "a square under a root": PLANAR
+    | BASE
+    | {"potential": {"type": "expression", "expression": f"{Q}*sqrt(g2^2-g2/5+1/100)-g1"}},
     "by an integral": BASE
     | {
         "body": {"A": 3, "C": 5},
@@ -46,6 +54,7 @@ TIERS = ("draft", "standard", "high")
 CASES = [
     *((name, tier) for name in ("rotation", "libration") for tier in (*TIERS, "certified")),
     *((name, tier) for name in ("general alpha", "separatrix") for tier in TIERS),
+    *((name, "standard") for name in ("written with cancellation", "a square under a root")),
     ("by an integral", "draft"),
 ]
 
@@ -78,6 +87,40 @@ def test_windows_that_are_handed_on_change_no_bit(forgetful, name, tier):
     windows = windows_of(document)
     forgetful.setattr(found_windows, "_KNOWN", {})
     assert_same(solve_document(json.dumps(document), windows), alone)
+
+
+def test_a_simpler_formula_is_handed_on_with_the_windows(forgetful):
+    """It is not looked for again, and the answer says what was used beside what was typed."""
+    document = PROBLEMS["written with cancellation"]
+    windows = windows_of(document)
+    forgetful.setattr(compute, "simplified", None)
+    outcome = solve_document(json.dumps(document), windows)
+    assert isinstance(outcome, Solved)
+    assert outcome.summary["problem"] == document
+    assert [warning["code"] for warning in outcome.summary["warnings"]] == [SIMPLER_POTENTIAL]
+    assert outcome.summary["evidence"][SIMPLER_POTENTIAL] == "-g1 + 1/20*g3^-2"
+
+
+@pytest.mark.parametrize(
+    ("typed", "simple"),
+    [
+        ("1e4*g1*(1+g3^2)-1e4*g1*g3^2-(1e4+1)*g1", "-g1"),
+        ("-g1*sqrt(1-g2^2)/sqrt(g1^2+g3^2)", "-g1"),
+        ("-g1+sqrt(1-g1^2-g3^2)*g3-abs(g2)*g3", "-g1"),
+        ("1e6*(g1^2+g2^2+g3^2-1)-g1+1/20/g3^2", "-g1+1/20*g3^-2"),
+        (f"{Q}*sqrt(g2^2-g2/5+1/100)", f"{Q}*abs(g2-1/10)"),
+    ],
+)
+def test_the_motion_is_that_of_the_simpler_formula(typed, simple):
+    """To the last bit: the same is computed."""
+    found, known = (
+        solve_document(json.dumps(PLANAR | BASE | {"potential": {"type": "expression", "expression": text}}))
+        for text in (typed, simple)
+    )
+    assert isinstance(found, Solved)
+    assert isinstance(known, Solved)
+    assert (found.dense, found.samples) == (known.dense, known.samples)
+    assert found.summary["problem"] != known.summary["problem"]
 
 
 def test_windows_that_are_handed_on_are_not_found_again(forgetful):

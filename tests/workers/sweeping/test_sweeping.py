@@ -516,6 +516,12 @@ IN_SLICES = {
     ),
 }
 ONE_BY_ONE = {
+    "a simpler formula on every curve": sweep(
+        (LAMBDA, values("2/3", 1)), potential=expression("1e6*(g1^2+g2^2+g3^2-1)-g1+1/20/g3^2")
+    ),
+    "a simpler formula at some of the points": sweep(
+        (A, values(0, 1, 10**6)), potential=expression("a*(g1^2+g2^2+g3^2-1)-g1+1/20/g3^2", a=1)
+    ),
     "gravity that is not admissible but for c = 0": sweep(
         ("/potential/c", values(0, "1/2")), potential={"type": "gravity", "a": -1, "c": 0}
     ),
@@ -710,7 +716,12 @@ SHORTER = {
 
 @pytest.mark.parametrize(
     "name",
-    ["certified", "orientation", "any state, with invariants"],
+    [
+        "certified",
+        "orientation",
+        "any state, with invariants",
+        "a simpler formula on every curve",
+    ],
 )
 def test_other_sweeps_go_point_by_point(name):
     plan = make_plan(read_sweep(ONE_BY_ONE[name]))

@@ -6,8 +6,12 @@ from fractions import Fraction
 from flint import fmpq_mpoly
 
 from service.dynamics.verdict.exact_ring.factors import as_fraction, factorise
-from service.dynamics.verdict.exact_ring.generators import Coordinate, Divisor, Element
-from service.dynamics.verdict.exact_ring.layout import NoProofError, UndefinedInOctantError
+from service.dynamics.verdict.exact_ring.generators import Coordinate, Cosine, Divisor, Element
+from service.dynamics.verdict.exact_ring.layout import (
+    LayoutTooSmallError,
+    NoProofError,
+    UndefinedInOctantError,
+)
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.exact_ring.signs import Signs, conjugates, is_positive
 
@@ -81,6 +85,7 @@ class Splitting:
                 found.positive.append((known * piece, power))
                 sign *= known if power % 2 else 1
             elif power % 2:
+                self._halve_angle(piece)
                 odd.append((piece, power))
             else:
                 self.signs.leave_undecided(piece)
@@ -91,6 +96,7 @@ class Splitting:
             self.signs.learn(odd[0][0], sign)
             found.positive.append((sign * odd[0][0], odd[0][1]))
         elif odd:
+            self.signs.are_assumed = True
             together = ring.context.constant(sign)
             for piece, power in odd:
                 self.signs.leave_undecided(piece)
@@ -149,6 +155,15 @@ class Splitting:
                     product.count(other, -multiplicity * power)
                     pending.append((ring.polynomial(piece * other), multiplicity * power))
         return product
+
+    def _halve_angle(self, piece: fmpq_mpoly) -> None:
+        """Request a ring with half the angle for 1 + cos x and 1 - cos x, which are squares in it."""
+        ring = self._ring
+        for index in (k for k, degree in enumerate(piece.degrees()) if degree == 1):
+            is_cosine = isinstance(ring.natures[index], Cosine)
+            if is_cosine and ((piece - ring.context.gen(index)) ** 2).is_one():
+                key = ring.key(index).removeprefix("cos:")
+                raise LayoutTooSmallError(ring.layout.with_degree(key, 2 * ring.layout.degree(key)))
 
     def _count_generator(self, product: "_Product", index: int, power: int) -> None:
         ring = self._ring

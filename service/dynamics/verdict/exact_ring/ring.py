@@ -206,9 +206,14 @@ class Ring:
         self.work.expand(size, exponent, 1, exponent * growth)
         return Element(x.numerator**exponent, tuple(exponent * e for e in x.shift))
 
-    def normal(self, x: Element) -> Element:
-        """Return x with every relation applied: its numerator is zero only if x vanishes, see the module."""
+    def normal(self, x: Element, *, divisors: bool = True) -> Element:
+        """Return x with every relation applied: its numerator is zero only if x vanishes, see the module.
+
+        Without those of ``divisors`` a sum is left as it is, with the denominators of its terms.
+        """
         for index in sorted(self._relations):
+            if not divisors and self._relations[index].power == 1:
+                continue
             x = self._relations[index].applied_to(x, self.context, self.work)
         return x
 

@@ -43,6 +43,8 @@ class Signs:
         self._ring = ring
         self._known: dict[str, int] = {}
         self._undecided: set[str] = set()
+        self.are_assumed = False
+        """Whether one is known only because the formula has no value elsewhere."""
 
     def of(self, factor: fmpq_mpoly) -> int:
         """Return the sign of the polynomial wherever the formula has a value in the octant, 0 if unknown.
@@ -66,7 +68,7 @@ class Signs:
         Raises LayoutTooSmallError if that would have been of use before.
         """
         key, name = str(factor), self._name(factor)
-        self._known[key] = sign
+        self._known[key], self.are_assumed = sign, True
         layout = self._ring.layout
         if key in self._undecided and name is not None and name not in layout.signs:
             raise LayoutTooSmallError(layout.with_sign(name, sign))
@@ -75,7 +77,9 @@ class Signs:
         """Return the sign that an earlier reading of the formula came upon, 0 if there was none."""
         signs = self._ring.layout.signs
         name = self._name(factor) if signs else None
-        return signs.get(name, 0) if name is not None else 0
+        found = signs.get(name, 0) if name is not None else 0
+        self.are_assumed |= found != 0
+        return found
 
     def _name(self, factor: fmpq_mpoly) -> str | None:
         """Return a name that stays the same while the ring grows, None for what has atoms in it."""

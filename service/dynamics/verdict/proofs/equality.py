@@ -88,6 +88,11 @@ def _is_proved(
     return True
 
 
+def same_on_sphere(left: Tape, right: Tape, work: Work) -> bool:
+    """Whether formulas in g1, g2, g3 are equal wherever the left one has a value on the sphere: proved."""
+    return _same_everywhere(left, right, [0] * len(left.variables), work)
+
+
 def _same_everywhere(left: Tape, right: Tape, signs: Sequence[int], work: Work) -> bool:
     """Whether the tapes are equal for all signs of their variables; True also where both are undefined."""
     if left == right:

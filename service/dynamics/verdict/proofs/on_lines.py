@@ -45,6 +45,8 @@ from service.dynamics.verdict.sphere.switches import Switches
 
 MAX_CONJUGATES = 8
 
+_OCTANTS = [(a, b, c) for a, b, c in product((1, -1), repeat=3)]
+
 Claim = Callable[[Ring, RingAlgebra, VectorFields], bool]
 
 
@@ -86,6 +88,24 @@ def jumps_at(
     if _in_octants(body, evaluate, [octant]) and found:
         return found[0], found[1]
     return arb("nan"), arb("nan")
+
+
+def has_no_value(tape: Tape, argument: Tape, sign: int) -> bool:
+    """Whether a formula is proved to have no value wherever another one has the sign."""
+
+    def has_some(ring: Ring, algebra: RingAlgebra) -> bool:
+        algebra.assume(_value(argument, ring, algebra), sign)
+        return not _value(tape, ring, algebra).is_zero
+
+    for octant in _OCTANTS:
+        try:
+            in_large_enough_ring(Layout(), octant, has_some)
+        except UndefinedInOctantError:
+            continue
+        except NoProofError:
+            return False
+        return False
+    return True
 
 
 def is_multiple(ring: Ring, element: Element, x: Element) -> bool:
@@ -143,7 +163,7 @@ def _value(tape: Tape, ring: Ring, algebra: RingAlgebra) -> Element:
 
 
 def _in_all_octants(body: RigidBody, holds: Claim) -> bool:
-    return _in_octants(body, holds, [(a, b, c) for a, b, c in product((1, -1), repeat=3)])
+    return _in_octants(body, holds, _OCTANTS)
 
 
 def _in_octants(body: RigidBody, holds: Claim, octants: Sequence[tuple[int, int, int]]) -> bool:

@@ -1,6 +1,6 @@
 """Proves L(V) = 0 by exact algebra, octant by octant where signs matter."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -73,7 +73,7 @@ def prove(body: RigidBody, tape: Tape, assumptions: Sequence[Assumption] = ()) -
             if not vanishes:
                 return None
             octants.append(EnergyInOctant(signs, ring, H))
-        pending = [octant for octant in _octants(sign_dependent) if octant not in done]
+        pending = [octant for octant in octants_of(sign_dependent) if octant not in done]
     return Proof(frozenset(sign_dependent), tuple(octants)) if octants else None
 
 
@@ -103,7 +103,8 @@ def _examine(
     return in_large_enough_ring(layout, signs, compute, work)
 
 
-def _octants(sign_dependent: set[int]) -> list[Signs]:
+def octants_of(sign_dependent: Iterable[int]) -> list[Signs]:
+    """Return the octants that differ in the signs of these coordinates."""
     octants: list[Signs] = [(1, 1, 1)]
     for position in sorted(sign_dependent):
         flipped = [(*s[:position], -1, *s[position + 1 :]) for s in octants]

@@ -43,6 +43,11 @@ class RingAlgebra:
         """
         self._splitting.assume(operand, sign)
 
+    @property
+    def has_value_everywhere(self) -> bool:
+        """Tell whether all roots and logarithms read have values in the whole octant, but on curves."""
+        return not self._splitting.signs.are_assumed
+
     def constant(self, value: Fraction) -> Element:
         """Return an exact number."""
         return self._ring.constant(value)

@@ -1,0 +1,198 @@
+"""Finds a simpler formula that is proved equal to a potential on the sphere, for bounds to be taken of it.
+
+Bounds are taken of a formula as it is written: what cancels on the sphere, such as 1e6 (g1² + g2² + g3² − 1),
+or hides there, such as the square under √(g2² − g2/5 + 1/100), makes them useless. The exact ring has a
+normal form of every formula it reads (:mod:`.exact_ring`); written as a formula, and read again to the same
+element, it is used where that tells more: where it has fewer functions, or intervals of it are much narrower.
+A formula that is as good as it stands is left as it was typed, to its last digit.
+"""
+
+from dataclasses import replace
+from math import inf
+
+from flint import arb, ctx, fmpq
+
+from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.errors import FormulaError
+from service.dynamics.formula.parser import parse
+from service.dynamics.formula.printer import format_tree
+from service.dynamics.formula.tape import Instruction, Tape, compile_tape
+from service.dynamics.formula.tree import Tree
+from service.dynamics.potentials.potential import FormulaPotential, Potential
+from service.dynamics.potentials.warning import Notice
+from service.dynamics.verdict.exact_ring.generators import Element
+from service.dynamics.verdict.exact_ring.layout import Layout, NoProofError, UndefinedInOctantError
+from service.dynamics.verdict.exact_ring.ring import Ring
+from service.dynamics.verdict.exact_ring.work import MAX_WORK, Work
+from service.dynamics.verdict.proofs.element_text import ElementText, NoTextError
+from service.dynamics.verdict.proofs.equality import same_on_sphere
+from service.dynamics.verdict.proofs.proof import Signs, octants_of
+from service.dynamics.verdict.ring_functions.large_enough import in_large_enough_ring
+from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra
+
+SIMPLER_POTENTIAL = "simpler_potential"
+"""The code of the warning."""
+WORK = MAX_WORK // 10
+"""Products of terms that one search may take: some tenths of a second."""
+NOISE = 2.0**8
+"""Roundings of the largest value that a formula may lose at a place, before a simpler one is looked for."""
+NARROWER = 2.0**6
+"""How much narrower intervals of a simpler formula are somewhere, if it has as many functions."""
+WIDER = 2.0
+"""How much wider they may be anywhere."""
+_BITS = 53
+_WIDTH = arb(0, arb(2) ** -20)
+_PLACES = (
+    ((2, 7), (6, 7)),
+    ((-6, 7), (-3, 7)),
+    ((3, 7), (-1, 9)),
+    ((-1, 5), (4, 7)),
+    ((1, 1000003), (-1, 700001)),
+    ((-1, 900007), (1, 30011)),
+    ((3, 5), (4, 5)),
+    ((-20, 29), (21, 29)),
+    ((1, 800011), (2, 3)),
+    ((-5, 9), (1, 600011)),
+)
+"""g1 and g3, g2 taking both signs: next to the poles, on the equator, next to g1 = 0 and to g3 = 0, and
+anywhere."""
+
+
+def simplified(potential: Potential) -> Potential:
+    """Return the potential by a simpler formula that is equal on the sphere, or as it is.
+
+    What it was before is :attr:`.Potential.as_stated`, and a notice says so.
+    """
+    if not isinstance(potential, FormulaPotential) or potential.stated is not None:
+        return potential
+    derived = potential.tape.derived
+    if simplified not in derived:
+        tree = _simpler(potential.tape)
+        derived[simplified] = None if tree is None else with_simpler(potential, tree)
+    found: FormulaPotential | None = derived[simplified]
+    return potential if found is None else replace(found.alone(), stated=potential)
+
+
+def is_simplified(potential: Potential) -> bool:
+    """Tell whether a potential is given by a simpler formula than was typed."""
+    return potential.as_stated is not potential
+
+
+def with_simpler(potential: FormulaPotential, tree: Tree) -> FormulaPotential:
+    """Return the potential by the formula of ``tree``, which was proved to be equal."""
+    text = (
+        f"on the sphere V is {format_tree(tree)}, which is proved; windows and solvers use this simpler "
+        "formula, whose bounds are narrower"
+    )
+    notice = Notice(SIMPLER_POTENTIAL, text, "/potential")
+    return FormulaPotential(
+        tree, compile_tape(tree), potential.family, (*potential.notices, notice), potential
+    )
+
+
+def _simpler(tape: Tape) -> Tree | None:
+    """Return the tree of a simpler formula, None where there is none, or none is needed."""
+    if not _may_hide(tape):
+        return None
+    work = Work(MAX_WORK - WORK)
+    try:
+        rings, elements, dependent = _read(tape, work)
+    except (NoProofError, UndefinedInOctantError):
+        return None
+    for divisors in (False, True):
+        try:
+            tree = parse(ElementText(rings, dependent, divisors=divisors).of(elements))
+            simple = compile_tape(tree)
+            is_better = simple != tape and _tells_more(simple, tape)
+            if is_better and same_on_sphere(tape, simple, Work(MAX_WORK - WORK)):
+                return tree
+        except (NoProofError, NoTextError, FormulaError):
+            continue
+    return None
+
+
+def _read(tape: Tape, work: Work) -> tuple[dict[Signs, Ring], dict[Signs, Element], frozenset[int]]:
+    """Return the formula's element in each octant, in rings of one layout, and the signs that matter."""
+    layout, dependent = Layout(), frozenset[int]()
+    rings, elements = dict[Signs, Ring](), dict[Signs, Element]()
+
+    def compute(ring: Ring, algebra: RingAlgebra) -> Element:
+        found = tape.evaluate(algebra, [ring.coordinate(position) for position in range(3)])
+        if not algebra.has_value_everywhere:
+            raise NoProofError("a formula that has no value in a part of the sphere")
+        return found
+
+    pending: list[Signs] = [(1, 1, 1)]
+    while pending:
+        signs = pending.pop()
+        ring, elements[signs] = in_large_enough_ring(layout, signs, compute, work)
+        rings[signs], dependent = ring, dependent | ring.sign_dependent
+        if ring.layout != layout:
+            layout = ring.layout
+            rings = {signs: ring}
+        pending = [octant for octant in octants_of(dependent) if octant not in rings]
+    return rings, {signs: elements[signs] for signs in rings}, dependent
+
+
+def _may_hide(tape: Tape) -> bool:
+    """Tell whether something may cancel in a formula, or hide in its functions: cheap, and true too often."""
+    made: list[Instruction | None] = [None] * len(tape.variables)
+    trigonometric = set[str]()
+    for instruction in tape.instructions:
+        operation, left, _, number, name = instruction
+        made.append(instruction)
+        inner = made[left] if left >= 0 else None
+        while inner is not None and inner.operation == "call" and inner.name == "abs":
+            inner = made[inner.left]
+        is_root = operation == "power" and number is not None and number.denominator != 1
+        if (is_root or name == "log") and inner is not None and inner.operation != "constant":
+            return True
+        trigonometric |= {name} & {"sin", "cos", "tan"}
+    if "tan" in trigonometric or len(trigonometric) == 2:
+        return True
+    values = _values(tape, arb(0))
+    sizes = sorted(float(abs(value).upper()) for value in values)
+    usual = sizes[len(sizes) // 2]
+    return not all(
+        float(value.rad()) <= NOISE * 2.0**-_BITS * max(usual, float(abs(value).lower())) for value in values
+    )
+
+
+def _tells_more(simple: Tape, tape: Tape) -> bool:
+    """Tell whether one formula has fewer functions than another, or much narrower intervals."""
+    widths = [
+        (float(one.rad()) if one.is_finite() else inf, float(other.rad()) if other.is_finite() else inf)
+        for one, other in zip(_values(simple, _WIDTH), _values(tape, _WIDTH), strict=True)
+    ]
+    if any(one > WIDER * other for one, other in widths):
+        return False
+    is_narrower = any(NARROWER * one < other for one, other in widths)
+    return is_narrower or _functions(simple) < _functions(tape)
+
+
+def _functions(tape: Tape) -> int:
+    """Return the number of functions and roots in a formula but absolute values, and again those of a sum."""
+    count, of_absolute = 0, set[int]()
+    for register, made in enumerate(tape.instructions, start=len(tape.variables)):
+        if made.name == "abs":
+            of_absolute.add(register)
+            continue
+        is_root = made.operation == "power" and made.number is not None and made.number.denominator != 1
+        if is_root or made.operation in ("call", "general_power"):
+            count += 1 + ((is_root or made.name == "log") and made.left not in of_absolute)
+    return count
+
+
+def _values(tape: Tape, width: arb) -> list[arb]:
+    """Return balls of a formula all over the sphere, each coordinate being so wide against itself."""
+    found = list[arb]()
+    with ctx.workprec(_BITS):
+        for first, third in _PLACES:
+            g1, g3 = arb(fmpq(*first)), arb(fmpq(*third))
+            rest = 1 - g1 * g1 - g3 * g3
+            g2 = rest.sqrt() if rest > 0 else arb(0) + width
+            found += [
+                tape.evaluate(BallAlgebra(), [x * (1 + width) for x in (g1, side * g2, g3)])
+                for side in (1, -1)
+            ]
+    return found
