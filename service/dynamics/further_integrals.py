@@ -1,6 +1,6 @@
-r"""Further integrals of bodies with A = B = 2C: Kovalevskaya's and that of Goriachev and Chaplygin.
+r"""Further integrals of bodies with A = B = 2C and A = B = 4C: of Kovalevskaya, Goriachev and Chaplygin.
 
-With z = p + i q, ζ = g1 + i g2 and, modulo constants and γ·γ = 1,
+For A = B = 2C, with z = p + i q, ζ = g1 + i g2 and, modulo constants and γ·γ = 1,
 
 .. math::
     V = a g_1 + b g_2 + c_1 (g_1^2 - g_2^2) + 2 c_2 g_1 g_2 + b_1 / g_3^2 , \\
@@ -9,7 +9,16 @@ With z = p + i q, ζ = g1 + i g2 and, modulo constants and γ·γ = 1,
 the complex W turns at the rate −r: W' = −i r W, so K = \|W\|² is constant. For linear V
 this holds along every motion (Kovalevskaya 1889), otherwise where the areas
 integral is zero (Chaplygin 1903, Goriachev 1916). Off that level K' is
-proportional to the areas integral.
+proportional to the areas integral I3.
+
+For A = B = 4C the integral of Goriachev (1900) and Chaplygin (1901) is
+
+.. math::
+    V = a g_1 + b g_2 + b_1 / g_3^2 , \qquad
+    K = r \Big(p^2 + q^2 + \frac{b_1}{2 C g_3^2}\Big) - \frac{g_3}{C} (a p + b q) , \qquad
+    K' = \frac{b p - a q}{4 C^2} I_3 ,
+
+so K is constant where I3 = 0, and without a and b, where r is constant too, always.
 """
 
 from collections.abc import Callable, Sequence
@@ -48,12 +57,12 @@ BITS = 128
 
 @dataclass(frozen=True, slots=True)
 class FurtherIntegral:
-    """K = |W|² for one field, with the exact parameters of the module's formulas.
+    """K for one field, with the exact parameters of the module's formulas.
 
     ``kind`` tells along which motions it is constant: along every one, or those with I3 = 0.
     """
 
-    name: Literal["kovalevskaya", "goriachev"]
+    name: Literal["kovalevskaya", "goriachev", "goriachev_chaplygin"]
     kind: Literal["general", "zero_areas"]
     C: Fraction
     a: Fraction
@@ -62,28 +71,36 @@ class FurtherIntegral:
     c2: Fraction
     b1: Fraction
 
+    @property
+    def is_cubic(self) -> bool:
+        """Whether K is a cubic of p, q and r, not |W|²."""
+        return self.name == "goriachev_chaplygin"
+
     def __call__(self, omega: FloatArray, gamma: FloatArray) -> FloatArray:
         """Return K at ``omega`` and ``gamma`` of shape (..., 3), shape (...); NaN at a pole of V."""
-        p, q, _ = np.moveaxis(np.asarray(omega, dtype=np.float64), -1, 0)
+        p, q, r = np.moveaxis(np.asarray(omega, dtype=np.float64), -1, 0)
         g1, g2, g3 = np.moveaxis(np.asarray(gamma, dtype=np.float64), -1, 0)
         if self.b1:
             g3 = np.where(g3 == 0.0, np.nan, g3)
         with np.errstate(all="ignore"):
-            return np.asarray(self._square(self._numbers(nearest_double), p, q, g1, g2, g3))
+            return np.asarray(self._value(self._numbers(nearest_double), p, q, r, g1, g2, g3))
 
     def balls(self, states: Sequence[Sequence[float]]) -> list[arb]:
         """Return enclosures of K at states (p, q, r, g1, g2, g3), at the current ``flint.ctx.prec``."""
         numbers = self._numbers(BallAlgebra().constant)
-        return [
-            self._square(numbers, arb(p), arb(q), arb(g1), arb(g2), arb(g3)) for p, q, _, g1, g2, g3 in states
-        ]
+        return [self._value(numbers, *(arb(number) for number in state)) for state in states]
 
     def _numbers(self, number: Callable[[Fraction], N]) -> tuple[N, N, N, N, N]:
         a, b, c1, c2, b1 = (number(x / self.C) for x in (self.a, self.b, self.c1, self.c2, self.b1))
         return a, b, c1, c2, b1
 
-    def _square(self, numbers: Sequence[T | float], p: T, q: T, g1: T, g2: T, g3: T) -> T:
+    def _value(self, numbers: Sequence[T | float], p: T, q: T, r: T, g1: T, g2: T, g3: T) -> T:
         a, b, c1, c2, b1 = numbers
+        if self.is_cubic:
+            squares = p * p + q * q
+            if self.b1:
+                squares = squares + b1 / (2 * (g3 * g3))
+            return r * squares - g3 * (a * p + b * q)
         real = (p - q) * (p + q) - (a * g1 - b * g2) + c1 * (g3 * g3)
         imaginary = 2 * p * q - (a * g2 + b * g1) + c2 * (g3 * g3)
         if self.b1:  # else g3 = 0 is a point like any other
@@ -106,7 +123,8 @@ def find_further_integrals(
         The sign that g1 keeps along the motion, if it does: then |g1| is
         recognised too. Otherwise V must be one and the same wherever it is defined.
     """
-    if not body.A == body.B == 2 * body.C:
+    ratio = body.A / body.C
+    if body.A != body.B or ratio not in (2, 4):
         return ()
     try:
         parameters = _recognise(potential.tape, g1_sign)
@@ -114,6 +132,12 @@ def find_further_integrals(
         return ()
     if parameters is None:
         return ()
+    a, b, c1, c2, _ = parameters
+    if ratio == 4:
+        if c1 or c2:
+            return ()
+        kind: Literal["general", "zero_areas"] = "zero_areas" if a or b else "general"
+        return (FurtherIntegral("goriachev_chaplygin", kind, body.C, *parameters),)
     if any(parameters[2:]):
         return (FurtherIntegral("goriachev", "zero_areas", body.C, *parameters),)
     return (FurtherIntegral("kovalevskaya", "general", body.C, *parameters),)

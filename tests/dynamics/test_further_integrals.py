@@ -1,4 +1,4 @@
-"""Kovalevskaya's integral and that of Goriachev and Chaplygin: exact derivatives, recognition, drifts."""
+"""The integrals of Kovalevskaya, Goriachev and Chaplygin: exact derivatives, recognition, drifts."""
 
 from fractions import Fraction
 
@@ -25,6 +25,8 @@ from workers.solvers.integration.solve import integrate_state
 C = Fraction(17, 10)
 BODY = RigidBody(2 * C, 2 * C, C)
 UNIT = RigidBody(Fraction(2), Fraction(2), Fraction(1))
+LONG = RigidBody(4 * C, 4 * C, C)
+"""A body with A = B = 4C."""
 FULL = "a*g1 + b*g2 + c1*(g1^2 - g2^2) + 2*c2*g1*g2 + b1/g3^2"
 ZERO = Fraction(0)
 
@@ -55,12 +57,12 @@ W = (
 AREAS = 2 * c * p * g1 + 2 * c * q * g2 + c * r * g3
 
 
-def rate(quantity):
-    """The derivative along the Euler-Poisson equations with A = B = 2C."""
+def rate(quantity, V=V, ratio=2):
+    """The derivative along the Euler-Poisson equations with A = B = ``ratio`` C."""
     V1, V2, V3 = (sp.diff(V, g) for g in (g1, g2, g3))
     equations = {
-        p: (c * q * r + g2 * V3 - g3 * V2) / (2 * c),
-        q: (-c * p * r + g3 * V1 - g1 * V3) / (2 * c),
+        p: ((ratio - 1) * c * q * r + g2 * V3 - g3 * V2) / (ratio * c),
+        q: ((1 - ratio) * c * p * r + g3 * V1 - g1 * V3) / (ratio * c),
         r: (g1 * V2 - g2 * V1) / c,
         g1: r * g2 - q * g3,
         g2: p * g3 - r * g1,
@@ -91,12 +93,28 @@ def test_K_is_constant_for_linear_fields_and_else_changes_with_the_areas():
         assert on_the_sphere(sp.rem(sp.Poly(alone, r), sp.Poly(AREAS, r)).as_expr()) == 0
 
 
-def test_the_numbers_are_those_of_the_formula():
-    """In doubles and in balls: |W|² by SymPy at a rational point."""
+LONG_V = a * g1 + b * g2 + b1 / g3**2
+LONG_K = r * (p**2 + q**2 + b1 / (2 * c * g3**2)) - g3 * (a * p + b * q) / c
+LONG_AREAS = 4 * c * p * g1 + 4 * c * q * g2 + c * r * g3
+
+
+def test_the_integral_of_goriachev_and_chaplygin_changes_with_the_areas_alone():
+    """A = B = 4C; the rate is the multiple of the areas integral that the module states, everywhere."""
+    assert sp.simplify(rate(LONG_K, LONG_V, 4) - (b * p - a * q) / (4 * c**2) * LONG_AREAS) == 0
+    # No other ratio of the moments will do, also where the areas integral is zero.
+    other = rate(LONG_K, LONG_V, 3).subs(r, -3 * (p * g1 + q * g2) / g3)
+    assert on_the_sphere(other) != 0
+
+
+@pytest.mark.parametrize(
+    ("body", "text", "function"), [(BODY, FULL, W * sp.conjugate(W)), (LONG, "a*g1 + b*g2 + b1/g3^2", LONG_K)]
+)
+def test_the_numbers_are_those_of_the_formula(body, text, function):
+    """In doubles and in balls: K by SymPy at a rational point."""
     values = [Fraction(n, 7) for n in (3, -2, 5, 6, 2, -3)]
     fifths = {"a": -3, "b": 2, "c1": 1, "c2": -4, "b1": 3}
     parameters = {name: Fraction(n, 5) for name, n in fifths.items()}
-    (integral,) = find_further_integrals(BODY, field(**parameters))
+    (integral,) = find_further_integrals(body, field(text, body=body, **parameters))
     numbers = dict(
         zip(
             SYMBOLS,
@@ -104,7 +122,7 @@ def test_the_numbers_are_those_of_the_formula():
             strict=True,
         )
     )
-    exact = float(sp.expand((W * sp.conjugate(W)).subs(numbers)))
+    exact = float(sp.expand(function.subs(numbers)))
     state = np.array([float(x) for x in values])
     # Some thirty roundings of terms of the size of W, squared.
     assert float(integral(state[:3], state[3:])) == pytest.approx(exact, rel=2e-14)
@@ -152,7 +170,28 @@ def test_other_fields_have_none(text):
     assert found(text) == []
 
 
-@pytest.mark.parametrize("moments", [("2", "1", "1"), ("2", "3/2", "1"), ("3", "3", "1"), ("1", "2", "2")])
+@pytest.mark.parametrize(
+    "text", ["a*g1*(g1^2 + g2^2 + g3^2) + b*g2 + b1*g3^(-2) - 5", "a*abs(g1) + b*g2 + b1/g3^2"]
+)
+@pytest.mark.parametrize(("a", "b", "b1"), [(-1, 0, 0), (0, 2, Fraction(1, 3)), (1, -2, 3), (0, 0, 1)])
+def test_the_field_of_goriachev_and_chaplygin_is_recognised(text, a, b, b1):
+    # Without a force across the axis of symmetry, r and the energy are constant always.
+    kind = "zero_areas" if a or b else "general"
+    expected = [("goriachev_chaplygin", kind, a, b, 0, 0, b1)]
+    assert found(text, body=LONG, g1_sign=1, a=a, b=b, b1=b1) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["g1 + g1*g2", "g1 + g1^2 - g2^2", "g3", "g1/g3^2", "g1 + 1/g3^4", "abs(g1)"]
+)
+def test_other_fields_have_none_with_these_moments(text):
+    assert found(text, body=LONG) == []
+
+
+@pytest.mark.parametrize(
+    "moments",
+    [("2", "1", "1"), ("2", "3/2", "1"), ("3", "3", "1"), ("1", "2", "2"), ("4", "2", "1"), ("1", "4", "4")],
+)
 def test_other_bodies_have_none(moments):
     body = RigidBody(*(Fraction(moment) for moment in moments), allow_unphysical=True)
     assert found("g1", body=body) == []
@@ -236,6 +275,27 @@ def test_zero_areas_keep_K_in_the_full_field(omega, gamma):
         BODY, potential, (*omega[:2], at_zero[2] + 1.0), gamma, times, tolerance=1e-10
     )
     assert abs(float(areas_integral(BODY, elsewhere.samples[0, :3], elsewhere.samples[0, 3:]))) > 0.3
+    assert integral_drift(integral, elsewhere.samples)[1] > 1e-2
+
+
+@pytest.mark.parametrize(("omega", "gamma"), [*STATES[:2], ((0.7, -1.1, 0.0), (6 / 7, 2 / 7, -3 / 7))])
+@pytest.mark.parametrize("b1", [0, Fraction(1, 20)])
+def test_zero_areas_keep_the_integral_of_goriachev_and_chaplygin(omega, gamma, b1):
+    potential = field("a*g1 + b*g2 + b1/g3^2", body=LONG, a=-1, b=Fraction(2, 5), b1=b1)
+    (integral,) = find_further_integrals(LONG, potential)
+    at_zero = (*omega[:2], -4 * (omega[0] * gamma[0] + omega[1] * gamma[1]) / gamma[2])
+    times = np.linspace(0, 40, 201)
+    motion = integrate_state(LONG, potential, at_zero, gamma, times, tolerance=1e-10)
+    value, drift = integral_drift(integral, motion.samples)
+    # Local errors of 1e-14 of some five hundred steps, of a cubic of the size of its terms.
+    p, q, r, *_, g3 = np.abs(motion.samples).T
+    size = (r * (p**2 + q**2 + float(b1) / (2 * float(C) * g3**2)) + g3 * (p + q) / float(C)).max()
+    assert drift < 1e-12 * size
+    assert abs(value) > 1e-3 * size
+    # On another level it wanders.
+    elsewhere = integrate_state(
+        LONG, potential, (*omega[:2], at_zero[2] + 1.0), gamma, times, tolerance=1e-10
+    )
     assert integral_drift(integral, elsewhere.samples)[1] > 1e-2
 
 

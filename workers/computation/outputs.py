@@ -1,13 +1,17 @@
 """Computes the outputs beyond the six variables that a problem asks for."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from flint import ctx
 
+from service.dynamics.accuracy import SMALLEST_TOLERANCE
+from service.dynamics.bounds import is_within, largest
 from service.dynamics.classical.relations import relations_of
 from service.dynamics.equations.euler_poisson import areas_integral
+from service.dynamics.equations.orientation import orientation_columns, orientation_errors
+from service.dynamics.errors import DynamicsError
 from service.dynamics.further_integrals import (
     FurtherIntegral,
     find_further_integrals,
@@ -16,14 +20,16 @@ from service.dynamics.motion import NO_CROSS_CHECK, Estimate, Motion
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.potentials.warning import Notice
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem
+from service.dynamics.solution.dense_output import DenseOutput
 from service.storage.codecs.summary import PROVEN_SAMPLES
 from workers.solvers.assembly.place import Place
 from workers.solvers.classical.solve import place_motion
 from workers.solvers.closed_form.lame import transverse_stability
+from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.invariants import Drifts, further_drift, measure_drifts
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.orientation.solve import Orientation, with_orientation
-from workers.solvers.planar.choose import compiled_tier
+from workers.solvers.planar.choose import compiled_tier, find_motion
 from workers.solvers.planar.start import with_enough_bits
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
@@ -32,6 +38,9 @@ from workers.solvers.stability.monodromy import StabilityUndefinedError
 LAME_BITS = 128
 DOUBLES = ("draft", "standard")
 """Compiled tiers whose promise doubles keep for the outputs too."""
+FINER = 0.5
+"""Share of the error that a motion may have for its attitude, which is asked of a second one."""
+ATTITUDE = "error of the orientation"
 ZERO_AREAS = 1e-12
 """|I3| below this share of the angular momentum counts as zero: that is its rounding."""
 
@@ -94,6 +103,34 @@ def takes_doubles(problem: Problem) -> bool:
 
 
 def _orientation(problem: Problem, motion: Motion) -> Orientation:
+    """Return the attitude, from a finer motion where that of this one does not keep the tolerance.
+
+    The six variables stay those of ``motion``. Beside enclosures nothing is promised.
+
+    Raises
+    ------
+    AccuracyNotMetError
+        That of a finer motion does not keep it either.
+    """
+    found = _attitude(problem, motion)
+    reached = 0.0 if problem.accuracy.tier == "certified" else _largest_error(found.dense, motion)
+    if is_within(reached, problem.tolerance):
+        return found
+    # What the attitude makes of the errors of the variables is known by now.
+    finer = FINER * motion.dense.error * problem.tolerance / reached
+    finer = min(max(finer, float(SMALLEST_TOLERANCE)), problem.tolerance)
+    try:
+        other = find_motion(replace(problem, accuracy=replace(problem.accuracy, tolerance=finer)))
+        found = _attitude(problem, other)
+    except DynamicsError:
+        raise AccuracyNotMetError(reached, problem.tolerance, of=ATTITUDE) from None
+    reached = _largest_error(found.dense, motion)
+    if not is_within(reached, problem.tolerance):
+        raise AccuracyNotMetError(reached, problem.tolerance, of=ATTITUDE)
+    return found
+
+
+def _attitude(problem: Problem, motion: Motion) -> Orientation:
     """Return the attitude, with the precession in compiled doubles where the tier is content with them."""
     if isinstance(problem.motion, PlanarMotion) and takes_doubles(problem):
         # The compiler is loaded only where it is needed.
@@ -101,6 +138,14 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
 
         return with_orientation(motion, advances_on(problem.body, problem.motion))
     return with_orientation(motion)
+
+
+def _largest_error(dense: DenseOutput, motion: Motion) -> float:
+    """Return the largest error of the attitude over the asked times, of angles above 1 the relative one."""
+    errors = orientation_errors(dense, motion.times)
+    columns = orientation_columns(dense, motion.times, motion.rests)
+    sizes = {name: max(1.0, float(np.abs(column).max(initial=0.0))) for name, column in columns.items()}
+    return largest(error / sizes[name] for name, error in errors.items())
 
 
 def _stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stability:

@@ -19,10 +19,10 @@ class AccuracyNotMetError(DynamicsError):
 
     code = "accuracy_not_met"
 
-    def __init__(self, reached: float, tolerance: float) -> None:
+    def __init__(self, reached: float, tolerance: float, *, of: str = "error") -> None:
         found = f"is estimated as {reached:.1e}" if isfinite(reached) else "cannot be told"
         super().__init__(
-            f"the largest error over the asked times {found}, and the tolerance is {tolerance:.1e}; "
+            f"the largest {of} over the asked times {found}, and the tolerance is {tolerance:.1e}; "
             f"{_advice(reached)}",
             pointer="/accuracy",
         )

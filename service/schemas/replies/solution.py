@@ -60,7 +60,10 @@ class DriftOut(ResponseModel):
 
 
 class FurtherIntegralOut(ResponseModel):
-    """Kovalevskaya's or Goriachev's integral, which bodies with A = B = 2C may have."""
+    """A further integral, which bodies with A = B = 2C or 4C may have.
+
+    For A = B = 2C it is `kovalevskaya` or `goriachev`, for A = B = 4C `goriachev_chaplygin`.
+    """
 
     value: float = Field(description="At the first sample.")
     drift: float = Field(description="Largest absolute departure from it over the asked samples.")

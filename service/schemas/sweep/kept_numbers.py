@@ -33,8 +33,8 @@ def _drift(name: str) -> dict[str, KeptNumber]:
     return {f"invariants.{name}.drift": KeptNumber(("invariants", name, "drift"), "invariants", meaning)}
 
 
-def _integral(name: str) -> dict[str, KeptNumber]:
-    meaning = f"{name.capitalize()}'s integral, where there is one"
+def _integral(name: str, author: str) -> dict[str, KeptNumber]:
+    meaning = f"integral of {author}, where there is one"
     number = KeptNumber(("invariants", name, "value"), "invariants", meaning)
     return {f"invariants.{name}": number, **_drift(name)}
 
@@ -55,8 +55,9 @@ NUMBERS: Mapping[str, KeptNumber] = {
     **_drift("energy"),
     **_drift("geometric"),
     **_drift("areas"),
-    **_integral("kovalevskaya"),
-    **_integral("goriachev"),
+    **_integral("kovalevskaya", "Kovalevskaya"),
+    **_integral("goriachev", "Goriachev"),
+    **_integral("goriachev_chaplygin", "Goriachev and Chaplygin"),
     **_stability("trace", "error", "μ + 1/μ over the period"),
     **_stability("exponent", "exponent_error", "log|μ| / T"),
     "stability.trusted_time": KeptNumber(

@@ -109,6 +109,19 @@ def test_goriachevs_integral_is_there_on_zero_areas():
     assert found["goriachev"]["drift"] <= 1e-13
 
 
+def test_the_integral_of_goriachev_and_chaplygin_is_there_on_zero_areas():
+    body = {"A": 4, "B": 4, "C": 1}
+    # 4 (p g1 + q g2) + r g3 = 0.
+    on_zero = {"type": "state", "omega": ["0.3", "0.2", "-0.9"], "gamma": ["0.6", "0", "0.8"]}
+    found = solve("-g1", on_zero, ("invariants",), body=body).summary["invariants"]["goriachev_chaplygin"]
+    # r (p² + q²) + g3 p at the start, by its own rounding; the tolerance is 1e-10 in each variable of size 1.
+    assert found["kind"] == "zero_areas"
+    assert abs(found["value"] - (-0.9 * 0.13 + 0.8 * 0.3)) <= 1e-15
+    assert found["drift"] <= 1e-9
+    elsewhere = solve("-g1", STATE, ("invariants",), body=body).summary["invariants"]
+    assert set(elsewhere) == {"energy", "geometric", "areas"}
+
+
 def test_a_body_without_these_moments_has_no_further_integral():
     found = solve("-g1", outputs=("invariants",), body={"A": 2, "B": "3/2", "C": 1}).summary["invariants"]
     assert set(found) == {"energy", "geometric", "areas"}

@@ -1,7 +1,7 @@
 """Assembles a periodic planar motion from a function that samples one period."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -9,7 +9,7 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.accuracy import LARGEST_TOLERANCE
-from service.dynamics.bounds import is_within
+from service.dynamics.bounds import is_within, largest
 from service.dynamics.motion import COLUMNS, Motion
 from service.dynamics.problem import Problem
 from service.dynamics.sampling import SampleTimes, sample_times
@@ -35,8 +35,12 @@ FINEST_AT_JUMPS = 1e5
 DRAFTED = 0.01
 """Share of a draft's tolerance that its function of time may depart between the samples."""
 LEFT_OUT = 4.0
-"""Allowed tails to which what the series of a draft leave out may add up: twice the sum of all coefficients
+"""Tails to which what the series of a draft leave out may add up: twice the sum of all coefficients
 that follow, which fall by a third or more. Departures are seen at few places, and a draft can afford it."""
+TAIL = 4
+"""Last coefficients of a series, the largest of which is its tail: two may be small by chance."""
+SETTLED = 1.0 - 1e-9
+"""Share of the time for which the bound of the defect is a theorem where it is one for all that counts."""
 PIECES_OF_A_DRAFT = 4
 """That it begins with."""
 BESIDE = arb(2) ** -56
@@ -111,10 +115,10 @@ def _with_claim(problem: Problem, place: PeriodicPlace, found: Sampled) -> tuple
     times, rests = asked.doubles, asked.rests
     resolved = _resolved(problem, place, found) if problem.wants_series else nothing_resolved(period.hi)
     columns = COLUMNS[: resolved.coefficients.shape[2]]
-    error = resolved.error + found.error + resolved.moved(found.time_error)
+    error, left_out = resolved.error + found.error + resolved.moved(found.time_error), 0.0
     if _is_draft(problem, found) and problem.wants_series:
-        error += LEFT_OUT * DRAFTED * problem.tolerance
-    dense = DenseOutput(columns, resolved.breaks, resolved.coefficients, period, error)
+        left_out = LEFT_OUT * DRAFTED * problem.tolerance
+    dense = DenseOutput(columns, resolved.breaks, resolved.coefficients, period, error + left_out)
     samples, reached = np.zeros((0, len(COLUMNS))), 0.0
     if len(times):
         late = found.late
@@ -125,7 +129,12 @@ def _with_claim(problem: Problem, place: PeriodicPlace, found: Sampled) -> tuple
     shown = shown_by(problem.body, problem.potential, dense, energy, is_planar=True)
     if shown is not None:
         evidence |= told(shown)
-        dense, reached = with_error_shown(dense, reached, shown)
+        if left_out and shown.error == dense.error and shown.settled >= SETTLED:
+            # Tails that are there, and what the series leaves of the equations, are less than is allowed.
+            least = largest((error + LEFT_OUT * _tail(resolved), shown.defect, shown.drift))
+            dense = replace(dense, error=min(dense.error, least))
+        else:
+            dense, reached = with_error_shown(dense, reached, shown)
     conventions = conventions_of(start)
     motion = Motion(
         method="quadrature",
@@ -147,9 +156,17 @@ def _with_claim(problem: Problem, place: PeriodicPlace, found: Sampled) -> tuple
     return motion, claimed
 
 
+def _tail(resolved: ResolvedMotion) -> float:
+    return float(np.abs(resolved.coefficients[:, -TAIL:]).max(initial=0.0))
+
+
 def _is_draft(problem: Problem, found: Sampled) -> bool:
-    """Say whether no more than a draft is asked of the function of time: samples do not come from it."""
-    return problem.accuracy.tier == "draft" and found.late is not None
+    """Say whether no more than a draft is asked of the function of time: samples do not come from it.
+
+    The attitude does.
+    """
+    is_drawn = "orientation" not in problem.outputs
+    return is_drawn and problem.accuracy.tier == "draft" and found.late is not None
 
 
 def _resolved(problem: Problem, place: PeriodicPlace, found: Sampled) -> ResolvedMotion:

@@ -5,6 +5,18 @@ at most ε ∫ Σ|∂ψ̇/∂(variables)| dt and the quaternion by ε ∫ (√3/
 come the tails of the series, the rounding of their sums, and for a periodic
 motion the measured defect of the period: how far the sums miss the advances,
 which are known from the curve alone.
+
+On a planar motion errors of the variables do not add up, since its attitude is a function of the place on
+the curve: with Q = A g1² + C g3²
+
+.. math:: d\psi_1 = f_1\,dg_2 = -\frac{A g_1 g_3\,dg_2}{Q(g_2^2+g_3^2)} ,\qquad
+          d\psi_3 = f_3\,dg_2 = \frac{C g_1 g_3\,dg_2}{Q(g_1^2+g_2^2)} .
+
+So an angle is wrong by what the series and ∫ f dg2 along the computed path differ by, which is seen; by what
+the path's distance d from the curve does to that integral, ∫ d (|∇f||dg2| + |df|), d being seen too; and by
+ε |dψ| over the largest component of |dg|, at both ends. The quaternion is that of ψ1 and g, as far as it is
+seen to be. The smaller bound holds. What is seen is seen at twice as many points as the series have nodes: of
+the bound that is a measurement, not a theorem.
 """
 
 import math
@@ -12,6 +24,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from service.dynamics.bounds import largest
 from service.dynamics.equations.orientation import (
@@ -24,7 +37,14 @@ from service.dynamics.equations.orientation import (
 )
 from service.dynamics.motion import Motion
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.solution.dense_output import EPSILON, Advance, DenseOutput, FloatArray
+from service.dynamics.solution.dense_output import (
+    EPSILON,
+    Advance,
+    DenseOutput,
+    FloatArray,
+    chebyshev_coefficients,
+    chebyshev_points,
+)
 from workers.solvers.orientation.advance import Precession, estimate, loop_advances
 from workers.solvers.orientation.pieces import Pieces, VerticalAxisError, resolve_attitude
 
@@ -33,6 +53,8 @@ CLOSEST_PERIODIC = 1e-10
 AXES = {"psi1": 0, "psi3": 2}
 ROUNDING = 4.0 * EPSILON
 """Of a rate, relative to its terms; of a product of quaternions."""
+UNSEEN = 2.0
+"""Factor for the places between the points that are looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +92,8 @@ def with_orientation(motion: Motion, advances_of: Advances = loop_advances) -> O
     dense = _with_columns(motion.dense, names, pieces)
     advances = _advances(motion, dense, advances_of)
     dense = replace(dense, advances={name: a for name, a in advances.items() if a != Advance()})
-    dense = replace(dense, errors=_errors(dense, names, pieces, advances))
+    loop = None if motion.window is None else motion.window.arcs[0].loop
+    dense = replace(dense, errors=_errors(dense, names, pieces, advances, loop))
     precession = None
     if advances:
         precession = Precession(*(estimate(advances[name]) for name in AXES))
@@ -153,7 +176,11 @@ def _advances(motion: Motion, dense: DenseOutput, advances_of: Advances) -> dict
 
 
 def _errors(
-    dense: DenseOutput, names: tuple[str, ...], pieces: Pieces, advances: dict[str, Advance]
+    dense: DenseOutput,
+    names: tuple[str, ...],
+    pieces: Pieces,
+    advances: dict[str, Advance],
+    loop: Loop | None,
 ) -> dict[str, float]:
     """Return the bounds within the breaks of the quaternion and the angles; see the head of the module."""
     span = float(dense.breaks[-1] - dense.breaks[0])
@@ -163,12 +190,87 @@ def _errors(
     g2, g3 = dense(np.zeros(1))[0, 4:6].tolist()
     tilt = math.hypot(g2, g3)
     bounds[0] += ROUNDING / (tilt if tilt > VERTICAL else 1.0)
+    if loop is not None and names == tuple(AXES):
+        # NaN, where the curve tells nothing, is no bound.
+        bounds = np.fmin(bounds, _along_the_curve(dense, loop))
     if dense.period is not None:
         bounds += _defects(dense, names, advances)
     return {
         **dict.fromkeys(LOCAL_QUATERNION, float(bounds[0])),
         **dict(zip(names, bounds[1:].tolist(), strict=True)),
     }
+
+
+@np.errstate(all="ignore")
+def _along_the_curve(dense: DenseOutput, loop: Loop) -> FloatArray:
+    """Return the bounds of the quaternion and of both angles by the place; see the head of the module."""
+    degree = dense.coefficients.shape[1] - 1
+    points = chebyshev_points(2 * degree)
+    values = chebyshev.chebvander(points, degree) @ dense.coefficients
+    slope = (
+        chebyshev.chebder(dense.coefficients[:, :, 4], axis=1) @ chebyshev.chebvander(points, degree - 1).T
+    )
+    integration = _integration(2 * degree)
+    g1, g2, g3 = np.moveaxis(values[:, :, 3:6], -1, 0)
+    off = _distances(loop, g1, g2, g3)
+    A, C = (float(moment) for moment in ((loop.C, loop.A) if loop.mirrored else (loop.A, loop.C)))
+    Q = A * g1 * g1 + C * g3 * g3
+    widest = np.maximum(Q, np.maximum(np.abs(A * g1 * g2), np.abs(C * g3 * g2)))
+    bounds = list[float]()
+    for name, moment in (("psi1", -A), ("psi3", C)):
+        own = values[:, :, 3 + AXES[name]]
+        square = g1 * g1 + g2 * g2 + g3 * g3 - own * own
+        both = moment * g1 * g3
+        f = np.where(both == 0.0, 0.0, both / (Q * square))
+        # Of f, by that of its logarithm; at a pole, where it is not bounded, the path has no length in g2.
+        gradient = [
+            moment * g3 / (Q * square) * (1.0 - 2.0 * A * g1 * g1 / Q),
+            np.zeros_like(f),
+            moment * g1 / (Q * square) * (1.0 - 2.0 * C * g3 * g3 / Q),
+        ]
+        for k, g in enumerate((g1, g2, g3)):
+            gradient[k] = gradient[k] - (0.0 if k == AXES[name] else 2.0 * f * g / square)
+        steepness = np.sqrt(sum(part * part for part in gradient)) * np.abs(slope) * off
+        moved = float((np.where(np.isfinite(steepness), steepness, 0.0) @ integration[0]).sum())
+        moved += float((np.abs(np.diff(f, axis=1)) * np.maximum(off[:, 1:], off[:, :-1])).sum())
+        along = (f * slope) @ integration.T
+        psi = values[:, :, dense.columns.index(name)]
+        seen = float(np.ptp(psi - along - (np.cumsum(along[:, 0]) - along[:, 0])[:, None]))
+        reach = float(np.nanmax(np.abs(both) / (square * widest)))
+        bounds.append(
+            UNSEEN * (seen + moved) + 2.0 * reach * dense.error + ROUNDING * float(np.abs(psi).max())
+        )
+    psi1, lean = values[:, :, dense.columns.index("psi1")], np.sqrt(g2 * g2 + g3 * g3)
+    first = dense.columns.index(LOCAL_QUATERNION[0])
+    q0, q1, q2, q3 = np.moveaxis(values[:, :, first : first + 4], -1, 0)
+    # The first column and the third row of the rotation; what an error of g does to its tilt.
+    turned = 2.0 * (q1 * q2 + q0 * q3) * np.cos(psi1) - (q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3) * np.sin(psi1)
+    row = (2.0 * (q1 * q3 - q0 * q2), 2.0 * (q2 * q3 + q0 * q1), q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3)
+    tilted = np.sqrt(sum((there - g) ** 2 for there, g in zip(row, (g1, g2, g3), strict=True)))
+    seen = float(((np.abs(turned) + tilted) / lean).max())
+    tilt = math.sqrt(3.0) * dense.error / float(lean.min())
+    return np.array([0.5 * (bounds[0] + tilt + UNSEEN * seen) + ROUNDING, *bounds])
+
+
+def _distances(loop: Loop, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> FloatArray:
+    """Return how far points are from the curve, to first order: the length of Newton's least step onto it."""
+    if loop.mirrored:
+        g1, g3 = g3, g1
+    alpha, Z, G = float(loop.alpha), float(loop.Z), float(loop.G)
+    law = loop.g1_sign * G * np.abs(g3 / Z) ** alpha
+    steep = np.where(g3 == 0.0, 0.0, alpha * law / g3)
+    size = np.hypot(1.0, steep)
+    length, astray = 0.5 * (g1 * g1 + g2 * g2 + g3 * g3 - 1.0), (g1 - law) / size
+    cosine = (g1 - steep * g3) / size
+    distances: FloatArray = (np.abs(length) + np.abs(astray)) / np.sqrt(1.0 - cosine * cosine)
+    return distances
+
+
+def _integration(degree: int) -> FloatArray:
+    """Return what integrates values at Chebyshev's points from -1 on, shape (degree + 1, degree + 1)."""
+    series = chebyshev.chebint(chebyshev_coefficients(np.eye(degree + 1)), lbnd=-1, axis=0)
+    integrals: FloatArray = chebyshev.chebvander(chebyshev_points(degree), degree + 1) @ series
+    return integrals
 
 
 def _defects(dense: DenseOutput, names: tuple[str, ...], advances: dict[str, Advance]) -> FloatArray:

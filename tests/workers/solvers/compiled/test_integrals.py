@@ -125,6 +125,18 @@ def test_further_integrals_are_those_of_a_single_job(parameters):
         assert tuple(found[n].tolist()) == integral_drift(one, samples[n]) == further_drift(one, samples[n])
 
 
+def test_a_cubic_integral_is_left_to_balls():
+    integral = FurtherIntegral(
+        "goriachev_chaplygin", "zero_areas", Fraction(1), *map(Fraction, (1, 2, 0, 0, 3))
+    )
+    square = FurtherIntegral("kovalevskaya", "general", Fraction(1), *map(Fraction, ("2", *4 * ("0",))))
+    samples = states(4)
+    found = further_drifts_of_many({0: integral, 1: square}, samples)
+    assert np.isnan(found[0]).all()
+    assert not np.isnan(found[1]).any()
+    assert further_drift(integral, samples[0]) == integral_drift(integral, samples[0])
+
+
 def test_a_further_integral_at_a_pole_is_left_to_balls():
     integral = FurtherIntegral("goriachev", "zero_areas", Fraction(1), *map(Fraction, (0, 0, 0, 0, 1)))
     samples = states(3)

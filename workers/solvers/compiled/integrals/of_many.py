@@ -69,7 +69,7 @@ def further_drifts_of_many(integrals: Mapping[int, FurtherIntegral], samples: Fl
 
     ``integrals`` are those of some sets of ``samples`` (sets, n, 6), by their places; the others are NaN. The
     numbers are those of :func:`service.dynamics.further_integrals.integral_drift`, or NaN as those of
-    :func:`drifts_of_many`.
+    :func:`drifts_of_many`. Cubic ones are NaN too: no motion of a sweep in blocks has one.
     """
     out = np.full((len(samples), 2), np.nan)
     numbers, row = np.zeros((len(samples), 10)), list[float]()
@@ -79,7 +79,7 @@ def further_drifts_of_many(integrals: Mapping[int, FurtherIntegral], samples: Fl
         if each is not last:
             last, row = each, [part for number in _numbers(each) for part in _parts(number)]
         numbers[place] = row
-    wanted = np.array(list(integrals), dtype=np.int64)
+    wanted = np.array([place for place, each in integrals.items() if not each.is_cubic], dtype=np.int64)
     further_drifts(numbers, np.ascontiguousarray(samples), wanted, out)
     return out
 
