@@ -75,7 +75,7 @@ CREATE TABLE sweeps (
 	error JSON, 
 	created_at DOUBLE NOT NULL, 
 	started_at DOUBLE, 
-	finished_at DOUBLE, facts JSON, note VARCHAR(2000), changed_at DOUBLE DEFAULT '0' NOT NULL, 
+	finished_at DOUBLE, facts JSON, note VARCHAR(2000), changed_at DOUBLE DEFAULT '0' NOT NULL, way VARCHAR(16), 
 	CONSTRAINT pk_sweeps PRIMARY KEY (id), 
 	CONSTRAINT ck_sweeps_state CHECK (state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')), 
 	CONSTRAINT ck_sweeps_progress CHECK (done <= next_index AND next_index <= points), 
@@ -123,7 +123,7 @@ CREATE TABLE workers (
 	engine VARCHAR(32) NOT NULL, 
 	slots INTEGER NOT NULL, 
 	started_at DOUBLE NOT NULL, 
-	seen_at DOUBLE NOT NULL, is_warm BOOLEAN DEFAULT 1 NOT NULL, 
+	seen_at DOUBLE NOT NULL, is_warm BOOLEAN DEFAULT 1 NOT NULL, kernels JSON, 
 	CONSTRAINT pk_workers PRIMARY KEY (name)
 );
 
@@ -250,10 +250,10 @@ CREATE TABLE "jobs" (
 	sweep_id CHAR(32), 
 	key_id CHAR(32), lane SMALLINT DEFAULT 0 NOT NULL CONSTRAINT ck_jobs_lane CHECK (lane IN (0, 1, 2)), turn DOUBLE DEFAULT '0' NOT NULL, examination VARCHAR(64), facts JSON, note VARCHAR(2000), changed_at DOUBLE DEFAULT '0' NOT NULL, examined_seconds DOUBLE, alone BOOLEAN DEFAULT 0 NOT NULL, 
 	CONSTRAINT pk_jobs PRIMARY KEY (id), 
-	CONSTRAINT ck_jobs_state CHECK (state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')), 
-	CONSTRAINT ck_jobs_lease CHECK ((state = 'running') = (lease_until IS NOT NULL)), 
-	CONSTRAINT fk_jobs_solution_id FOREIGN KEY(solution_id) REFERENCES solutions (id), 
 	CONSTRAINT ck_jobs_owner CHECK ((state = 'running') = (owner IS NOT NULL)), 
+	CONSTRAINT ck_jobs_lease CHECK ((state = 'running') = (lease_until IS NOT NULL)), 
+	CONSTRAINT ck_jobs_state CHECK (state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')), 
+	CONSTRAINT fk_jobs_solution_id FOREIGN KEY(solution_id) REFERENCES solutions (id), 
 	CONSTRAINT fk_jobs_sweep_id FOREIGN KEY(sweep_id) REFERENCES sweeps (id) ON DELETE CASCADE, 
 	CONSTRAINT ck_jobs_solution CHECK ((state = 'succeeded' AND kind = 'solve') = (solution_id IS NOT NULL)), 
 	CONSTRAINT ck_jobs_kind CHECK (kind IN ('solve', 'chunk', 'atlas')), 
@@ -285,5 +285,5 @@ CREATE TABLE atlases (
 	CONSTRAINT fk_atlases_job_id FOREIGN KEY(job_id) REFERENCES jobs (id) ON DELETE CASCADE
 );
 
-INSERT INTO alembic_version (version_num) VALUES ('0014');
+INSERT INTO alembic_version (version_num) VALUES ('0015');
 

@@ -21,7 +21,7 @@ from tests.support.effort import EFFORT, examples
 from tests.support.forked_workers import IS_POSSIBLE, ForkedWorkers
 from tests.support.processor_time import ProcessorTime
 from tests.support.serving import running_service
-from workers.computation.compiled_code import keep_compiled_code
+from workers.computation.compiled_code import WAY_VARIABLE, allow_compiling, keep_compiled_code
 
 # How long an example takes says something about the machine, and nothing about a law: no deadline.
 # On CI the same examples are drawn each time, so that a red run is about the change and can be repeated;
@@ -49,6 +49,10 @@ __all__ = [
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    # The suites call kernels, also some that no job calls. Processes that tests start do not compile,
+    # and fail where a job needs what the compiling task has not made.
+    os.environ[WAY_VARIABLE] = "compiled"
+    allow_compiling()
     keep_compiled_code()
     collect_seldom()
     if IS_POSSIBLE and config.getoption("tx", None):

@@ -61,6 +61,8 @@ class Claim:
     sweep: Mapping[str, object] | None = None
     """For a chunk: the document of its sweep."""
     sweep_id: str | None = None
+    way: str | None = None
+    """For a chunk: that of its sweep."""
     lane: Lane = Lane.SINGLE
     windows: str = ""
     """The windows of its curve, as its examination found them; empty where they are not kept."""
@@ -73,8 +75,10 @@ class Claim:
 
     @property
     def payload(self) -> Mapping[str, object]:
-        """What the computation gets: the problem, or {"sweep", "first", "count"} of a chunk."""
-        return self.problem if self.sweep is None else {"sweep": self.sweep, **self.problem}
+        """What the computation gets: the problem, or {"sweep", "way", "first", "count"} of a chunk."""
+        if self.sweep is None:
+            return self.problem
+        return {"sweep": self.sweep, "way": self.way, **self.problem}
 
 
 @dataclass(frozen=True, slots=True)

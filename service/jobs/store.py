@@ -166,7 +166,7 @@ class JobStore(Protocol):
         """
         ...
 
-    def give_back(self, claim: Claim, why: str = "the worker stopped") -> bool:
+    def give_back(self, claim: Claim, why: str = "the worker stopped", *, pause_seconds: float = 0.0) -> bool:
         """Queue the job again because its worker does not compute it; this is not counted as a loss."""
         ...
 

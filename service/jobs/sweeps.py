@@ -39,6 +39,8 @@ class SweepProgress:
     started_at: datetime | None
     """When its first chunk was claimed."""
     finished_at: datetime | None
+    way: str | None
+    """Of all its points: ``compiled`` or ``plain``; None until its first chunk was claimed."""
     marks: Marks
 
 

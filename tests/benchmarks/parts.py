@@ -6,6 +6,7 @@ from functools import partial
 from tests.benchmarks import (
     atlases,
     certified,
+    compiling,
     costs,
     examined,
     fast,
@@ -141,6 +142,7 @@ PARTS: Mapping[str, Part] = {
     "tiers": partial(tables, "tiers", (costs.tiers, costs.outputs, costs.parts)),
     "certified": partial(tables, "certified", (certified.others,)),
     "starting": partial(tables, "starting", (starting.starting,)),
+    "compiling": partial(tables, "compiling", (compiling.compiling,)),
     "service": partial(tables, "service", (service.around,)),
     "throughput": partial(
         tables,

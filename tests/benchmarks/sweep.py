@@ -78,7 +78,7 @@ def _crews(document: object, read: Sweep) -> Iterator[tuple[Run, ...]]:
 
 
 def _run(document: object, read: Sweep, sandbox: Sandbox, workers: int) -> ChunkPoints:
-    crew = Crew(read, document, sandbox, workers=workers, seconds=SECONDS)
+    crew = Crew(read, document, sandbox, way="compiled", workers=workers, seconds=SECONDS)
     parts = [part for computed in crew.points(lambda: False) if computed is not None for part in computed[1:]]
     return ChunkPoints(
         [outcome for part in parts for outcome in part.outcomes],

@@ -119,11 +119,14 @@ def sweep(
 
 
 @app.command(name="compile")
-def compile_now() -> None:
-    """Compile the fast solvers."""
+def compile_now(
+    in_background: Annotated[bool, typer.Option("--in-background", hidden=True)] = False,
+    is_second: Annotated[bool, typer.Option("--is-second", hidden=True)] = False,
+) -> None:
+    """Compile the kernels of the fast solvers, where they are missing."""
     from workers.cli.compile import compile_solvers  # noqa: PLC0415
 
-    raise typer.Exit(compile_solvers())
+    raise typer.Exit(compile_solvers(in_background=in_background, is_second=is_second))
 
 
 @app.command()

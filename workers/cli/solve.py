@@ -1,6 +1,7 @@
 """``python -m workers solve FILE``: solves one problem in this process, without a database."""
 
 import json
+from contextlib import suppress
 from pathlib import Path
 
 from rich.console import Console
@@ -13,8 +14,11 @@ from service.storage.codecs.arrays import decode_arrays
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
 from service.verdicts.examination import examine_problem
 from service.verdicts.refusals import refusal_of_reading
+from workers.cli.compile import FASTER, compile_solvers
+from workers.computation.compute import told_way
 from workers.computation.text import describe, to_csv
 from workers.process.tasks import solve_examined
+from workers.solvers.ways import NeedsKernelsError
 
 
 def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
@@ -34,6 +38,8 @@ def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
     if isinstance(outcome, Refused):
         say(_reason(outcome.error))
         return 1
+    if told_way(outcome.summary) == "plain":
+        say(f"solved without compiled kernels: {FASTER}")
     columns = decode_arrays(outcome.samples)
     if csv is not None:
         with OutputFile(csv) as output:
@@ -53,13 +59,21 @@ def _compute(document: str, settings: Settings) -> SolveOutcome:
     console = Console(stderr=True)
     sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=["workers.computation.compute"])
     try:
-        with console.status("solving …"):  # shows nothing where stderr is not a terminal
+        with console.status("examining …"):  # shows nothing where stderr is not a terminal
             try:
                 report = sandbox.run(examine_problem, document, seconds=settings.verdict_seconds)
             except SandboxTimeoutError:
                 detail = f"no verdict within POLHODE_VERDICT_SECONDS = {settings.verdict_seconds:g}"
                 return _failed("verdict_time_limit", detail)
-            return sandbox.run(solve_examined, document, report, seconds=settings.job_seconds)
+        seconds = settings.job_seconds
+        with suppress(NeedsKernelsError), console.status("solving …"):
+            return sandbox.run(solve_examined, document, report, seconds=seconds)
+        say("only compiled kernels solve this, and they are not ready: they are compiled now")
+        compile_solvers()
+        with console.status("solving …"):
+            return sandbox.run(solve_examined, document, report, seconds=seconds)
+    except NeedsKernelsError:
+        return _failed("not_ready", "only compiled kernels solve this, and they are not compiled")
     except SandboxTimeoutError:
         detail = f"not solved within POLHODE_JOB_SECONDS = {settings.job_seconds:g}"
         return _failed("time_limit", detail)

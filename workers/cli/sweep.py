@@ -21,6 +21,7 @@ from rich.progress import (
 from rich.text import Text
 
 from service.jobs.chunking import Range
+from service.jobs.kernels import Kernels, SweepWay, way_of_sweep
 from service.sandbox import Sandbox
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.sweep.reading import read_sweep
@@ -29,6 +30,8 @@ from service.settings import Settings, read_settings
 from service.stopping import StopAsked
 from service.storage.codecs.points import SOLVED, ChunkPoints, bounds_of
 from service.terminal import STANDARD_STREAM, answer, read_document, say
+from workers.cli.compile import FASTER, KERNELS, compile_solvers
+from workers.computation.compiled_code import GROUPS, fixed_way, is_ready, why_no_folder
 from workers.sweeping.crew import Crew
 from workers.sweeping.files import SUFFIXES, WITH_LISTS, PointFile, opened_points, suffix_of, table_of
 
@@ -102,8 +105,9 @@ class _Told:
 def _run(
     found: Sweep, document: object, file: PointFile | None, settings: Settings, workers: int, told: _Told
 ) -> int:
+    way = _way_of(found)
     sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.planar.block"])
-    crew = Crew(found, document, sandbox, workers=workers, seconds=settings.job_seconds)
+    crew = Crew(found, document, sandbox, way=way, workers=workers, seconds=settings.job_seconds)
     stop, tally, began = StopAsked(), Tally(), time.monotonic()
     try:
         with stop, _progress() as progress:
@@ -122,6 +126,19 @@ def _run(
     told.tell(found, tally, time.monotonic() - began)
     missing = crew.missing()
     return _fail(_told_missing(found, missing), _FAILED) if missing else _DONE
+
+
+def _way_of(found: Sweep) -> SweepWay:
+    """Return the way of all points; where that is sooner done, kernels are compiled first."""
+    way = fixed_way()
+    if way is not None or is_ready(*GROUPS):
+        return way or "compiled"
+    way = way_of_sweep({"base": found.base}, found.points, Kernels(0, KERNELS, None, why_no_folder()))
+    if way == "plain":
+        say(f"computed without compiled kernels, point by point: {FASTER}")
+        return way
+    say("this is sooner done, or only done, by compiled kernels: they are compiled now")
+    return "compiled" if compile_solvers() == 0 else "plain"
 
 
 class _RateColumn(ProgressColumn):

@@ -6,6 +6,7 @@ from service.jobs.outcome import Drawn, Refused
 from service.schemas.atlas.reading import read_atlas
 from service.storage.codecs.documents import encode_document
 from service.verdicts.atlases import examine_atlas_of_job
+from workers.computation.compiled_code import way_for
 from workers.computation.compute import solve_document
 from workers.computation.summary import Document
 
@@ -58,7 +59,7 @@ def _at(document: Document, window: int, lambda_: float) -> tuple[Document | Non
     problem["motion"] = motion
     problem["time"] = {"periods": 1, "samples": 2}
     problem["outputs"] = ["stability"]
-    outcome = solve_document(json.dumps(problem))
+    outcome = solve_document(json.dumps(problem), way=way_for("planar", "outputs"))
     if isinstance(outcome, Refused):
         return None, str(outcome.error["code"])
     stability = outcome.summary["stability"]

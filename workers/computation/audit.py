@@ -6,7 +6,7 @@ from math import isfinite
 
 from service.jobs.outcome import Refused, SolveOutcome, StoredSolution
 from workers.computation.comparison import Comparison, Sameness, compare_solutions
-from workers.computation.compute import solve_document
+from workers.computation.compute import solve_document, way_to_repeat
 
 _TOLD = ("method", "tier", "error", "provenance")
 """What is told of both solutions."""
@@ -17,7 +17,7 @@ def audit_document(document_json: str, windows_json: str, stored: StoredSolution
 
     Otherwise the same as :func:`workers.computation.compute.solve_document`.
     """
-    outcome = solve_document(document_json, windows_json)
+    outcome = solve_document(document_json, windows_json, way_to_repeat(stored))
     if isinstance(outcome, Refused):
         return outcome
     comparison = compare_solutions(stored, outcome)

@@ -133,7 +133,8 @@ def _changed_provenance(stored: StoredSolution, again: Solved) -> list[str]:
     """Return what of the provenance differs; older solutions that tell no processor are of another one."""
     before, now = stored.summary.get("provenance"), again.summary["provenance"]
     assert isinstance(now, Mapping)
-    known = before if isinstance(before, Mapping) else {}
+    # Before it was told, there was one way.
+    known = {"way": "compiled", **before} if isinstance(before, Mapping) else {}
     return [name for name, value in now.items() if known.get(name) != value]
 
 

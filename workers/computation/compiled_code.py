@@ -1,45 +1,203 @@
-"""Finds and checks the folder that caches compiled code, and passes it to the solvers.
+"""Code of kernels on disk: found by its content, from any folder, clone, environment or layer of an image.
 
-It is looked for here and not in the solvers, which are pure, and not in the worker process, since jobs are
-also solved without one: by commands, calibrations and tests.
+The code of a kernel is good for one state of all sources that it reaches, of the values that it has frozen,
+of Python, numba and the processor. Those are its address: what has changed is looked for elsewhere, and what
+has not is found, whoever compiled it. Many versions may use a folder at once; nothing in it is changed.
+
+Outside of the compiling task nothing compiles. Where code is missing, :class:`.ways.NotReadyError` is raised,
+and jobs go the plain way. Files are looked for here and not in the solvers, which are pure, and not in the
+worker process, since jobs are also solved without one: by commands, calibrations and tests.
 """
 
 import hashlib
+import importlib
 import os
+import re
+import shutil
+import sys
+import time
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any, Literal  # Any: numba has no types
+
+import numpy as np
 
 from service.versions import version_of
-from workers.solvers import compiled
-from workers.solvers.compiled import code_folder
+from workers.computation.processor import libraries, processor
+from workers.solvers import compiled, ways
 
 FOLDER_VARIABLE = "NUMBA_CACHE_DIR"
-"""Names another folder; it must belong to us, since what is in it is run."""
+"""Names another folder; what is in it is run, so nobody else may be able to write to it."""
+WAY_VARIABLE = "POLHODE_WAY"
+"""``compiled`` or ``plain``: the way of every job, whatever is ready. For tests."""
+Group = Literal["planar", "outputs", "sweeps", "states"]
+GROUPS: tuple[Group, ...] = ("planar", "outputs", "sweeps", "states")
+"""Kernels that are needed together, in the order in which they are compiled."""
+UNUSED_SECONDS = 30 * 86400.0
+"""After so long code that no complete set has used is removed."""
+
+_PACKAGE = compiled.__name__
+_IMPORTS = re.compile(rb"^from (" + re.escape(_PACKAGE).encode() + rb"[\w.]*) import ", re.MULTILINE)
+_PLAIN = (bool, int, float, complex, str, bytes, tuple, np.ndarray, np.generic, np.dtype)
+"""Types of what kernels freeze."""
+
+
+class _Compiling:
+    """What this process may do. Only the compiling task changes it."""
+
+    is_allowed = False
+    compiled: Callable[[str], None] = staticmethod(lambda _: None)
+
+
+def allow_compiling(compiled: Callable[[str], None] = lambda _: None) -> None:
+    """Compile what is missing in this process; ``compiled`` is called with the name of each kernel."""
+    _Compiling.is_allowed, _Compiling.compiled = True, staticmethod(compiled)
 
 
 @cache
 def keep_compiled_code() -> None:
-    """Have compiled solvers keep their code; whoever calls them calls this before the first call.
+    """Have the code of kernels looked for, and kept; whoever calls them calls this before the first call."""
+    ways.keep_by(_keep)
 
-    Raises
-    ------
-    OtherFolderError
-        They keep it in another folder already.
+
+def _keep(kernel: Any) -> None:  # noqa: ANN401
+    kernel._cache = KernelCode(kernel.py_func)
+
+
+class KernelCode:
+    """The code of one kernel, for all types of its arguments: what numba asks for a cache."""
+
+    cache_path = None
+
+    def __init__(self, function: Any) -> None:  # noqa: ANN401
+        self._function = function
+
+    def load_overload(self, types: object, context: Any) -> object:  # noqa: ANN401
+        """Return the code for arguments of these types; None has it compiled.
+
+        Raises
+        ------
+        NotReadyError
+            It is not there, and this process does not compile.
+        """
+        # Else nothing can be loaded into it.
+        context.refresh()
+        file = self._file(types, context.codegen())
+        found = None if file is None else file.load("code")
+        if found is not None:
+            rebuilt: object = _numba("compiler").CompileResult._rebuild(context, *found)
+            return rebuilt
+        if not _Compiling.is_allowed:
+            raise ways.NotReadyError(f"{self._name} is not compiled for arguments of {types}")
+        return None
+
+    def save_overload(self, types: object, code: Any) -> None:  # noqa: ANN401
+        """Keep code that was just compiled; without a folder it is for this process alone."""
+        file = self._file(types, code.codegen)
+        if file is not None:
+            Path(file._cache_path).mkdir(mode=0o700, exist_ok=True)
+            file.save("code", code._reduce())
+        _Compiling.compiled(self._name)
+
+    def enable(self) -> None:
+        """Do nothing: it is enabled."""
+
+    def disable(self) -> None:
+        """Do nothing: it cannot be disabled."""
+
+    def flush(self) -> None:
+        """Do nothing: what is there is good as long as it is found."""
+
+    @property
+    def _name(self) -> str:
+        return f"{self._function.__module__}.{self._function.__qualname__}"
+
+    def _file(self, types: object, codegen: Any) -> Any:  # noqa: ANN401
+        folder = own_folder()
+        if folder is None:
+            return None
+        module = self._function.__module__
+        # Not before the first call: a module that is still being loaded has not all of its values.
+        place = folder / f"{module.removeprefix(_PACKAGE + '.')}-{stamp(module)}"
+        key = _digest([sys.implementation.cache_tag, repr(types), repr(codegen.magic_tuple())])
+        # Written by rename, so that nobody reads half of it, and one file for one key: nothing is rewritten.
+        return _numba("caching").IndexDataCacheFile(
+            str(place), f"{self._function.__qualname__}-{key}", place.name
+        )
+
+
+def _numba(part: str) -> Any:  # noqa: ANN401
+    # Loaded by those who have kernels.
+    return importlib.import_module(f"numba.core.{part}")
+
+
+@cache
+def stamp(module: str) -> str:
+    """Return the digest of all that kernels of a module are made of.
+
+    That is the sources of the module and of all that it imports from the package of kernels, the values in
+    them, which kernels freeze, wherever these come from, and the versions of the compiler.
     """
-    folder = own_folder()
-    code_folder.hand_in(None if folder is None else str(folder))
+    parts = [version_of(each) for each in ("numba", "llvmlite", "numpy")]
+    for name in sorted(reached(module)):
+        found = importlib.import_module(name)
+        parts += [name, hashlib.sha256(_source(name)).hexdigest()]
+        values = {key: value for key, value in vars(found).items() if not key.startswith("__")}
+        parts += [
+            f"{key}={_told(value)}" for key, value in sorted(values.items()) if isinstance(value, _PLAIN)
+        ]
+    return _digest(parts)
+
+
+def reached(module: str) -> frozenset[str]:
+    """Return the modules of kernels whose sources are part of a module's code, itself among them."""
+    found, left = set[str](), [module]
+    while left:
+        name = left.pop()
+        if name not in found:
+            found.add(name)
+            left += [each.decode() for each in _IMPORTS.findall(_source(name))]
+    return frozenset(found)
+
+
+@cache
+def _source(module: str) -> bytes:
+    file = importlib.import_module(module).__file__
+    return b"" if file is None else Path(file).read_bytes()
+
+
+def _told(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}"
+    return repr(value)
+
+
+def _digest(parts: Sequence[str]) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
 
 
 def own_folder() -> Path | None:
-    """Return the folder, made where it is missing; None if there is none that only we can write to."""
-    folder = _base() / f"compiled-{digest(Path(compiled.__path__[0]))}"
+    """Return the folder, made where it is missing; None if there is none, see :func:`why_no_folder`."""
+    folder = _base() / "compiled"
+    return folder if why_no_folder() is None else None
+
+
+def why_no_folder() -> str | None:
+    """Return what is wrong with the folder, and what to do; None if it can be used."""
+    folder = _base() / "compiled"
+    advice = f"set {FOLDER_VARIABLE} to a folder of your own"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         about = folder.stat()
-    except OSError:
-        return None
-    is_ours = about.st_uid == os.getuid() and not about.st_mode & 0o022
-    return folder if is_ours and os.access(folder, os.W_OK) else None
+    except OSError as fault:
+        return f"{folder} cannot be made ({fault.strerror}): {advice}"
+    if about.st_uid not in (0, os.getuid()) or about.st_mode & 0o022:
+        return f"others can write to {folder}, and what is in it is run: {advice}, or chmod 700 that one"
+    # One that only root writes to, as that of an image, is good for what is in it.
+    if not os.access(folder, os.W_OK) and not any(folder.glob("ready-*")):
+        return f"{folder} cannot be written to: {advice}"
+    return None
 
 
 def _base() -> Path:
@@ -52,13 +210,73 @@ def _base() -> Path:
     return (Path(caches) if caches else Path(home, ".cache")) / "polhode"
 
 
-def digest(package: Path) -> str:
-    """Return a digest of all sources of a package and of the compiler's version.
+_ready = set[Group]()
+"""What was ready once stays ready: nothing is taken away from a folder in use."""
 
-    A kernel contains the kernels it calls: compiled code is good for one state of all of them.
-    """
-    total = hashlib.sha256(version_of("numba").encode())
-    for source in sorted(package.rglob("*.py")):
-        total.update(source.relative_to(package).as_posix().encode() + b"\0")
-        total.update(source.read_bytes())
-    return total.hexdigest()[:16]
+
+def is_ready(*groups: Group) -> bool:
+    """Tell whether all code of these groups is in the folder, for this processor and these libraries."""
+    for group in groups:
+        if group not in _ready:
+            note = note_of(group)
+            if note is None or not note.exists():
+                return False
+            _ready.add(group)
+    return True
+
+
+def note_of(group: Group) -> Path | None:
+    """Return the file that says that a group is complete; None without a folder."""
+    folder = own_folder()
+    return None if folder is None else folder / f"ready-{group}-{_here()}"
+
+
+@cache
+def _here() -> str:
+    """Return a digest of everything that any kernel depends on, with the processor."""
+    package = Path(compiled.__path__[0])
+    sources = [
+        f"{source.relative_to(package).as_posix()}={hashlib.sha256(source.read_bytes()).hexdigest()}"
+        for source in sorted(package.rglob("*.py"))
+    ]
+    return _digest([version_of("llvmlite"), processor(), libraries(), *sources])
+
+
+def fixed_way() -> ways.Way | None:
+    """Return the way that the setting fixes for every job."""
+    match os.environ.get(WAY_VARIABLE):
+        case "compiled" | "plain" as way:
+            return way
+    return None
+
+
+def way_for(*groups: Group) -> ways.Way:
+    """Return the way of a job that needs these groups of kernels."""
+    return fixed_way() or ("compiled" if is_ready(*groups) else "plain")
+
+
+def code_in_use() -> list[Path]:
+    """Return the folders of all modules of kernels that are loaded here."""
+    folder = own_folder()
+    if folder is None:
+        return []
+    modules = [name for name in sorted(sys.modules) if name.startswith(_PACKAGE + ".")]
+    return [folder / f"{name.removeprefix(_PACKAGE + '.')}-{stamp(name)}" for name in modules]
+
+
+def trim(used: Sequence[Path], *, unused_seconds: float = UNUSED_SECONDS) -> None:
+    """Remove code that no complete set has used for long. ``used`` is what the latest one uses."""
+    folder = own_folder()
+    if folder is None or not os.access(folder, os.W_OK):
+        return
+    now = time.time()
+    for each in used:
+        if each.is_dir():
+            os.utime(each)
+    # Beside it lie the folders of versions that had one for each state of all sources.
+    for each in [*folder.iterdir(), *folder.parent.glob("compiled-*")]:
+        if each not in used and now - each.stat().st_mtime > unused_seconds:
+            if each.is_dir():
+                shutil.rmtree(each, ignore_errors=True)
+            elif each.name.startswith("ready-"):
+                each.unlink(missing_ok=True)

@@ -1,7 +1,9 @@
 """Computes one problem: from its document to a solution with its evidence."""
 
 import json
+import logging
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from math import isfinite
 
@@ -13,11 +15,11 @@ from service.dynamics.bounds import is_within
 from service.dynamics.equations.orientation import orientation_columns
 from service.dynamics.errors import BudgetTooSmallError, DynamicsError
 from service.dynamics.motion import COLUMNS, CrossCheck, Motion
-from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.problem import PlanarMotion, Problem, StateMotion
 from service.dynamics.reduction.windows import hand_on_windows
 from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.verdict.simple_form import simplified
-from service.jobs.outcome import Refused, Solved, SolveOutcome
+from service.jobs.outcome import Refused, Solved, SolveOutcome, StoredSolution
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
 from service.storage.codecs.arrays import encode_arrays, encode_dense
@@ -25,26 +27,41 @@ from service.storage.solutions.shipped_accuracy import shipped_table
 from service.verdicts.examination import Examined, examine_document
 from service.verdicts.kept import Kept
 from service.verdicts.kept_windows import read_windows
+from workers import solvers
 from workers.computation.certification import beside_enclosures, certified_samples, with_tolerance_kept
-from workers.computation.compiled_code import keep_compiled_code
+from workers.computation.compiled_code import (
+    GROUPS,
+    Group,
+    fixed_way,
+    is_ready,
+    keep_compiled_code,
+    way_for,
+    why_no_folder,
+)
 from workers.computation.outputs import find_out
 from workers.computation.summary import Document, summarise
 from workers.solvers.cross_check import compare
 from workers.solvers.errors import AccuracyNotMetError, require_error_within, require_period_known
 from workers.solvers.planar.choose import choose_enclosures, find_motion
+from workers.solvers.ways import WAITS, NeedsKernelsError, NotReadyError, Way, on_way
 
 FloatArray = NDArray[np.float64]
 
+logger = logging.getLogger(__name__)
 
-def solve_document(document_json: str, windows_json: str = "") -> SolveOutcome:
+
+def solve_document(document_json: str, windows_json: str = "", way: Way | None = None) -> SolveOutcome:
     """Solve the problem in ``document_json``; what cannot be solved is told in the outcome, not raised.
 
-    ``windows_json`` has the windows of its curve, if they were kept: they are not found again.
+    ``windows_json`` has the windows of its curve, if they were kept: they are not found again. Without a
+    ``way`` it is the compiled one if its kernels are ready.
 
     Raises
     ------
     InvalidProblemError
         The document states no problem.
+    NeedsKernelsError
+        No ``way`` was given, kernels are not ready, and the plain way does not have what they have.
     """
     began = time.perf_counter()
     document = json.loads(document_json)
@@ -54,13 +71,13 @@ def solve_document(document_json: str, windows_json: str = "") -> SolveOutcome:
         return _refused(document, fault)
     motion = problem.motion
     if not windows_json or not isinstance(motion, PlanarMotion):
-        return _solve_read(document, _simplified(problem), began)
+        return _solve_read(document, _simplified(problem), began, way)
     windows = read_windows(windows_json, problem.body, problem.potential, motion)
     if windows:
         # Whether there is a simpler formula was found with them.
         problem = replace(problem, potential=windows[0].arcs[0].loop.potential)
     hand_on_windows(problem.body, problem.potential, motion, windows)
-    return _solve_read(document, problem, began)
+    return _solve_read(document, problem, began, way)
 
 
 def _simplified(problem: Problem) -> Problem:
@@ -71,8 +88,52 @@ def _simplified(problem: Problem) -> Problem:
     return problem if potential is problem.potential else replace(problem, potential=potential)
 
 
-def _solve_read(document: Document, problem: Problem, began: float) -> SolveOutcome:
+def way_to_repeat(stored: StoredSolution) -> Way | None:
+    """Return the way of a stored solution, on which its bits can be repeated; None if it is not to be had."""
+    if told_way(stored.summary) == "plain":
+        return "plain"
+    return "compiled" if is_ready(*GROUPS) else None
+
+
+def told_way(summary: Mapping[str, object]) -> Way:
+    """Return the way that a solution tells; before it was told, there was one."""
+    told = summary.get("provenance")
+    return "plain" if isinstance(told, Mapping) and told.get("way") == "plain" else "compiled"
+
+
+def kernels_of(problem: Problem) -> tuple[Group, ...]:
+    """Return the kernels that a problem may need."""
+    groups: list[Group] = []
+    if not isinstance(problem.motion, StateMotion) or "invariants" in problem.outputs:
+        groups.append("planar")
+    if "stability" in problem.outputs:
+        groups.append("outputs")
+    if isinstance(problem.motion, StateMotion) or problem.method in ("integration", "both"):
+        groups.append("states")
+    return tuple(groups)
+
+
+def _solve_read(document: Document, problem: Problem, began: float, way: Way | None) -> SolveOutcome:
     """Solve the ``problem`` that was read from ``document``."""
+    chosen = way or way_for(*kernels_of(problem))
+    # Where nothing can be compiled, or somebody wants it so, the plain way is all there is.
+    waits = way is None and fixed_way() is None and why_no_folder() is None
+    try:
+        with on_way(chosen):
+            return _solve_on_way(document, problem, began, waits=waits and chosen == "plain")
+    except NotReadyError as fault:
+        if way is not None or not waits:
+            raise
+        logger.warning("solved the plain way: %s", fault)
+    with on_way("plain"):
+        return _solve_on_way(document, problem, began, waits=False)
+
+
+def _solve_on_way(document: Document, problem: Problem, began: float, *, waits: bool) -> SolveOutcome:
+    """Solve it on the present way; one that ``waits`` for kernels takes no refusal of a solver for final.
+
+    What is wrong with the problem itself is final on any way.
+    """
     try:
         motion, certified, enclosures = solve(problem), None, dict[str, FloatArray]()
         if problem.accuracy.tier == "certified":
@@ -81,6 +142,8 @@ def _solve_read(document: Document, problem: Problem, began: float) -> SolveOutc
         findings = find_out(problem, motion)
         summary = summarise(document, problem, motion, findings, certified)
     except DynamicsError as fault:
+        if waits and type(fault).__module__.startswith(solvers.__name__):
+            raise NeedsKernelsError(WAITS) from fault
         return _refused(document, fault)
     # The orientation is more columns on the same pieces.
     dense = motion.dense if findings.orientation is None else findings.orientation.dense
@@ -95,25 +158,27 @@ def _refused(document: object, fault: DynamicsError) -> Refused:
     return Refused({"code": fault.code, "detail": fault.message, "pointer": pointer})
 
 
-def solve_checked(document_json: str, *, explains: bool = True, kept: Kept | None = None) -> SolveOutcome:
+def solve_checked(
+    document_json: str, *, explains: bool = True, kept: Kept | None = None, way: Way | None = None
+) -> SolveOutcome:
     """Examine and solve a problem whose potential and motion have not been examined yet.
 
     Where there is no motion, an error that ``explains`` says for which λ there are. In ``kept`` are verdicts
-    that were found before.
+    that were found before. The way is that of :func:`solve_document`.
     """
     document = json.loads(document_json)
     examined = examine_document(document, explains=explains, kept=kept)
-    return _solve_examined(document, examined)
+    return _solve_examined(document, examined, way)
 
 
 def solve_judged(document_json: str, report_json: str) -> SolveOutcome:
     """Solve a problem of which ``report_json`` is what :func:`.examine_problem` answers."""
     document, report = json.loads(document_json), json.loads(report_json)
     problem = None if "error" in report else read_problem(document)
-    return _solve_examined(document, Examined(report, problem))
+    return _solve_examined(document, Examined(report, problem), None)
 
 
-def _solve_examined(document: Document, examined: Examined) -> SolveOutcome:
+def _solve_examined(document: Document, examined: Examined, way: Way | None) -> SolveOutcome:
     began = time.perf_counter()
     problem, report = examined.problem, examined.answer
     if problem is None or "error" in report:
@@ -131,7 +196,7 @@ def _solve_examined(document: Document, examined: Examined) -> SolveOutcome:
         # Another document: it states a tier where the first one had a budget.
         document = with_tier(document, choice)
         problem = read_problem(document)
-    return _solve_read(document, _simplified(problem), began)
+    return _solve_read(document, _simplified(problem), began, way)
 
 
 def solve(problem: Problem) -> Motion:

@@ -34,6 +34,7 @@ from workers.solvers.planar.start import with_enough_bits
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
 from workers.solvers.stability.monodromy import StabilityUndefinedError
+from workers.solvers.ways import is_plain
 
 LAME_BITS = 128
 DOUBLES = ("draft", "standard")
@@ -99,7 +100,7 @@ def find_out(problem: Problem, motion: Motion) -> Findings:
 
 def takes_doubles(problem: Problem) -> bool:
     """Tell whether the outputs of a problem are tried in compiled doubles first, as its motion is."""
-    return compiled_tier(problem) in DOUBLES
+    return compiled_tier(problem) in DOUBLES and not is_plain()
 
 
 def _orientation(problem: Problem, motion: Motion) -> Orientation:
@@ -150,11 +151,11 @@ def _largest_error(dense: DenseOutput, motion: Motion) -> float:
 
 def _stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stability:
     """Return the stability in compiled doubles, in balls where those do not decide it."""
-    # The compiler is loaded only where it is needed.
-    from workers.solvers.stability.by_doubles import stability_by_doubles  # noqa: PLC0415
+    is_usual = motion.dense.period is not None and not motion.conventions
+    if takes_doubles(problem) and is_usual and motion.window is not None:
+        # The compiler is loaded only where it is needed.
+        from workers.solvers.stability.by_doubles import stability_by_doubles  # noqa: PLC0415
 
-    is_plain = motion.dense.period is not None and not motion.conventions
-    if takes_doubles(problem) and is_plain and motion.window is not None:
         found = stability_by_doubles(
             problem.body, problem.potential, planar, motion.window, problem.tolerance
         )

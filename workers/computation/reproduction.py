@@ -13,7 +13,7 @@ from service.storage.database.database import Database
 from service.storage.jobs.stored import stored_solutions
 from service.storage.tables.solutions import SolutionRow
 from workers.computation.comparison import Sameness, compare_solutions
-from workers.computation.compute import solve_document
+from workers.computation.compute import solve_document, way_to_repeat
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,8 @@ def _chosen(database: Database, count: int, random: Random) -> Iterator[tuple[st
 
 def _repeat(stored: StoredSolution, sandbox: Sandbox, seconds: float) -> tuple[Sameness, str]:
     try:
-        outcome = sandbox.run(solve_document, json.dumps(stored.problem), seconds=seconds)
+        problem, way = json.dumps(stored.problem), way_to_repeat(stored)
+        outcome = sandbox.run(solve_document, problem, "", way, seconds=seconds)
     except (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError) as fault:
         return Sameness.FAILED, f"it cannot be solved again: {fault}"
     if isinstance(outcome, Refused):

@@ -18,6 +18,7 @@ from workers.computation.processor import libraries, processor, threads
 from workers.solvers.certified.certify import Certified
 from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability
+from workers.solvers.ways import current_way
 
 Document = dict[str, object]
 
@@ -68,6 +69,7 @@ def provenance() -> Document:
         "processor": processor(),
         "libraries": libraries(),
         "threads": threads(),
+        "way": current_way(),
     }
 
 

@@ -101,6 +101,7 @@ def _loop(
         announcements=notifications,
         takes_jobs=equipment.warming.may_take_jobs,
         is_warm=equipment.warming.is_over,
+        kernels=equipment.warming.kernels,
         poll_seconds=settings.poll_seconds,
         grace_seconds=settings.grace_seconds,
     )

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from service.jobs.kernels import Kernels
 from service.local.wakeup import WARM, WorkerLine
 from service.storage.database.availability import is_away
 from workers.process.presence import Presence
@@ -51,6 +52,8 @@ class EngineLoop:
         Whether jobs may be taken: the children have loaded what planar motions need. Once true it stays true.
     is_warm
         Whether the children have loaded all that jobs need. Once true it stays true.
+    kernels
+        How far these are compiled; None if there is nothing to compile.
     poll_seconds
         How often to poll for jobs that were not announced.
     grace_seconds
@@ -67,6 +70,7 @@ class EngineLoop:
         announcements: Announcements | None,
         takes_jobs: Callable[[], bool],
         is_warm: Callable[[], bool],
+        kernels: Callable[[], Kernels | None],
         poll_seconds: float,
         grace_seconds: float,
     ) -> None:
@@ -77,6 +81,7 @@ class EngineLoop:
         self._announcements = announcements
         self._takes_jobs = takes_jobs
         self._is_warm = is_warm
+        self._kernels = kernels
         self._poll_seconds = poll_seconds
         self._grace_seconds = grace_seconds
         self._stop_by: float | None = None
@@ -123,7 +128,7 @@ class EngineLoop:
         # In this order: a worker that is warm takes jobs.
         is_warm = self._is_warm()
         takes_jobs = self._takes_jobs()
-        self._presence.keep(is_warm=is_warm)
+        self._presence.keep(is_warm=is_warm, kernels=self._kernels())
         if is_warm and not self._has_told and self._line is not None:
             self._line.tell(WARM)
         self._has_told = is_warm

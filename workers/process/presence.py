@@ -5,6 +5,7 @@ import time
 
 from sqlalchemy.exc import SQLAlchemyError
 
+from service.jobs.kernels import Kernels
 from service.local.hosts import WorkerProcess
 from service.storage.jobs.worker_registry import WorkerRegistry
 
@@ -23,6 +24,7 @@ class Presence:
         self._worker = worker
         self._seconds = seconds
         self._is_warm = False
+        self._kernels: Kernels | None = None
         self._due_at = 0.0
 
     def begin(self, *, alone: bool) -> None:
@@ -30,11 +32,11 @@ class Presence:
         self._registry.enter(self._worker, alone=alone)
         self._due_at = time.monotonic() + self._seconds
 
-    def keep(self, *, is_warm: bool) -> None:
-        """Renew the row if it is time, or if it is news that this worker is warm."""
-        if self.seconds_left() == 0.0 or is_warm is not self._is_warm:
-            self._registry.see(self._worker, is_warm=is_warm)
-            self._is_warm = is_warm
+    def keep(self, *, is_warm: bool, kernels: Kernels | None) -> None:
+        """Renew the row if it is time, or if it is news that this worker is warm, or how far kernels are."""
+        if self.seconds_left() == 0.0 or is_warm is not self._is_warm or kernels != self._kernels:
+            self._registry.see(self._worker, is_warm=is_warm, kernels=kernels)
+            self._is_warm, self._kernels = is_warm, kernels
             self._due_at = time.monotonic() + self._seconds
 
     def seconds_left(self) -> float:

@@ -13,8 +13,12 @@ from service.jobs.store import JobStore
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.availability import is_away
 from workers.process.limits import JobLimits
+from workers.solvers.ways import NeedsKernelsError
 
 logger = logging.getLogger(__name__)
+
+WAIT_SECONDS = 5.0
+"""After so long a job that waits for kernels is tried again."""
 
 
 class TakingTerms(TypedDict):
@@ -70,7 +74,10 @@ class Results:
 
     def record(self, claim: Claim, fault: BaseException, *, has_begun: bool = True) -> None:
         """Write why an attempt has no result."""
-        if isinstance(fault, SandboxCrashError) or not has_begun:
+        if isinstance(fault, NeedsKernelsError):
+            logger.info("job %s attempt %d: %s", claim.job_id, claim.attempt, fault)
+            self._store.give_back(claim, str(fault), pause_seconds=WAIT_SECONDS)
+        elif isinstance(fault, SandboxCrashError) or not has_begun:
             logger.warning("job %s attempt %d: %s", claim.job_id, claim.attempt, fault)
             self._store.lose(claim, str(fault), has_begun=has_begun, **self._limits.retries())
         elif isinstance(fault, SandboxTimeoutError):

@@ -74,7 +74,13 @@ def _warm_up_for_all() -> None:
     warm_up()
 
 
-WARM_UP = WarmUp(_warm_up_for_planar_motions, _ask_for_the_rest, _warm_up_for_all)
+def _is_compiled() -> bool:
+    from workers.sweeping.warming import is_compiled  # noqa: PLC0415
+
+    return is_compiled()
+
+
+WARM_UP = WarmUp(_warm_up_for_planar_motions, _ask_for_the_rest, _warm_up_for_all, _is_compiled)
 """First what the fork server has loaded by then; then all, after it has loaded the integrators too."""
 COMPUTATIONS: "Computations" = {
     JobKind.SOLVE: solve_problem,

@@ -1,9 +1,10 @@
 """Warms the children of a worker in two stages: each solves small problems, so that code is loaded.
 
 In the first stage the children get ready for most planar motions, and from then on the worker takes jobs.
-In the second the fork server loads the rest, and each child is replaced by a new one, which has all of it;
-only then is the worker warm. A motion by integration that comes earlier is computed too: its child loads what
-it needs.
+Where kernels are not compiled yet, that is the plain way, and a task in the background compiles them.
+In the second stage, when they are there, the fork server loads the rest, and each child is replaced by a new
+one, which has all of it; only then is the worker warm. A motion by integration that comes earlier is computed
+too: its child loads what it needs.
 
 A worker whose children cannot be warmed says why in its log and takes jobs all the same: the fault may
 concern one tier only, and each job tells its own faults. Killed children are replaced and warmed once more.
@@ -18,12 +19,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
+from service.jobs.kernels import Kernels
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from workers.process.compiling import Compiling
 
 logger = logging.getLogger(__name__)
 
-LIMIT_SECONDS = 600.0
-"""Compiling everything takes a minute or two, several on a busy machine."""
+LIMIT_SECONDS = 120.0
+"""Loading everything takes some seconds, more on a busy machine; nothing is compiled here."""
 
 _QUEUE_SECONDS = 5.0
 """How long the call of one child waits for those of the others to be queued."""
@@ -41,6 +44,8 @@ class WarmUp:
     """Some child, when all have called the first: has the fork server load the rest."""
     rest: Call | None = None
     """Each child that is forked after that, before it replaces an older one. None: there is one stage."""
+    is_compiled: Callable[[], bool] | None = None
+    """Some child, before the second stage: whether there is nothing to compile. None: there never is."""
 
 
 class Warming:
@@ -63,6 +68,8 @@ class Warming:
         self._warm_up = warm_up
         self._slots = slots
         self._wake = wake
+        self.compiling = Compiling(wake)
+        """What compiles meanwhile."""
         self._is_begun = threading.Event()
         self._goes_on = threading.Event()
         self._is_over = threading.Event()
@@ -88,6 +95,10 @@ class Warming:
         """Tell whether both stages are over."""
         return self._is_over.is_set()
 
+    def kernels(self) -> Kernels | None:
+        """Return how far kernels are compiled; None if there is nothing to compile."""
+        return self.compiling.kernels
+
     def _run(self, warm_up: WarmUp) -> None:
         began = time.monotonic()
         # This waits until the fork server has loaded its modules; only then does the time of a call begin.
@@ -97,6 +108,7 @@ class Warming:
         self._wake()
         if warm_up.rest is not None:
             self._goes_on.wait()
+            faults += self._compiled(warm_up.is_compiled)
             faults += self._in_new_children(warm_up.order, warm_up.rest)
         seconds = round(time.monotonic() - began, 3)
         if not self._sandbox.is_closed:
@@ -106,6 +118,17 @@ class Warming:
                 logger.info("warm after %.1f s", seconds, extra={"fields": {"seconds": seconds}})
         self._is_over.set()
         self._wake()
+
+    def _compiled(self, is_compiled: Callable[[], bool] | None) -> list[str]:
+        """Wait until kernels are compiled; return why they are not."""
+        if is_compiled is None:
+            return []
+        there = list[bool]()
+        faults = _at_once([lambda: there.append(self._sandbox.run(is_compiled, seconds=LIMIT_SECONDS))])
+        if faults or any(there):
+            return faults
+        fault = self.compiling.run(lambda: self._sandbox.is_closed)
+        return [] if fault is None else [fault]
 
     def _in_every_child(self, call: Call) -> list[str]:
         # Each goes to the child with the fewest calls: if all are queued before one ends, each gets one.

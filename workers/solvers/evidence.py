@@ -9,6 +9,7 @@ from service.dynamics.defect.evidence import Shown, hold_against_equations, hold
 from service.dynamics.motion import COLUMNS, Estimate, Motion
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.solution.dense_output import DenseOutput
+from workers.solvers.ways import is_plain
 
 DEFECT, DRIFT, COVERED = "defect", "drift", "defect_covers"
 """Keys of the evidence: see :class:`service.dynamics.defect.evidence.Shown`."""
@@ -33,7 +34,7 @@ def shown_by(
     if dense.columns != COLUMNS or not isfinite(dense.error):
         return None
     shown = None
-    if is_planar:
+    if is_planar and not is_plain():
         # The compiler is loaded only where it is needed.
         from workers.solvers.compiled.shown.evidence import kept_claim  # noqa: PLC0415
 
@@ -62,9 +63,10 @@ def with_samples_shown(body: RigidBody, potential: Potential, motion: Motion) ->
     """
     if not isfinite(motion.error):
         return motion
-    from workers.solvers.compiled.shown.evidence import samples_keep_claim  # noqa: PLC0415
+    if not is_plain():
+        from workers.solvers.compiled.shown.evidence import samples_keep_claim  # noqa: PLC0415
 
-    if samples_keep_claim(body, potential, motion.samples, motion.error, motion.energy):
-        return motion
+        if samples_keep_claim(body, potential, motion.samples, motion.error, motion.energy):
+            return motion
     error = hold_samples(body, potential, motion.samples, motion.error, motion.energy)
     return replace(motion, error=largest((motion.error, error)))

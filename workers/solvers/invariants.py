@@ -11,6 +11,7 @@ from service.dynamics.equations.euler_poisson import areas_integral, geometric_i
 from service.dynamics.further_integrals import FurtherIntegral, integral_drift
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.potential import Potential
+from workers.solvers.ways import is_plain
 
 FloatArray = NDArray[np.float64]
 
@@ -56,6 +57,8 @@ def drifts_of(
 
 def further_drift(integral: FurtherIntegral, samples: FloatArray) -> tuple[float, float]:
     """Return what :func:`.integral_drift` does, without balls where twice the digits of doubles tell it."""
+    if is_plain():
+        return integral_drift(integral, samples)
     # The compiler is loaded only where it is needed.
     from workers.solvers.compiled.integrals.of_many import further_drifts_of_many  # noqa: PLC0415
 
@@ -65,9 +68,11 @@ def further_drift(integral: FurtherIntegral, samples: FloatArray) -> tuple[float
 
 def _potential_energies(potential: Potential, samples: FloatArray) -> FloatArray:
     """Return V from balls, or what they round to: large terms that cancel are no drift of the motion."""
-    from workers.solvers.compiled.integrals.of_many import energies_at  # noqa: PLC0415
+    found = np.full(len(samples), np.nan)
+    if not is_plain():
+        from workers.solvers.compiled.integrals.of_many import energies_at  # noqa: PLC0415
 
-    found = energies_at(potential, samples)
+        found = energies_at(potential, samples)
     left = np.flatnonzero(np.isnan(found))
     if len(left):
         with ctx.workprec(BITS):

@@ -14,7 +14,8 @@ from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
 from service.verdicts.kept import Kept
-from workers.computation.compiled_code import keep_compiled_code
+from workers.computation.compiled_code import GROUPS, keep_compiled_code, way_for
+from workers.solvers.ways import WAITS, NeedsKernelsError, NotReadyError, Way, on_way
 from workers.sweeping.plan import FEW, Plan, make_plan, plan_moving
 from workers.sweeping.pointwise import SweepPoint, solve_point
 
@@ -44,28 +45,42 @@ _NOTHING = np.empty(0)
 def compute_chunk(document_json: str) -> ChunkOutcome:
     """Solve ``count`` points of a sweep from ``first`` on, or as many of them as time allows.
 
-    The document is ``{"sweep": …, "first": …, "count": …}``. The numbers and
-    samples of a point are, to the last bit, those of the job of
-    ``sweep.document(index)``, and its outcome is how that job would end, also
+    The document is ``{"sweep": …, "first": …, "count": …, "way": …}``; without a way it is the compiled one
+    if its kernels are ready. The numbers and samples of a point are, to the last bit, those of the job of
+    ``sweep.document(index)`` on that way, and its outcome is how that job would end, also
     by what is refused before there is a job. :func:`.plan.make_plan` says which
     sweeps are solved in blocks by compiled code; the others, and the points it
-    does not decide, go one by one.
+    does not decide, go one by one. So do all on the plain way.
+
+    Raises
+    ------
+    NeedsKernelsError
+        The way is that of kernels, and they are not ready.
     """
     began = time.perf_counter()
     document = json.loads(document_json)
-    solver = _solver_of(json.dumps(document["sweep"]))
-    points = solver.solve(document["first"], document["count"], began + ENOUGH_SECONDS)
+    sweep = json.dumps(document["sweep"])
+    way: Way = document.get("way") or way_for(*GROUPS)
+    try:
+        with on_way(way):
+            points = _solver_of(sweep, way).solve(
+                document["first"], document["count"], began + ENOUGH_SECONDS
+            )
+    except NotReadyError as fault:
+        raise NeedsKernelsError(WAITS) from fault
     return chunk_outcome(points, time.perf_counter() - began)
 
 
 class ChunkSolver:
-    """Solves chunks of one sweep."""
+    """Solves chunks of one sweep on one way."""
 
-    def __init__(self, plan: Plan) -> None:
-        self._plan = plan
+    def __init__(self, plan: Plan, way: Way) -> None:
+        self._plan, self._way = plan, way
         self._blocks: BlockSolver | MovingSolver | SlicedSolver | StateSolver | None = None
         self._slices: SlicedSolver | None = None
-        if plan.quick is not None:
+        if way == "plain":
+            pass
+        elif plan.quick is not None:
             keep_compiled_code()
             # The compiler is loaded only where it is needed.
             from workers.sweeping.planar import block  # noqa: PLC0415
@@ -153,7 +168,7 @@ class ChunkSolver:
         if not self._judged % MOST_VERDICTS:
             self._verdicts = Kept({})
         self._judged += 1
-        return solve_point(self._plan.sweep, index, is_judged=is_judged, kept=self._verdicts)
+        return solve_point(self._plan.sweep, index, is_judged=is_judged, way=self._way, kept=self._verdicts)
 
 
 def _may_be_cut(plan: Plan) -> bool:
@@ -202,6 +217,6 @@ class _Chunk:
 
 
 @lru_cache(maxsize=8)
-def _solver_of(sweep_json: str) -> ChunkSolver:
+def _solver_of(sweep_json: str, way: Way) -> ChunkSolver:
     # Proofs and programs are the same for all chunks of a sweep.
-    return ChunkSolver(make_plan(read_sweep(json.loads(sweep_json))))
+    return ChunkSolver(make_plan(read_sweep(json.loads(sweep_json))), way)

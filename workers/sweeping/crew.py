@@ -8,6 +8,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 import numpy as np
 
 from service.jobs.chunking import CHUNK_SECONDS, PARTS, PILOT_POINTS, Range, cut, largest_chunk, next_size
+from service.jobs.kernels import SweepWay
 from service.jobs.outcome import ChunkOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
 from service.schemas.sweep.sweep import Sweep
@@ -29,19 +30,29 @@ class Crew:
     ----------
     document
         The sweep document, which the children read.
+    way
+        Of all points.
     seconds
         Time limit of one chunk. A chunk that exceeds it, or kills its child, is
         split; for a single point this is the outcome.
     """
 
     def __init__(
-        self, sweep: Sweep, document: object, sandbox: Sandbox, *, workers: int, seconds: float
+        self,
+        sweep: Sweep,
+        document: object,
+        sandbox: Sandbox,
+        *,
+        way: SweepWay,
+        workers: int,
+        seconds: float,
     ) -> None:
         self.done: list[Range] = []
         """The points yielded so far."""
         self._sweep = sweep
         self._document = document
         self._sandbox = sandbox
+        self._way = way
         self._workers = workers
         self._seconds = seconds
         self._most = largest_chunk(sweep.samples, len(sweep.series_columns))
@@ -91,7 +102,8 @@ class Crew:
 
     def _send(self) -> None:
         while len(self._under_way) < QUEUED * self._workers and (chunk := self._next_chunk()):
-            asked = {"sweep": self._document, "first": chunk.first, "count": chunk.count}
+            place = {"first": chunk.first, "count": chunk.count}
+            asked = {"sweep": self._document, "way": self._way, **place}
             future = self._sandbox.submit(compute_chunk, json.dumps(asked), seconds=self._seconds)
             self._under_way[future] = chunk
 

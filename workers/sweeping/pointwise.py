@@ -15,6 +15,7 @@ from service.storage.codecs.arrays import decode_arrays
 from service.storage.codecs.points import SOLVED
 from service.verdicts.kept import Kept
 from workers.computation.compute import solve_checked, solve_document
+from workers.solvers.ways import Way
 
 FloatArray = NDArray[np.float64]
 
@@ -31,8 +32,10 @@ class SweepPoint:
     """Empty for a point that was not solved."""
 
 
-def solve_point(sweep: Sweep, index: int, *, is_judged: bool, kept: Kept | None = None) -> SweepPoint:
-    """Solve the point like its job; with ``is_judged`` its potential is known to be admissible.
+def solve_point(
+    sweep: Sweep, index: int, *, is_judged: bool, way: Way, kept: Kept | None = None
+) -> SweepPoint:
+    """Solve the point like its job of that way; with ``is_judged`` its potential is known to be admissible.
 
     Then only the verdict is skipped: other refusals that precede a job are
     raised by the job itself. Else the verdict may be in ``kept``, or is put there.
@@ -40,7 +43,9 @@ def solve_point(sweep: Sweep, index: int, *, is_judged: bool, kept: Kept | None 
     document = json.dumps(sweep.document(index))
     try:
         outcome = (
-            solve_document(document) if is_judged else solve_checked(document, explains=False, kept=kept)
+            solve_document(document, way=way)
+            if is_judged
+            else solve_checked(document, explains=False, kept=kept, way=way)
         )
     except InvalidProblemError:
         return _refused(sweep, "invalid_problem")

@@ -1,19 +1,18 @@
-"""Solves small problems before the first job, so that no job waits until code is loaded or compiled.
+"""Solves small problems before the first job, so that no job waits until code is loaded.
 
-The first call of a compiled function reads its machine code from the cache, or compiles it where there is
-none. The problems here call those of every tier, of the families that jobs mostly ask for, and of sweeps.
+The first call of a kernel reads its machine code from the folder; the compiling task has it compiled where it
+is missing. The problems here call the kernels of every tier, of the families that jobs mostly ask for, of
+sweeps, and of motions from any state.
 """
 
-import hashlib
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from types import MappingProxyType
 
 from service.jobs.outcome import Refused
-from workers.computation.compiled_code import own_folder
+from workers.computation.compiled_code import GROUPS, Group, is_ready, keep_compiled_code, note_of
 from workers.computation.compute import solve_document
-from workers.computation.processor import libraries, processor
+from workers.solvers.ways import Way
 from workers.sweeping.chunk import compute_chunk
 
 Document = Mapping[str, object]
@@ -94,12 +93,22 @@ SWEEP: Document = MappingProxyType(
 """With all that blocks have kernels for: this potential of this body has the integral of Goriachev."""
 
 
+_PROBLEMS_OF: Mapping[Group, Mapping[str, Document]] = MappingProxyType(
+    {
+        "planar": FIRST_PROBLEMS,
+        "outputs": {name: each for name, each in PROBLEMS.items() if name not in FIRST_PROBLEMS},
+        "sweeps": {"sweep": SWEEP},
+        "states": {"state": STATE, "states": STATES},
+    }
+)
+
+
 class WarmingError(Exception):
     """A warming problem was not solved."""
 
 
 def warm_up() -> None:
-    """Solve all warming problems in this process, and note that the compiled code is complete.
+    """Solve all warming problems in this process.
 
     Raises
     ------
@@ -111,9 +120,22 @@ def warm_up() -> None:
     warm_up_before_forks()
     _solve("state", STATE)
     _sweep("states", STATES)
-    note = _note()
+
+
+def compile_group(group: Group) -> None:
+    """Solve the warming problems that need these kernels, by kernels, and note that they are all there.
+
+    Raises as :func:`warm_up` does, and :class:`.ways.NotReadyError` where this process does not compile.
+    """
+    keep_compiled_code()
+    for name, document in _PROBLEMS_OF[group].items():
+        if "base" in document:
+            _sweep(name, document, "compiled")
+        else:
+            _solve(name, document, "compiled")
+    note = note_of(group)
     if note is not None:
-        note.touch()
+        note.touch(mode=0o600)
 
 
 def warm_up_for_first_jobs() -> None:
@@ -130,28 +152,17 @@ def warm_up_before_forks() -> None:
 
 
 def is_compiled() -> bool:
-    """Tell whether all compiled code is in its folder: some process has solved all warming problems here."""
-    note = _note()
-    return note is not None and note.exists()
+    """Tell whether all compiled code is in its folder."""
+    return is_ready(*GROUPS)
 
 
-def _solve(name: str, document: Document) -> None:
-    outcome = solve_document(json.dumps(dict(document)))
+def _solve(name: str, document: Document, way: Way | None = None) -> None:
+    outcome = solve_document(json.dumps(dict(document)), way=way)
     if isinstance(outcome, Refused):
         raise WarmingError(f"{name}: {outcome.error.get('code')}: {outcome.error.get('detail')}")
 
 
-def _sweep(name: str, document: Document) -> None:
-    chunk = compute_chunk(json.dumps({"sweep": dict(document), "first": 0, "count": 2}))
+def _sweep(name: str, document: Document, way: Way | None = None) -> None:
+    chunk = compute_chunk(json.dumps({"sweep": dict(document), "first": 0, "count": 2, "way": way}))
     if chunk.refused:
         raise WarmingError(f"{name}: a point was refused")
-
-
-def _note() -> Path | None:
-    """Return the file that says so for this processor and these libraries; None without a folder."""
-    folder = own_folder()
-    return None if folder is None else folder / f"complete-{_here()}"
-
-
-def _here() -> str:
-    return hashlib.sha256(f"{processor()}\n{libraries()}".encode()).hexdigest()[:16]

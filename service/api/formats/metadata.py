@@ -49,7 +49,12 @@ def about_points(record: SweepRecord, columns: Sequence[str], series: Sequence[s
 
 def provenance_of_points(record: SweepRecord) -> dict[str, object]:
     """Return what computed the points, and how many there are."""
-    return {"version": version_of("polhode"), "points": record.points, "done": record.done}
+    return {
+        "version": version_of("polhode"),
+        "points": record.points,
+        "done": record.done,
+        "way": record.way,
+    }
 
 
 def errors_of_points(columns: Sequence[str], series: Sequence[str]) -> dict[str, str]:

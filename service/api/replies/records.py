@@ -90,6 +90,7 @@ def _state(record: SweepProgress) -> dict[str, object]:
         "refused": record.refused,
         "progress": record.done / record.points,
         "point_seconds": record.point_seconds,
+        "way": record.way,
         "remaining_seconds": record.remaining_seconds,
         "priority": record.priority,
         **_marks(record.marks),

@@ -141,6 +141,11 @@ class ProvenanceOut(ResponseModel):
         description="Threads among which products of matrices may have been divided: their last digits may"
         " depend on it; workers set 1. Null like `processor`, and where the library does not tell.",
     )
+    way: Literal["compiled", "plain"] | None = Field(
+        default=None,
+        description="`compiled`: by kernels; `plain`: without them, since their code was not ready yet. Both"
+        " keep the promises of the tier. Null for solutions that were stored before it was told: by kernels.",
+    )
 
 
 class SolutionOut(ResponseModel):

@@ -1,6 +1,7 @@
 """The answers of /v1/sweeps."""
 
 from datetime import datetime
+from typing import Literal
 
 from pydantic import Field
 
@@ -31,6 +32,11 @@ class SweepStateOut(ResponseModel):
     created_at: datetime = Field(description="When it was submitted, UTC.")
     started_at: datetime | None = Field(description="When a worker took its first points.")
     finished_at: datetime | None = Field(description="When it came to its final state.")
+    way: Literal["compiled", "plain"] | None = Field(
+        description="How all of its points are computed: by kernels, or without them since it is sooner done"
+        " so than these are compiled. Chosen when a worker takes its first points; null until then. A sweep"
+        " that is `compiled` waits for kernels that are not ready; `/readyz` tells how far they are."
+    )
 
 
 class SweepOut(SweepStateOut):

@@ -6,12 +6,14 @@ would deadlock.
 """
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
-from sqlalchemy import Connection, func, literal_column, select, update
+from sqlalchemy import Connection, bindparam, func, literal_column, select, update
 from sqlalchemy.orm import Session, defer
 
 from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_rest, further
 from service.jobs.job import Claim
+from service.jobs.kernels import Kernels, way_of_sweep
 from service.jobs.lanes import Lane
 from service.jobs.outcome import ChunkOutcome
 from service.jobs.states import AttemptOutcome, JobKind, JobState, sources
@@ -22,9 +24,11 @@ from service.storage.jobs.turns import next_turns
 from service.storage.keys.key_store import charge
 from service.storage.tables.base import Document, table_of
 from service.storage.tables.jobs import JobRow
+from service.storage.tables.operations import WorkerRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
-_SWEEPS = table_of(SweepRow)
+_SWEEPS, _WORKERS = table_of(SweepRow), table_of(WorkerRow)
+_BEGUN = select(_SWEEPS.c.document, _SWEEPS.c.way, _SWEEPS.c.points).where(_SWEEPS.c.id == bindparam("sweep"))
 _NO_DIGEST = ""
 """The digest of every chunk: chunks are not looked up by what they compute."""
 
@@ -38,8 +42,18 @@ def hold(session: Session, sweep_id: str | None) -> SweepRow | None:
     return session.scalar(row.with_for_update())
 
 
-def begin(connection: Connection, sweep_id: str) -> Document:
-    """Mark a sweep running, since one of its chunks was claimed; return its document."""
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """What a worker is given of a sweep."""
+
+    document: Document
+    way: str
+
+
+def begin(connection: Connection, sweep_id: str, worker: str) -> Begun:
+    """Mark a sweep running, since ``worker`` has claimed one of its chunks; its first one chooses the way."""
+    found = connection.execute(_BEGUN, {"sweep": sweep_id}).one()
+    way = found.way or way_of_sweep(found.document, found.points, _kernels_of(connection, worker))
     # Skip a locked row: its holder may be waiting for the claimed chunk, and marks the sweep itself.
     idle = (
         select(_SWEEPS.c.id)
@@ -47,10 +61,14 @@ def begin(connection: Connection, sweep_id: str) -> Document:
         .with_for_update(skip_locked=True)
         .scalar_subquery()
     )
-    values = {"state": JobState.RUNNING.value, "started_at": DatabaseNow()}
+    values = {"state": JobState.RUNNING.value, "started_at": DatabaseNow(), "way": way}
     connection.execute(update(_SWEEPS).where(_SWEEPS.c.id == idle).values(values))
-    document: Document = connection.scalars(select(_SWEEPS.c.document).where(_SWEEPS.c.id == sweep_id)).one()
-    return document
+    return Begun(found.document, way)
+
+
+def _kernels_of(connection: Connection, worker: str) -> Kernels | None:
+    told = connection.scalar(select(_WORKERS.c.kernels).where(_WORKERS.c.name == worker))
+    return None if told is None else Kernels.read(told)
 
 
 def queue_chunks(
@@ -96,6 +114,7 @@ def finish(session: Session, claim: Claim, outcome: ChunkOutcome) -> list[JobRow
     if sweep is None or not move(session, JobState.SUCCEEDED, *fence(claim), progress=1.0):
         return None
     end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.SUCCEEDED)
+    sweep.way = sweep.way or claim.way
     asked, most = _range(claim.problem)
     if not 1 <= outcome.count <= asked.count:
         raise ValueError(f"{outcome.count} points came back of a chunk of {asked.count}")

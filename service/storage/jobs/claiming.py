@@ -138,6 +138,11 @@ def _claim(
     audited = {row.audited for row in rows if row.audited is not None}
     stored = stored_solutions(connection, sorted(audited)) if audited else {}
     places = {job_id: place for place, job_id in enumerate(ids)}
+    begun = {
+        row.sweep_id: chunks.begin(connection, row.sweep_id, worker)
+        for row in rows
+        if row.sweep_id is not None
+    }
     claims = [
         Claim(
             job_id=row.id,
@@ -147,8 +152,9 @@ def _claim(
             digest=row.digest,
             key_id=row.key_id,
             kind=JobKind(row.kind),
-            sweep=None if row.sweep_id is None else chunks.begin(connection, row.sweep_id),
+            sweep=None if row.sweep_id is None else begun[row.sweep_id].document,
             sweep_id=row.sweep_id,
+            way=None if row.sweep_id is None else begun[row.sweep_id].way,
             lane=Lane(row.lane),
             windows=_windows(row),
             audited=stored.get(row.audited),

@@ -15,7 +15,7 @@ from service.jobs.outcome import ChunkOutcome, Drawn, Outcome, Refused, Solved, 
 from service.jobs.states import SUBMITTED, AttemptOutcome, JobKind, JobState
 from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
-from service.storage.database.clock import DatabaseNow
+from service.storage.database.clock import DatabaseNow, database_now
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id
 from service.storage.examinations.kept_rows import keep_rows
@@ -260,10 +260,10 @@ class SqlJobStore:
             self._deliver_after_loss(session, sweep, claim.job_id)
             return True
 
-    def give_back(self, claim: Claim, why: str = "the worker stopped") -> bool:
-        """Queue the job again because its worker does not compute it."""
+    def give_back(self, claim: Claim, why: str = "the worker stopped", *, pause_seconds: float = 0.0) -> bool:
+        """Queue the job again because its worker does not compute it, or not yet."""
         with self._database.write() as session:
-            return self._give_back(session, claim, why)
+            return self._give_back(session, claim, why, pause_seconds)
 
     def give_back_all(self, claims: Sequence[Claim], why: str) -> None:
         """Queue several jobs again by one commit."""
@@ -310,8 +310,9 @@ class SqlJobStore:
         self._deliver(session, chunks.replace_failed(session, sweep, claim.job_id))
         return True
 
-    def _give_back(self, session: Session, claim: Claim, why: str) -> bool:
-        if not move(session, JobState.QUEUED, *fence(claim)):
+    def _give_back(self, session: Session, claim: Claim, why: str, pause_seconds: float = 0.0) -> bool:
+        later = {"ready_at": database_now(session) + pause_seconds} if pause_seconds else {}
+        if not move(session, JobState.QUEUED, *fence(claim), **later):
             return False
         end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.RETURNED, why)
         self._deliver(session, [session.get_one(JobRow, claim.job_id)])

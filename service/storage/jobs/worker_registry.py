@@ -4,6 +4,7 @@ from typing import Literal
 
 from sqlalchemy import delete, select
 
+from service.jobs.kernels import Kernels
 from service.local.hosts import OtherHostError, WorkerProcess
 from service.storage.database.clock import DatabaseNow, database_now
 from service.storage.database.database import Database
@@ -51,8 +52,11 @@ class WorkerRegistry:
             self.leave(worker)
             raise OtherHostError(worker.host, other.host, now - other.seen_at)
 
-    def see(self, worker: WorkerProcess, *, is_warm: bool) -> None:
-        """Refresh the row of a worker, or insert it again; remove rows of workers that died long ago."""
+    def see(self, worker: WorkerProcess, *, is_warm: bool, kernels: Kernels | None = None) -> None:
+        """Refresh the row of a worker, or insert it again; remove rows of workers that died long ago.
+
+        ``kernels`` are how far these are compiled; None if there is nothing to compile.
+        """
         with self._database.write() as session:
             now = database_now(session)
             row = session.get(WorkerRow, worker.name)
@@ -66,6 +70,7 @@ class WorkerRegistry:
                 )
                 session.add(row)
             row.seen_at, row.is_warm = now, is_warm
+            row.kernels = None if kernels is None else kernels.document()
             session.execute(delete(WorkerRow).where(WorkerRow.seen_at < DatabaseNow() - FORGOTTEN_SECONDS))
 
     def state(self) -> WorkersState:
@@ -76,6 +81,13 @@ class WorkerRegistry:
                 select(WorkerRow.is_warm).where(alive, WorkerRow.slots > 0).distinct()
             ).all()
         return "warm" if any(found) else "starting" if found else "none"
+
+    def kernels(self) -> list[Kernels]:
+        """Return how far the workers that are alive and compile are with it."""
+        with self._database.read() as session:
+            alive = WorkerRow.seen_at >= database_now(session) - self._silent_seconds
+            told = session.scalars(select(WorkerRow.kernels).where(alive, WorkerRow.slots > 0)).all()
+        return [Kernels.read(each) for each in told if each is not None]
 
     def leave(self, worker: WorkerProcess) -> None:
         """Remove the row of a worker that shuts down."""

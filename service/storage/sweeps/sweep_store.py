@@ -210,6 +210,7 @@ def _progress(session: Session, rows: Sequence[SweepRow]) -> Iterator[SweepProgr
             created_at=instant(row.created_at),
             started_at=optional_instant(row.started_at),
             finished_at=optional_instant(row.finished_at),
+            way=row.way,
             marks=marks,
         )
 

@@ -1,6 +1,6 @@
 """The tables of the installation: API keys, answers kept, live workers and services, calibrations."""
 
-from sqlalchemy import BigInteger, CheckConstraint, String, Uuid, true
+from sqlalchemy import JSON, BigInteger, CheckConstraint, String, Uuid, true
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.keys import Role
@@ -45,6 +45,8 @@ class WorkerRow(Base):
     seen_at: Mapped[float]
     is_warm: Mapped[bool] = mapped_column(default=True, server_default=true())
     """It has loaded all that any job needs, or has told in its log why it could not."""
+    kernels: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
+    """How far they are compiled, see :class:`service.jobs.kernels.Kernels`; null: there is nothing to do."""
 
 
 class IdempotencyKeyRow(Base):

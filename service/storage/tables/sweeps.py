@@ -42,6 +42,8 @@ class SweepRow(Base):
     created_at: Mapped[float]
     started_at: Mapped[float | None]
     finished_at: Mapped[float | None]
+    way: Mapped[str | None] = mapped_column(String(16))
+    """Of all its points; chosen when its first chunk is claimed."""
     note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
     changed_at: Mapped[float] = mapped_column(
         default=DatabaseNow(), onupdate=DatabaseNow(), server_default="0"

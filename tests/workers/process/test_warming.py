@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from service.jobs.kernels import Kernels
 from service.local.hosts import WorkerProcess
 from service.local.wakeup import WARM
 from service.sandbox import Sandbox, SandboxBrokenError
@@ -19,6 +20,8 @@ from workers.process.loop import EngineLoop
 from workers.process.presence import Presence
 from workers.process.waker import Waker
 from workers.process.warming import Warming, WarmUp
+
+HALF = Kernels(20, 40, 12.0)
 
 
 def sign(folder):
@@ -140,8 +143,8 @@ class Recorder:
     def collect(self, *, refill):
         return []
 
-    def keep(self, *, is_warm):
-        self.asked.append(("keep", is_warm))
+    def keep(self, *, is_warm, kernels):
+        self.asked.append(("keep", is_warm, kernels))
 
     def fill(self):
         self.asked.append("fill")
@@ -177,22 +180,23 @@ def test_jobs_are_taken_after_the_first_stage_and_the_row_says_warm_after_the_se
         announcements=None,
         takes_jobs=recorder.takes_jobs,
         is_warm=recorder.is_warm,
+        kernels=lambda: HALF,
         poll_seconds=0.0,
         grace_seconds=0.0,
     )
     recorder.loop.run()
     waker.close()
-    cold = [("keep", False), "reconcile"]
+    cold = [("keep", False, HALF), "reconcile"]
     assert recorder.asked == [
         *cold,
         *cold,
-        *[("keep", False), "reconcile", "fill"],
-        *[("keep", True), WARM, "reconcile", "fill"],
-        *[("keep", True), "reconcile", "fill"],
+        *[("keep", False, HALF), "reconcile", "fill"],
+        *[("keep", True, HALF), WARM, "reconcile", "fill"],
+        *[("keep", True, HALF), "reconcile", "fill"],
     ]
 
 
-def test_the_row_says_at_once_that_it_is_warm(tmp_path, sqlite_template):
+def test_the_row_says_at_once_that_it_is_warm_and_how_far_kernels_are(tmp_path, sqlite_template):
     database = Database(copy_of(sqlite_template, tmp_path))
     registry = WorkerRegistry(database, lease_seconds=3600.0)
     assert registry.state() == "none"
@@ -200,10 +204,15 @@ def test_the_row_says_at_once_that_it_is_warm(tmp_path, sqlite_template):
     for row in rows:
         row.begin(alone=True)
     assert registry.state() == "starting"
-    rows[0].keep(is_warm=False)
+    rows[0].keep(is_warm=False, kernels=None)
     assert registry.state() == "starting"
-    rows[0].keep(is_warm=True)  # long before the row is to be renewed
+    assert registry.kernels() == []
+    # Long before the row is to be renewed.
+    rows[0].keep(is_warm=False, kernels=HALF)
+    assert registry.kernels() == [HALF]
+    rows[0].keep(is_warm=True, kernels=None)
     assert registry.state() == "warm"
+    assert registry.kernels() == []
     rows[0].end()
     assert registry.state() == "starting"
     database.close()

@@ -60,7 +60,7 @@ class Children:
 
 
 def crew_of(children):
-    return Crew(read_sweep(DOCUMENT), DOCUMENT, children, workers=2, seconds=1.0)
+    return Crew(read_sweep(DOCUMENT), DOCUMENT, children, way="compiled", workers=2, seconds=1.0)
 
 
 def handed_out(crew):

@@ -11,6 +11,8 @@ import pytest
 from service.dynamics.accuracy import TIERS
 from service.jobs.outcome import Refused
 from workers.cli.main import main
+from workers.computation import compiled_code
+from workers.computation.compiled_code import FOLDER_VARIABLE
 from workers.sweeping import warming
 
 ROOT = Path(__file__).parents[3]
@@ -92,28 +94,30 @@ def test_every_tier_is_warmed():
     assert {problem["accuracy"]["tier"] for problem in warming.PROBLEMS.values()} == set(TIERS)
 
 
-def test_a_problem_that_is_refused_is_named_by_workers_and_by_compile(monkeypatch, capsys):
+def test_a_problem_that_is_refused_is_named_by_workers_and_by_compile(monkeypatch, capsys, tmp_path):
     refused = Refused({"code": "no_motion", "detail": "there is none"})
-    monkeypatch.setattr(warming, "solve_document", lambda _: refused)
+    monkeypatch.setattr(warming, "solve_document", lambda _, way: refused)
     with pytest.raises(warming.WarmingError, match="draft: no_motion: there is none"):
         warming.warm_up()
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(compiled_code, "_ready", set())
     assert main(["compile"]) == 1
     assert "draft: no_motion: there is none" in capsys.readouterr().err
 
 
-def test_nothing_is_noted_before_all_is_solved(tmp_path, monkeypatch):
-    monkeypatch.setattr(warming, "own_folder", lambda: tmp_path)
-    monkeypatch.setattr(
-        warming,
-        "solve_document",
-        lambda text: Refused({"code": "x", "detail": "y"}) if "state" in text else None,
-    )
-    with pytest.raises(warming.WarmingError, match="state"):
-        warming.warm_up()
-    assert not warming.is_compiled()
+def test_a_group_is_noted_when_all_of_it_is_solved(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(warming, "note_of", lambda group: tmp_path / group)
+    asked = []
 
+    def solve(text, way):
+        asked.append(way)
+        return Refused({"code": "x", "detail": "y"}) if len(asked) == 3 else None
 
-def test_where_no_folder_is_ours_nothing_is_noted(monkeypatch):
-    monkeypatch.setattr(warming, "own_folder", lambda: None)
-    warming.warm_up()
-    assert not warming.is_compiled()
+    monkeypatch.setattr(warming, "solve_document", solve)
+    with pytest.raises(warming.WarmingError, match="high: x: y"):
+        warming.compile_group("planar")
+    assert not (tmp_path / "planar").exists()
+    warming.compile_group("planar")
+    assert (tmp_path / "planar").exists()
+    assert set(asked) == {"compiled"}

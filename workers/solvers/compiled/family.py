@@ -23,6 +23,7 @@ from workers.solvers.assembly.description import conventions_of
 from workers.solvers.assembly.periodic import Sampled, asked_times, make_periodic
 from workers.solvers.assembly.place import NOT_MINE, Declined, PeriodicPlace, Place
 from workers.solvers.errors import is_known
+from workers.solvers.ways import is_plain
 
 if TYPE_CHECKING:
     from workers.solvers.compiled.motion import SpectralMotion
@@ -44,8 +45,10 @@ class CompiledFamily:
     def takes(self, problem: Problem, place: Place) -> bool:
         """Take periodic motions, save those that need to tell when a pole is passed by a convention.
 
-        The certified tier has a grade of its own, which is not one of doubles.
+        The certified tier has a grade of its own, which is not one of doubles. The plain way has no kernels.
         """
+        if is_plain():
+            return False
         is_periodic = isinstance(place, PeriodicPlace) and isinstance(problem.motion, PlanarMotion)
         return is_periodic and problem.accuracy.tier != "certified" and not conventions_of(place.start)
 
@@ -80,6 +83,8 @@ class CompiledFamily:
 
 def arc_in_doubles(body: RigidBody, potential: Potential, motion: PlanarMotion) -> Arc | None:
     """Return the arc of the motion, its ends in doubt by roundings; None where doubles do not decide."""
+    if is_plain():
+        return None
     from workers.solvers.compiled.solve import solve_spectral  # noqa: PLC0415
 
     found = solve_spectral(body, potential, motion, tier="draft")

@@ -1,4 +1,4 @@
-"""Compiles functions by numba, and keeps their machine code in the folder that was passed in."""
+"""Compiles functions by numba; :mod:`workers.solvers.ways` is told of each, so that its code is kept."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar, cast  # Any: numba has no types
@@ -7,7 +7,7 @@ import numba
 from numba.core import types
 from numba.extending import intrinsic
 
-from workers.solvers.compiled import code_folder
+from workers.solvers import ways
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -15,12 +15,7 @@ F = TypeVar("F", bound=Callable[..., object])
 def kernel(function: F) -> F:
     """Compile ``function`` at its first call; division by zero gives inf or NaN, sums keep their order."""
     compiled: Any = numba.njit(error_model="numpy", nogil=True)(function)
-
-    def keep(folder: str) -> None:
-        numba.config.CACHE_DIR = folder  # type: ignore[attr-defined]
-        compiled.enable_caching()
-
-    code_folder.when_named(keep)
+    ways.made(compiled)
     return cast("F", compiled)
 
 

@@ -24,6 +24,7 @@ from workers.solvers.integration.errors import (
 )
 from workers.solvers.integration.interface import Integrator, Steps, neighbour_of
 from workers.solvers.integration.twin import ROUNDING, Span, Twin, run_twin
+from workers.solvers.ways import is_plain
 
 if TYPE_CHECKING:
     from workers.solvers.compiled.general.records import Asked
@@ -164,7 +165,7 @@ def choose_integrator(body: RigidBody, potential: Potential, name: IntegratorNam
     # not every motion needs each of them.
     if name == "heyoka":
         return _by_heyoka(body, potential)
-    if name == "dop853":
+    if name == "dop853" or (name == "auto" and is_plain()):
         return _by_scipy(body, potential)
     from workers.solvers.integration.compiled import integrator_of  # noqa: PLC0415
 

@@ -1,6 +1,7 @@
 """GET /livez and /readyz: whether the process is alive, and whether it can serve."""
 
 from concurrent.futures import CancelledError
+from contextlib import suppress
 from http import HTTPStatus
 
 from anyio import to_thread
@@ -11,6 +12,7 @@ from service.api.dependencies import Inside, Resources
 from service.api.queries.queries import without_query
 from service.api.replies.errors import ApiError
 from service.api.replies.responses import json_response, refusals
+from service.jobs.kernels import most_missing
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.replies.solution import HealthOut, ReadinessOut
 from service.storage.database.revisions import fault_of, stored_revision
@@ -35,20 +37,30 @@ async def get_readiness(inside: Inside) -> Response:
     """Tell whether the database can be read and written and has this version's schema, and verdicts work.
 
     A worker process that dies repeatedly is reported but does not count as unready: jobs are still accepted.
-    So are workers that still start: `workers` says whether a job would be computed now.
+    So are workers that still start: `workers` says whether a job would be computed now; and so is a task that
+    compiles kernels, with how far it is: until it ends jobs are solved without them.
     """
     checks, workers = await to_thread.run_sync(_checks, inside, limiter=inside.checking)
+    kernels = checks.pop("kernels", None)
     bad = [f"{name}: {said}" for name, said in checks.items() if said != OK]
     if bad:
         raise ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "not_ready", "; ".join(bad), extras={"checks": checks})
     if inside.local_worker is not None:
         checks["worker"] = str(inside.local_worker())
+    if kernels is not None:
+        checks["kernels"] = kernels
     return json_response(ReadinessOut(status="ok", checks=checks, workers=workers))
 
 
 def _checks(inside: Resources) -> tuple[dict[str, str], WorkersState]:
     checks = {"database": _database(inside), "sandbox": _sandbox(inside)}
-    return checks, _workers(inside) if checks["database"] == OK else "none"
+    if checks["database"] != OK:
+        return checks, "none"
+    with suppress(SQLAlchemyError):  # the next request says so
+        registry = WorkerRegistry(inside.database, lease_seconds=inside.settings.lease_seconds)
+        if (slowest := most_missing(registry.kernels())) is not None:
+            checks["kernels"] = str(slowest)
+    return checks, _workers(inside)
 
 
 def _workers(inside: Resources) -> WorkersState:

@@ -1,0 +1,77 @@
+"""How far the compiled kernels of a worker are, and what that means for a sweep."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+PLAIN_POINT_SECONDS = 0.1
+"""What a point takes without kernels: 0.01 to 0.2 s."""
+LARGEST_STATES = 1e-10
+"""Tolerance below which motions from a state are integrated by kernels only."""
+_UNKNOWN_SECONDS = 300.0
+"""What compiling takes, as long as nobody knows better."""
+
+SweepWay = Literal["compiled", "plain"]
+
+
+@dataclass(frozen=True, slots=True)
+class Kernels:
+    """What is known of kernels that are not all compiled."""
+
+    done: int
+    of: int
+    seconds: float | None
+    """About how many are left until all are there; None as long as nobody knows."""
+    fault: str | None = None
+    """Why they never will be."""
+
+    @staticmethod
+    def read(document: Mapping[str, object]) -> "Kernels":
+        """Return what :meth:`document` has written; raises TypeError, ValueError for anything else."""
+        done, of, seconds, fault = (document.get(name) for name in ("done", "of", "seconds", "fault"))
+        if not isinstance(done, int) or not isinstance(of, int):
+            raise TypeError("a number of kernels is missing")
+        left = float(seconds) if isinstance(seconds, int | float) else None
+        return Kernels(done, of, left, None if fault is None else str(fault))
+
+    def document(self) -> dict[str, object]:
+        """Return it for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        if self.fault is not None:
+            return f"not compiled: {self.fault}"
+        left = "" if self.seconds is None else f", about {self.seconds:.0f} s"
+        return f"compiling: {self.done} of {self.of}{left}"
+
+
+def most_missing(kernels: Iterable[Kernels]) -> Kernels | None:
+    """Return the ones that will never be there, else those with the most left to do; None without any."""
+    return min(kernels, key=lambda each: (each.fault is None, each.done - each.of), default=None)
+
+
+def way_of_sweep(document: Mapping[str, object], points: int, kernels: Kernels | None) -> SweepWay:
+    """Return the way on which a sweep is done sooner, where its first worker has so many ``kernels``.
+
+    None: it has all.
+    """
+    if kernels is None:
+        return "compiled"
+    if kernels.fault is not None:
+        return "plain"
+    seconds = _UNKNOWN_SECONDS if kernels.seconds is None else kernels.seconds
+    is_sooner = points * PLAIN_POINT_SECONDS <= seconds
+    return "plain" if is_sooner and not _has_no_plain_way(document) else "compiled"
+
+
+def _has_no_plain_way(document: Mapping[str, object]) -> bool:
+    """Tell whether points are motions from states that only kernels know so well."""
+    base = document.get("base")
+    if not isinstance(base, Mapping):
+        return False
+    motion, accuracy = base.get("motion"), base.get("accuracy")
+    if not isinstance(motion, Mapping) or motion.get("type") != "state" or not isinstance(accuracy, Mapping):
+        return False
+    tolerance = accuracy.get("tolerance")
+    is_small = isinstance(tolerance, int | float | str) and float(tolerance) < LARGEST_STATES
+    return is_small or accuracy.get("tier") in ("high", "certified")
