@@ -2,7 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
 READY := $(VENV)/.ready
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 
 # What is compiled from Python text is kept: the tests start hundreds of processes, and each would compile its own.
 unexport PYTHONDONTWRITEBYTECODE
@@ -16,24 +18,31 @@ NUMBERS := tests/golden tests/laws tests/conformance tests/workers/solvers \
 
 .PHONY: demo serve test test-long test-portable test-container lint docs bench screenshots format clean
 
-$(READY): pyproject.toml constraints.txt service/client/pyproject.toml
+# What running needs. Python compiles modules when they are first imported, which is sooner done than all at once.
+$(INSTALLED): pyproject.toml constraints.txt service/client/pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]' --editable service/client
-	$(BIN)/polhode compile
+	$(PIP) --editable . --editable service/client
+	touch $(INSTALLED)
+
+# And what developing needs.
+$(READY): $(INSTALLED)
+	$(PIP) --editable '.[dev]'
 	touch $(READY)
 
-demo: $(READY)
+demo: $(INSTALLED)
 	$(BIN)/python examples/demo.py
 
-serve: $(READY)
+serve: $(INSTALLED)
 	$(BIN)/polhode serve
 
 test: $(READY)
+	$(BIN)/polhode compile
 	$(PYTEST) $(PYTEST_OPTIONS)
 
 # What takes long and finds seldom: storms, a calibration in earnest, random laws with many examples, or with some.
 EXAMPLES ?= many
 test-long: $(READY)
+	$(BIN)/polhode compile
 	POLHODE_TEST_EXAMPLES=$(EXAMPLES) $(PYTEST) $(PYTEST_OPTIONS) -m 'long or random_law'
 
 # The suites of numbers as on a processor with fewer features: docs/operations.md, "Unlike processors".
@@ -61,6 +70,7 @@ docs: $(READY)
 	EXECUTE_NOTEBOOKS=1 NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict -f docs/site/mkdocs.yml
 
 bench: $(READY)
+	$(BIN)/polhode compile
 	$(BIN)/python -m tests.benchmarks
 
 # Pictures of the page for docs/, taken with Chromium.

@@ -31,6 +31,7 @@ def main() -> int:
         refuse_the_printed_potential(address)
         for name in ("bobylev-steklov", "cubic-body"):
             solve(address, name)
+        tell_the_background(address)
     finally:
         service.send_signal(signal.SIGTERM)
         code = service.wait(timeout=30)
@@ -65,15 +66,27 @@ def solve(address: str, name: str) -> None:
     say(f"  period     {solution['period']['value']!r} ± {solution['period']['error']:.1e}")
     say(f"  energy     {solution['energy']['value']!r} ± {solution['energy']['error']:.1e}")
     say(f"  error      ≤ {solution['error']:.1e} in every variable")
+    ways = {"plain": "without kernels, which are not compiled yet", "compiled": "by compiled kernels"}
+    say(f"  found      {ways[solution['provenance']['way']]}")
     drifts = (f"{integral} {value['drift']:.1e}" for integral, value in solution["invariants"].items())
     say(f"  drift of   {', '.join(drifts)}")
     say("  " + "".join(f"{column:>13}" for column in columns))
     last = len(columns["t"]) - 1
     for row in (round(k * last / (SAMPLES_SHOWN - 1)) for k in range(SAMPLES_SHOWN)):
         say("  " + "".join(f"{values[row]:z13.8f}" for values in columns.values()))
-    picture = OUTPUT / f"{name}.png"
+    picture = OUTPUT / f"{name}.svg"
     draw(columns, name, picture)
     say(f"  picture    {picture}")
+
+
+def tell_the_background(address: str) -> None:
+    """Say what the workers do meanwhile."""
+    kernels = call(address, "GET", "/readyz")["checks"].get("kernels")
+    if kernels is None:
+        say("\nThe kernels are compiled: solutions come from them.")
+    else:
+        say(f"\nIn the background the kernels are compiled, which make jobs and sweeps faster ({kernels}).")
+        say("That goes on where it stops when a service runs, or at once by: .venv/bin/polhode compile")
 
 
 def start_service(address: str) -> "subprocess.Popen[bytes]":

@@ -144,6 +144,8 @@ def _state(figures: Figures) -> Iterator[Metric]:
         slots.add_metric([engine], seen.slots)
     yield workers
     yield slots
+    says = "Kernels that are still to be compiled, at the worker that has most of them."
+    yield GaugeMetricFamily("polhode_kernels_missing", says, figures.kernels_missing)
     sweeps = GaugeMetricFamily("polhode_sweeps", "Sweeps that are not finished.", labels=["state"])
     for state in LIVE:
         sweeps.add_metric([state], figures.sweeps.get(state, 0))

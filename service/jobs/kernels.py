@@ -1,9 +1,11 @@
-"""How far the compiled kernels of a worker are, and what that means for a sweep."""
+"""How far the compiled kernels of a worker are, and what that means for jobs and sweeps."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Literal
 
+KERNELS = 374
+"""How many there are, each for the types of its arguments, as counted: what is told as to be done."""
 PLAIN_POINT_SECONDS = 0.1
 """What a point takes without kernels: 0.01 to 0.2 s."""
 LARGEST_STATES = 1e-10
@@ -11,7 +13,16 @@ LARGEST_STATES = 1e-10
 _UNKNOWN_SECONDS = 300.0
 """What compiling takes, as long as nobody knows better."""
 
-SweepWay = Literal["compiled", "plain"]
+WAITS = "waits for kernels, which are being compiled"
+"""Why a job is queued again that has no plain way."""
+FASTER = "polhode compile, once on a machine, makes what follows faster"
+"""Said by commands that start nothing which outlives them."""
+
+Way = Literal["compiled", "plain"]
+
+
+class NeedsKernelsError(Exception):
+    """The plain way does not lead to a final answer: the job waits for its kernels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +61,13 @@ def most_missing(kernels: Iterable[Kernels]) -> Kernels | None:
     return min(kernels, key=lambda each: (each.fault is None, each.done - each.of), default=None)
 
 
-def way_of_sweep(document: Mapping[str, object], points: int, kernels: Kernels | None) -> SweepWay:
+def told_way(summary: Mapping[str, object]) -> Way:
+    """Return the way that a solution tells; before it was told, there was one."""
+    told = summary.get("provenance")
+    return "plain" if isinstance(told, Mapping) and told.get("way") == "plain" else "compiled"
+
+
+def way_of_sweep(document: Mapping[str, object], points: int, kernels: Kernels | None) -> Way:
     """Return the way on which a sweep is done sooner, where its first worker has so many ``kernels``.
 
     None: it has all.

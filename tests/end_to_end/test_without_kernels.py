@@ -7,10 +7,10 @@ import pytest
 
 from service.catalogue.classical import example_of
 from service.dynamics.classical.catalogue import CASES
+from service.jobs.kernels import WAITS
 from tests.support.serving import serving
 from tests.workers.processes import wait_until
 from workers.computation.compiled_code import FOLDER_VARIABLE, WAY_VARIABLE
-from workers.solvers.ways import WAITS
 
 PLANAR = {
     "body": {"A": 2, "B": "3/2", "C": 1},

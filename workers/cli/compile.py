@@ -21,7 +21,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from service.jobs.kernels import Kernels
+from service.jobs.kernels import KERNELS, Kernels
 from service.local.worker_command import worker_command
 from service.terminal import answer, say
 from workers.computation.compiled_code import (
@@ -37,12 +37,8 @@ from workers.computation.compiled_code import (
 from workers.solvers import compiled
 from workers.sweeping.warming import WarmingError, compile_group
 
-KERNELS = 374
-"""Specialisations of kernels in all groups, as they were counted: what is to be done, as it is told."""
 ALONGSIDE: Group = "states"
 """What a second process compiles meanwhile: it shares little with the other groups."""
-FASTER = "polhode compile, once on a machine, makes what follows faster"
-"""Said by commands that start nothing which outlives them."""
 _NICENESS = 10
 _ENOUGH_MB = 700
 """Memory that must be available before a background task begins: one of its processes takes 500."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from service.jobs.kernels import FASTER, NeedsKernelsError, told_way
 from service.jobs.outcome import Refused, SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.problem import read_problem
@@ -14,11 +15,8 @@ from service.storage.codecs.arrays import decode_arrays
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
 from service.verdicts.examination import examine_problem
 from service.verdicts.refusals import refusal_of_reading
-from workers.cli.compile import FASTER, compile_solvers
-from workers.computation.compute import told_way
 from workers.computation.text import describe, to_csv
 from workers.process.tasks import solve_examined
-from workers.solvers.ways import NeedsKernelsError
 
 
 def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
@@ -69,6 +67,9 @@ def _compute(document: str, settings: Settings) -> SolveOutcome:
         with suppress(NeedsKernelsError), console.status("solving …"):
             return sandbox.run(solve_examined, document, report, seconds=seconds)
         say("only compiled kernels solve this, and they are not ready: they are compiled now")
+        # It loads the solvers.
+        from workers.cli.compile import compile_solvers  # noqa: PLC0415
+
         compile_solvers()
         with console.status("solving …"):
             return sandbox.run(solve_examined, document, report, seconds=seconds)

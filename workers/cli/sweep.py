@@ -21,7 +21,7 @@ from rich.progress import (
 from rich.text import Text
 
 from service.jobs.chunking import Range
-from service.jobs.kernels import Kernels, SweepWay, way_of_sweep
+from service.jobs.kernels import FASTER, KERNELS, Kernels, Way, way_of_sweep
 from service.sandbox import Sandbox
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.sweep.reading import read_sweep
@@ -30,7 +30,7 @@ from service.settings import Settings, read_settings
 from service.stopping import StopAsked
 from service.storage.codecs.points import SOLVED, ChunkPoints, bounds_of
 from service.terminal import STANDARD_STREAM, answer, read_document, say
-from workers.cli.compile import FASTER, KERNELS, compile_solvers
+from workers.cli.compile import compile_solvers
 from workers.computation.compiled_code import GROUPS, fixed_way, is_ready, why_no_folder
 from workers.sweeping.crew import Crew
 from workers.sweeping.files import SUFFIXES, WITH_LISTS, PointFile, opened_points, suffix_of, table_of
@@ -128,7 +128,7 @@ def _run(
     return _fail(_told_missing(found, missing), _FAILED) if missing else _DONE
 
 
-def _way_of(found: Sweep) -> SweepWay:
+def _way_of(found: Sweep) -> Way:
     """Return the way of all points; where that is sooner done, kernels are compiled first."""
     way = fixed_way()
     if way is not None or is_ready(*GROUPS):

@@ -3,7 +3,6 @@
 import json
 import logging
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from math import isfinite
 
@@ -19,6 +18,7 @@ from service.dynamics.problem import PlanarMotion, Problem, StateMotion
 from service.dynamics.reduction.windows import hand_on_windows
 from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.verdict.simple_form import simplified
+from service.jobs.kernels import WAITS, NeedsKernelsError, told_way
 from service.jobs.outcome import Refused, Solved, SolveOutcome, StoredSolution
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
@@ -43,7 +43,7 @@ from workers.computation.summary import Document, summarise
 from workers.solvers.cross_check import compare
 from workers.solvers.errors import AccuracyNotMetError, require_error_within, require_period_known
 from workers.solvers.planar.choose import choose_enclosures, find_motion
-from workers.solvers.ways import WAITS, NeedsKernelsError, NotReadyError, Way, on_way
+from workers.solvers.ways import NotReadyError, Way, on_way
 
 FloatArray = NDArray[np.float64]
 
@@ -93,12 +93,6 @@ def way_to_repeat(stored: StoredSolution) -> Way | None:
     if told_way(stored.summary) == "plain":
         return "plain"
     return "compiled" if is_ready(*GROUPS) else None
-
-
-def told_way(summary: Mapping[str, object]) -> Way:
-    """Return the way that a solution tells; before it was told, there was one."""
-    told = summary.get("provenance")
-    return "plain" if isinstance(told, Mapping) and told.get("way") == "plain" else "compiled"
 
 
 def kernels_of(problem: Problem) -> tuple[Group, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from service.versions import version_of
 
-LIBRARIES = ("numpy", "scipy", "numba", "heyoka", "python-flint")
+LIBRARIES = ("numpy", "scipy", "numba", "python-flint")
 HIDING = ("NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "GLIBC_TUNABLES")
 """Environment variables that hide features of the processor from a library."""
 
@@ -40,16 +40,9 @@ def libraries() -> str:
     libc = " ".join(platform.libc_ver()) if platform.system() == "Linux" else platform.platform()
     named = [
         f"Python {platform.python_version()}",
-        *(f"{name} {_version_or_none(name)}" for name in LIBRARIES),
+        *(f"{name} {version_of(name)}" for name in LIBRARIES),
     ]
     return ", ".join([*named, libc])
-
-
-def _version_or_none(name: str) -> str:
-    try:
-        return version_of(name)
-    except ImportError:  # heyoka is for Linux only
-        return "none"
 
 
 def threads() -> int | None:

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from service.jobs.kernels import Kernels
+from service.jobs.kernels import KERNELS, Kernels
 from service.local.worker_command import worker_command
 
 logger = logging.getLogger(__name__)
@@ -32,10 +32,14 @@ class Compiling:
         self.kernels: Kernels | None = None
         """How far they are; None if there is nothing to compile."""
 
+    def expect(self) -> None:
+        """Say that there is something to compile; :meth:`run` follows."""
+        self.kernels = Kernels(0, KERNELS, None)
+
     def run(self, should_stop: Callable[[], bool]) -> str | None:
         """Compile until all is there; return why it is not. A machine has one such task: others wait."""
         logger.info("kernels are compiled in the background; until then jobs are solved without them")
-        self.kernels = Kernels(0, 1, None)
+        self.expect()
         self._wake()
         try:
             # A group of its own, so that its second process ends with it.
@@ -67,7 +71,7 @@ class Compiling:
         return self._end(None if code == 0 else " ".join(said[-1:]).strip() or f"exit code {code}")
 
     def _end(self, fault: str | None) -> str | None:
-        self.kernels = None if fault is None else Kernels(0, 1, None, fault)
+        self.kernels = None if fault is None else Kernels(0, KERNELS, None, fault)
         self._wake()
         return None if fault is None else f"kernels are not compiled: {fault}"
 

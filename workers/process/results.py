@@ -7,13 +7,13 @@ from functools import partial
 from typing import TypedDict
 
 from service.jobs.job import Claim, Taken
+from service.jobs.kernels import NeedsKernelsError
 from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome, SolveOutcome
 from service.jobs.store import JobStore
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.availability import is_away
 from workers.process.limits import JobLimits
-from workers.solvers.ways import NeedsKernelsError
 
 logger = logging.getLogger(__name__)
 

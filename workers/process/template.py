@@ -13,12 +13,11 @@ import signal
 from types import FrameType
 
 LATE = (
-    "workers.solvers.integration.taylor",
     "workers.solvers.integration.dop853",
     "workers.computation.atlases",
     "workers.process.preloaded_late",
 )
-"""They load heyoka, SymPy, SciPy, and the rest of compiled code. A job that needs one earlier loads it."""
+"""They load SymPy, SciPy, and the rest of compiled code. A job that needs one earlier loads it."""
 
 _server: int | None = None
 """The process id of the fork server, which its children inherit. A fork server is told by what it imports,

@@ -104,11 +104,16 @@ class Warming:
         # This waits until the fork server has loaded its modules; only then does the time of a call begin.
         self._sandbox.start()
         faults = self._in_every_child(warm_up.first)
+        # Before the first job, since the way of a sweep depends on it.
+        is_compiled = warm_up.is_compiled is None or self._tells(warm_up.is_compiled)
+        if not is_compiled:
+            self.compiling.expect()
         self._is_begun.set()
         self._wake()
         if warm_up.rest is not None:
             self._goes_on.wait()
-            faults += self._compiled(warm_up.is_compiled)
+            fault = None if is_compiled else self.compiling.run(lambda: self._sandbox.is_closed)
+            faults += [] if fault is None else [fault]
             faults += self._in_new_children(warm_up.order, warm_up.rest)
         seconds = round(time.monotonic() - began, 3)
         if not self._sandbox.is_closed:
@@ -119,16 +124,11 @@ class Warming:
         self._is_over.set()
         self._wake()
 
-    def _compiled(self, is_compiled: Callable[[], bool] | None) -> list[str]:
-        """Wait until kernels are compiled; return why they are not."""
-        if is_compiled is None:
-            return []
-        there = list[bool]()
-        faults = _at_once([lambda: there.append(self._sandbox.run(is_compiled, seconds=LIMIT_SECONDS))])
-        if faults or any(there):
-            return faults
-        fault = self.compiling.run(lambda: self._sandbox.is_closed)
-        return [] if fault is None else [fault]
+    def _tells(self, is_compiled: Callable[[], bool]) -> bool:
+        """Tell whether some child says so; one that cannot say anything does not."""
+        told = list[bool]()
+        _at_once([lambda: told.append(self._sandbox.run(is_compiled, seconds=LIMIT_SECONDS))])
+        return any(told)
 
     def _in_every_child(self, call: Call) -> list[str]:
         # Each goes to the child with the fewest calls: if all are queued before one ends, each gets one.

@@ -17,7 +17,7 @@ from service.dynamics.defect.equations import Equations
 from service.dynamics.motion import CrossCheck, Motion
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.integration.interface import neighbour_of
-from workers.solvers.integration.solve import IntegratorName, choose_integrator, tolerances
+from workers.solvers.integration.solve import IntegratorName, MakeIntegrator, choose_integrator, tolerances
 from workers.solvers.integration.twin import Span, Twin, run_twin
 
 FloatArray = NDArray[np.float64]
@@ -26,7 +26,8 @@ MEANINGFUL = 1e-9
 """A witness whose own error is larger than this (and than the tolerance) has nothing to say."""
 CHECK_TIMES = 513
 """Equidistant times of the comparison, besides those asked for."""
-STEPS: dict[str, int] = {"taylor": 20_000, "heyoka": 20_000, "dop853": 4_000}
+STEPS: dict[str, int] = {"dop853": 4_000}
+SERIES_STEPS = 20_000
 """What a check may cost: some seconds at most; hundreds of periods by series, tens by DOP853."""
 
 
@@ -37,7 +38,7 @@ def compare(
     tolerance: float,
     *,
     limit: float | None = None,
-    integrator: IntegratorName = "auto",
+    integrator: IntegratorName | MakeIntegrator = "auto",
 ) -> CrossCheck:
     """Integrate from the quadrature's state at t = 0 over its times, and compare.
 
@@ -53,8 +54,8 @@ def compare(
     ------
     MissingMomentError
         The body has no B.
-    UnsupportedFormulaError, IntegratorMissingError
-        heyoka was asked for by name and cannot be used.
+    UnsupportedFormulaError
+        The one by Taylor series was asked for by name and cannot be used.
     """
     chosen = choose_integrator(body, potential, integrator)
     state = quadrature.dense(np.zeros(1))[0]
@@ -65,7 +66,7 @@ def compare(
         _neighbour(state, quadrature.dense.error_at(np.zeros(1))),
         _span(quadrature.times, limit),
         local_tolerance=tolerances(chosen, tolerance)[-1],
-        max_steps=STEPS[chosen.name],
+        max_steps=STEPS.get(chosen.name, SERIES_STEPS),
     )
     times = np.concatenate([quadrature.times, twin.span.uniform(CHECK_TIMES), np.zeros(1)])
     times = times[(times >= twin.span.first) & (times <= twin.span.last)]

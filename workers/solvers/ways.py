@@ -13,18 +13,11 @@ from typing import Any, Literal  # Any: a kernel of numba, which has no types
 Way = Literal["compiled", "plain"]
 """``plain``: no kernel is called. Other functions do the same, slower, and keep the same promises."""
 
-WAITS = "waits for kernels, which are being compiled"
-"""Why a job is queued again that has no plain way."""
-
 _way: ContextVar[Way] = ContextVar("way", default="compiled")
 
 
 class NotReadyError(Exception):
     """The code of a kernel is not there, and this process does not compile."""
-
-
-class NeedsKernelsError(Exception):
-    """The plain way does not lead to a final answer: the job waits for its kernels."""
 
 
 def is_plain() -> bool:

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.problem import PlanarMotion
+from service.jobs.kernels import WAITS, NeedsKernelsError
 from service.jobs.outcome import ChunkOutcome
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
 from service.verdicts.kept import Kept
 from workers.computation.compiled_code import GROUPS, keep_compiled_code, way_for
-from workers.solvers.ways import WAITS, NeedsKernelsError, NotReadyError, Way, on_way
+from workers.solvers.ways import NotReadyError, Way, on_way
 from workers.sweeping.plan import FEW, Plan, make_plan, plan_moving
 from workers.sweeping.pointwise import SweepPoint, solve_point
 
@@ -74,7 +75,7 @@ def compute_chunk(document_json: str) -> ChunkOutcome:
 class ChunkSolver:
     """Solves chunks of one sweep on one way."""
 
-    def __init__(self, plan: Plan, way: Way) -> None:
+    def __init__(self, plan: Plan, way: Way = "compiled") -> None:
         self._plan, self._way = plan, way
         self._blocks: BlockSolver | MovingSolver | SlicedSolver | StateSolver | None = None
         self._slices: SlicedSolver | None = None

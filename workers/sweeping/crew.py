@@ -8,7 +8,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 import numpy as np
 
 from service.jobs.chunking import CHUNK_SECONDS, PARTS, PILOT_POINTS, Range, cut, largest_chunk, next_size
-from service.jobs.kernels import SweepWay
+from service.jobs.kernels import Way
 from service.jobs.outcome import ChunkOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
 from service.schemas.sweep.sweep import Sweep
@@ -43,7 +43,7 @@ class Crew:
         document: object,
         sandbox: Sandbox,
         *,
-        way: SweepWay,
+        way: Way,
         workers: int,
         seconds: float,
     ) -> None:

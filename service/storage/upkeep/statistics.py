@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from sqlalchemy import ColumnElement, case, func, or_, select, text
 from sqlalchemy.orm import Session
 
+from service.jobs.kernels import Kernels, most_missing
 from service.jobs.states import FINISHED, AttemptOutcome, JobState
 from service.storage.database.clock import database_now
 from service.storage.database.database import Database
@@ -83,6 +84,8 @@ class Figures:
     """How long the oldest queued job has waited; 0 if none waits."""
     workers: Mapping[str, Workers]
     """By engine."""
+    kernels_missing: int
+    """Kernels that the worker with the most of them has still to compile."""
     sweeps: Mapping[str, int]
     """Live sweeps by state."""
     points: tuple[int, int]
@@ -143,11 +146,12 @@ class Statistics:
             live = _live_jobs(session)
             oldest = _oldest_queued(session, now)
             workers = _workers(session, now - self._seen_seconds)
+            missing = _kernels_missing(session, now - self._seen_seconds)
             sweeps = self._sweeps.look(session)
             size = _database_bytes(session)
         points = self._sweeps.done, self._sweeps.refused
         took = time.monotonic() - began
-        return Figures(live, oldest, workers, sweeps, points, ended, size, began + took, took)
+        return Figures(live, oldest, workers, missing, sweeps, points, ended, size, began + took, took)
 
     def _ended(self, session: Session, now: float) -> Ended:
         """Keep the counts that can no longer change, and count the recent rest anew each time."""
@@ -202,6 +206,12 @@ def _oldest_queued(session: Session, now: float) -> float:
     queued = select(JobRow.created_at).where(JobRow.state == JobState.QUEUED.value)
     created_at = session.scalar(queued.order_by(JobRow.id).limit(1))
     return 0.0 if created_at is None else max(now - created_at, 0.0)
+
+
+def _kernels_missing(session: Session, since: float) -> int:
+    told = session.scalars(select(WorkerRow.kernels).where(WorkerRow.seen_at >= since)).all()
+    most = most_missing(Kernels.read(each) for each in told if each is not None)
+    return 0 if most is None else most.of - most.done
 
 
 def _workers(session: Session, since: float) -> dict[str, Workers]:

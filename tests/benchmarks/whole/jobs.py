@@ -18,11 +18,11 @@ from tests.benchmarks.kept import forgetful
 from tests.benchmarks.measuring import Effort, Result, Table, clock, in_words, median
 from tests.benchmarks.motions import DOUBLE, LIBRATION, NU_1, FloatArray, Measured
 from tests.support.examinations import examination_of
+from tests.support.heyoka_integrator import HeyokaAlgebra
 from tests.support.planar import body, formula
 from workers.calibration.reference import samples_of
 from workers.computation.compute import solve_document
 from workers.solvers.compiled.batch import TOLERANCES, Tier
-from workers.solvers.integration.taylor import HeyokaAlgebra
 
 PERIODS = 10
 GENERAL = body("17/10", 1, "13/10")

@@ -9,6 +9,7 @@ from scipy.special import ellipj, ellipk
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.families.gravity import gravity_potential
+from tests.support.heyoka_integrator import HEYOKA
 from workers.solvers.integration.solve import integrate_state
 
 ZERO = Fraction(0)
@@ -61,7 +62,7 @@ def integrate(body, state, times, integrator):
     )
 
 
-@pytest.mark.parametrize("integrator", ["taylor", "heyoka", "dop853"])
+@pytest.mark.parametrize("integrator", ["taylor", HEYOKA, "dop853"])
 @pytest.mark.parametrize(
     "case",
     [
@@ -82,7 +83,7 @@ def test_three_different_moments(case, integrator):
     assert np.abs(motion.samples - with_momentum(case.omega(times))).max() <= motion.error + 1e-13
 
 
-@pytest.mark.parametrize("integrator", ["taylor", "heyoka", "dop853"])
+@pytest.mark.parametrize("integrator", ["taylor", HEYOKA, "dop853"])
 def test_separatrix(integrator):
     """2 h B = |M|²: p, r ~ sech, q ~ tanh, from one unstable rotation about the middle axis to the other."""
     r0 = 1.0
@@ -96,7 +97,7 @@ def test_separatrix(integrator):
     assert np.abs(motion.samples - exact).max() <= motion.error
 
 
-@pytest.mark.parametrize("integrator", ["taylor", "heyoka", "dop853"])
+@pytest.mark.parametrize("integrator", ["taylor", HEYOKA, "dop853"])
 def test_two_equal_moments(integrator):
     """A = B: r is constant, (p, q) turns uniformly at the rate (A - C) r / A."""
     body = RigidBody(Fraction(2), Fraction(2), Fraction(1))

@@ -16,6 +16,7 @@ from tests.support.classical_on_axis import (
     STEKLOV,
     STEKLOV_LARGEST_A,
 )
+from tests.support.heyoka_integrator import HEYOKA
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.solve import integrate_state
 
@@ -24,14 +25,14 @@ PERIODIC = [example for example in ALL if example.period is not None]
 BY_RUNGE_KUTTA = (GORIACHEV, STEKLOV, KONOSEVICH_1, HESS, BOBYLEV, CHAPLYGIN, GRIOLI)
 UNSTABLE = (STEKLOV, KONOSEVICH_1, KONOSEVICH_2, CHAPLYGIN)
 """Departures from these grow exponentially; from the others, at most by a power of the time."""
-WITH_INTEGRATORS = [(example, "heyoka") for example in ALL] + [(e, "dop853") for e in BY_RUNGE_KUTTA]
+WITH_INTEGRATORS = [(example, HEYOKA) for example in ALL] + [(e, "dop853") for e in BY_RUNGE_KUTTA]
 
 
 def names(value):
     return getattr(value, "name", value)
 
 
-def along(example, times, *, integrator="heyoka", tolerance=1e-10):
+def along(example, times, *, integrator=HEYOKA, tolerance=1e-10):
     return integrate_state(
         example.body,
         example.potential,
@@ -98,7 +99,7 @@ def test_steklov_moves_by_elliptic_functions(example):
         assert period == pytest.approx(example.period, rel=1e-15)
 
 
-@pytest.mark.parametrize("integrator", ["taylor", "heyoka", "dop853"])
+@pytest.mark.parametrize("integrator", ["taylor", HEYOKA, "dop853"])
 def test_grioli_precesses_regularly_about_an_oblique_axis(integrator):
     """The explicit solution, in elementary functions, over five periods and to both sides."""
     motion = along(GRIOLI, np.linspace(-20.0, 20.0, 101), integrator=integrator)

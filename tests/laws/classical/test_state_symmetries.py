@@ -13,6 +13,7 @@ from service.dynamics.equations.euler_poisson import areas_integral, energy_inte
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.families.gravity import gravity_potential
 from tests.support.effort import examples
+from tests.support.heyoka_integrator import HEYOKA
 from workers.solvers.integration.solve import integrate_state
 
 pytestmark = pytest.mark.random_law
@@ -31,7 +32,7 @@ class Top:
     omega: Triple
     gamma: Triple
 
-    def motion(self, times=TIMES, integrator="heyoka", tolerance=1e-10) -> Motion:
+    def motion(self, times=TIMES, integrator=HEYOKA, tolerance=1e-10) -> Motion:
         return integrate_state(
             RigidBody(*self.moments),
             gravity_potential(*self.centre),
@@ -76,7 +77,7 @@ def assert_same(one: Motion, two: Motion, *, factors=(1.0,) * 6, order=range(6))
 
 
 @LAW
-@given(tops(), st.sampled_from(["taylor", "heyoka", "dop853"]))
+@given(tops(), st.sampled_from(["taylor", HEYOKA, "dop853"]))
 def test_the_three_integrals_stay(top, integrator):
     motion = top.motion(integrator=integrator)
     omega, gamma = motion.samples[:, :3], motion.samples[:, 3:]
@@ -155,7 +156,7 @@ def test_exchange_of_two_axes_reverses_the_time(top):
 
 
 @LAW
-@given(tops(), st.sampled_from(["taylor", "heyoka", "dop853"]))
+@given(tops(), st.sampled_from(["taylor", HEYOKA, "dop853"]))
 def test_a_later_state_starts_the_same_motion(top, integrator):
     motion = top.motion(TIMES[TIMES >= 0], integrator)
     restart = motion.samples[10]

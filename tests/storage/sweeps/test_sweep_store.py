@@ -7,9 +7,12 @@ from sqlalchemy import func, select, update
 
 from service.jobs.errors import JobNotFoundError
 from service.jobs.estimates import RECENT_SECONDS, ChunkRun
+from service.jobs.kernels import Kernels
 from service.jobs.states import JobKind, JobState
 from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
+from service.local.hosts import WorkerProcess
 from service.storage.codecs.points import decode_points
+from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.sweeps import recent_chunks
 from service.storage.sweeps.recent_chunks import chunk_runs, complete_since
 from service.storage.sweeps.sweep_store import SweepStore
@@ -39,11 +42,34 @@ def test_chunks_are_no_jobs_of_anybody(sweeps, jobs):
     submit(sweeps)
     claim = jobs.claim("worker", lease_seconds=60.0)
     assert claim.kind is JobKind.CHUNK
-    assert claim.payload == {"sweep": SWEEP, **claim.problem}
+    assert claim.payload == {"sweep": SWEEP, "way": "compiled", **claim.problem}
     assert list_jobs(jobs).total == 0
     for forbidden in (jobs.get, jobs.cancel, jobs.attempts):
         with pytest.raises(JobNotFoundError):
             forbidden(claim.job_id)
+
+
+@pytest.mark.parametrize("points", [3, 100_000])
+def test_the_way_of_a_sweep_is_chosen_by_its_first_worker_and_obeyed_by_all(sweeps, jobs, database, points):
+    registry = WorkerRegistry(database, lease_seconds=60.0)
+    registry.see(WorkerProcess("cold", "here", "local", 1), is_warm=False, kernels=Kernels(1, 9, 30.0))
+    registry.see(WorkerProcess("warm", "here", "local", 1), is_warm=True)
+    record = submit(sweeps, points=points)
+    assert record.way is None
+    first = jobs.claim("cold", lease_seconds=60.0)
+    way = "plain" if points == 3 else "compiled"
+    assert (first.way, sweeps.get(record.id).way) == (way, way)
+    # That it is queued again for lack of kernels changes nothing.
+    assert jobs.give_back(first, "waits for kernels")
+    again = jobs.claim("warm", lease_seconds=60.0)
+    assert (again.job_id, again.payload["way"], sweeps.get(record.id).way) == (first.job_id, way, way)
+
+
+def test_a_job_that_waits_is_given_to_nobody_before_its_time(sweeps, jobs):
+    submit(sweeps)
+    claim = jobs.claim("worker", lease_seconds=60.0)
+    assert jobs.give_back(claim, "waits for kernels", pause_seconds=3600.0)
+    assert jobs.claim("worker", lease_seconds=60.0) is None
 
 
 def test_a_sweep_runs_from_its_first_claim_and_ends_with_its_last_point(sweeps, jobs):

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import workers
+from service.jobs.kernels import NeedsKernelsError
 from service.jobs.outcome import Solved
 from service.sandbox import Sandbox
 from workers.computation import compiled_code
@@ -31,7 +32,6 @@ from workers.computation.compiled_code import (
 from workers.computation.compute import solve_document
 from workers.process.tasks import PRELOAD
 from workers.solvers import compiled
-from workers.solvers.ways import NeedsKernelsError
 
 ROOT = Path(workers.__path__[0]).parent
 PACKAGE = "workers.solvers.compiled"

@@ -12,7 +12,7 @@ from workers.process import template
 from workers.process.tasks import WARM_UP
 
 ROOT = Path(__file__).parents[3]
-LATE = ("heyoka", "scipy.integrate", "workers.computation.atlases")
+LATE = ("scipy.integrate", "workers.computation.atlases")
 CHILDREN = """
 import json, sys
 from service.sandbox import Sandbox

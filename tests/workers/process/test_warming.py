@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from service.jobs.kernels import Kernels
+from service.jobs.kernels import KERNELS, Kernels
 from service.local.hosts import WorkerProcess
 from service.local.wakeup import WARM
 from service.sandbox import Sandbox, SandboxBrokenError
 from service.storage.database.database import Database
 from service.storage.jobs.worker_registry import WorkerRegistry
 from tests.support.databases import copy_of
+from workers.process.compiling import Compiling
 from workers.process.loop import EngineLoop
 from workers.process.presence import Presence
 from workers.process.waker import Waker
@@ -109,6 +110,36 @@ def test_what_cannot_be_warmed_says_why_and_is_over_all_the_same(warm, function,
     assert level == "WARNING"
     assert "taking jobs all the same" in said
     assert reason in said
+
+
+@pytest.mark.parametrize("fault", [None, "no disk"])
+def test_kernels_are_compiled_between_the_stages_and_told_before_the_first_job(tmp_path, monkeypatch, fault):
+    woken, sandbox, told = threading.Semaphore(0), Sandbox(1, preload=[__name__]), []
+    first, rest = partial(nothing, str(tmp_path)), partial(sign, str(tmp_path))
+    warming = Warming(sandbox, WarmUp(first, None, rest, is_not_compiled), slots=1, wake=woken.release)
+
+    def run(compiling, should_stop):
+        assert not should_stop()
+        told.append(compiling.kernels)
+        return compiling._end(fault)
+
+    monkeypatch.setattr(Compiling, "run", run)
+    try:
+        warming.start()
+        assert woken.acquire(timeout=120.0)
+        assert warming.may_take_jobs()
+        assert warming.kernels() == Kernels(0, KERNELS, None)
+        warming.go_on()
+        while not warming.is_over():
+            assert woken.acquire(timeout=120.0)
+    finally:
+        sandbox.close()
+    assert told == [Kernels(0, KERNELS, None)]
+    assert warming.kernels() == (None if fault is None else Kernels(0, KERNELS, None, fault))
+
+
+def is_not_compiled():
+    return False
 
 
 def test_a_closed_sandbox_starts_no_child_again():

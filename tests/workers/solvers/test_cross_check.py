@@ -10,6 +10,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.families.gravity import gravity_potential
 from service.dynamics.problem import PlanarMotion
 from tests.support.effort import each_once
+from tests.support.heyoka_integrator import HEYOKA
 from tests.support.planar import formula, planar
 from tests.support.solving import solve_planar
 from workers.computation.compute import solve_document
@@ -30,7 +31,7 @@ def quadrature(rigid_body, potential, nu, times):
 
 @each_once(
     text=["-g1", "-g1 + 1/(20*g3^2)", "-g1 + 1/(50*g3^2) + 6/5*(g1^2 - g2^2)"],
-    integrator=["taylor", "heyoka", "dop853"],
+    integrator=["taylor", HEYOKA, "dop853"],
 )
 def test_right_quadrature_is_confirmed_over_all_its_times(text, integrator):
     rigid_body = body("3/2")

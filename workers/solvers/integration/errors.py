@@ -29,9 +29,3 @@ class UnsupportedFormulaError(DynamicsError):
     """The potential holds an operation that this integrator does not have."""
 
     code = "unsupported_formula"
-
-
-class IntegratorMissingError(DynamicsError):
-    """An integrator was asked for by name that is not installed."""
-
-    code = "integrator_missing"

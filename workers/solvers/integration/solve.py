@@ -1,6 +1,6 @@
 """Integrates the six Euler-Poisson equations from any state, with a measured error."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
@@ -13,13 +13,12 @@ from service.dynamics.bounds import is_within
 from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import energy_integral
 from service.dynamics.motion import COLUMNS, Estimate, Motion
-from service.dynamics.potentials.potential import FormulaPotential, Potential
+from service.dynamics.potentials.potential import Potential
 from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.evidence import COVERED, DEFECT, DRIFT, with_claim_shown
 from workers.solvers.integration.errors import (
     IntegrationError,
-    IntegratorMissingError,
     UnsupportedFormulaError,
 )
 from workers.solvers.integration.interface import Integrator, Steps, neighbour_of
@@ -31,7 +30,9 @@ if TYPE_CHECKING:
     from workers.solvers.integration.compiled import Held
 
 FloatArray = NDArray[np.float64]
-IntegratorName = Literal["auto", "taylor", "heyoka", "dop853"]
+IntegratorName = Literal["auto", "taylor", "dop853"]
+MakeIntegrator = Callable[[RigidBody, Potential], Integrator]
+"""Makes another one, which comparisons bring along."""
 
 MAX_STEPS = 200_000
 """In one direction: some 0.1 GB of dense output, a second or more by series, a minute or more by DOP853."""
@@ -50,7 +51,7 @@ def integrate_state(
     times: FloatArray,
     *,
     tolerance: float,
-    integrator: IntegratorName = "auto",
+    integrator: IntegratorName | MakeIntegrator = "auto",
     rests: FloatArray | None = None,
 ) -> Motion:
     """Integrate from omega = (p, q, r), gamma = (g1, g2, g3) at t = 0 to all ``times``, of either sign.
@@ -67,8 +68,8 @@ def integrate_state(
         The motion cannot be followed to all ``times``; both say until when it can.
     AccuracyNotMetError
         The finest local tolerance leaves a larger error than ``tolerance``.
-    UnsupportedFormulaError, IntegratorMissingError
-        heyoka was asked for by name and cannot be used.
+    UnsupportedFormulaError
+        The one by Taylor series was asked for by name and cannot be used.
     """
     times = np.asarray(times, dtype=np.float64)
     chosen = choose_integrator(body, potential, integrator)
@@ -151,20 +152,22 @@ def quest_of(times: FloatArray, tolerance: float) -> Quest:
     return Quest(span, np.concatenate([times, span.uniform(CHECK_TIMES)]), tolerance)
 
 
-def choose_integrator(body: RigidBody, potential: Potential, name: IntegratorName) -> Integrator:
+def choose_integrator(
+    body: RigidBody, potential: Potential, name: IntegratorName | MakeIntegrator
+) -> Integrator:
     """Return the integrator called ``name``; ``auto`` is the compiled one wherever it can be used.
 
     Raises
     ------
     MissingMomentError
         The body has no B.
-    UnsupportedFormulaError, IntegratorMissingError
-        One by Taylor series was asked for by name and cannot be used.
+    UnsupportedFormulaError
+        The one by Taylor series was asked for by name and cannot be used.
     """
-    # Not at the top: heyoka, SciPy and the compiler take most of the time that a solver needs to start, and
+    # Not at the top: SciPy and the compiler take most of the time that a solver needs to start, and
     # not every motion needs each of them.
-    if name == "heyoka":
-        return _by_heyoka(body, potential)
+    if callable(name):
+        return name(body, potential)
     if name == "dop853" or (name == "auto" and is_plain()):
         return _by_scipy(body, potential)
     from workers.solvers.integration.compiled import integrator_of  # noqa: PLC0415
@@ -175,16 +178,6 @@ def choose_integrator(body: RigidBody, potential: Potential, name: IntegratorNam
         if name == "taylor":
             raise
         return _by_scipy(body, potential)
-
-
-def _by_heyoka(body: RigidBody, potential: Potential) -> Integrator:
-    from workers.solvers.integration import taylor  # noqa: PLC0415
-
-    if not taylor.AVAILABLE:
-        raise IntegratorMissingError("heyoka is not installed here; ask for taylor, dop853, or auto")
-    if isinstance(potential, FormulaPotential):
-        return taylor.taylor_integrator(body, potential)
-    return taylor.TaylorIntegrator(body, potential)
 
 
 def _by_scipy(body: RigidBody, potential: Potential) -> Integrator:

@@ -25,9 +25,9 @@ from service.dynamics.potentials.families.general_solution import QUADRANTS, Gen
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.potentials.terms.names import ParameterNameError
 from service.dynamics.problem import PlanarMotion
+from tests.support.heyoka_integrator import HeyokaIntegrator
 from tests.support.planar import body, planar
 from tests.support.solving import solve_planar
-from workers.solvers.integration import taylor
 from workers.solvers.integration.errors import UnsupportedFormulaError
 
 ODD_G = "-3*(6/10 - g2^2) + 3/10*g2"
@@ -201,10 +201,9 @@ def test_what_has_no_formula_says_so() -> None:
     assert general(BODIES[0], texts | {"mm": "0"}, "g2").formula().count("V1[") == 4
 
 
-@pytest.mark.skipif(not taylor.AVAILABLE, reason="heyoka is not installed")
 def test_the_taylor_integrator_refuses_it() -> None:
     with pytest.raises(UnsupportedFormulaError) as caught:
-        taylor.TaylorIntegrator(BODIES[0], general(BODIES[0], "exp(-w)"))
+        HeyokaIntegrator(BODIES[0], general(BODIES[0], "exp(-w)"))
     assert caught.value.pointer == "/potential"
 
 

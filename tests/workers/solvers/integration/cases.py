@@ -8,9 +8,10 @@ import numpy as np
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
 from tests.support.golden import GOLDEN
+from tests.support.heyoka_integrator import HEYOKA
 
 BODY = RigidBody(Fraction(2), Fraction(3, 2), Fraction(1))
-NAMES = ("taylor", "heyoka", "dop853")
+NAMES = ("taylor", HEYOKA, "dop853")
 
 
 def golden_states(name: str) -> dict[int, np.ndarray]:

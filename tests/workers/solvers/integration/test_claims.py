@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.families.expression import expression_potential
 from tests.support.effort import examples
+from tests.support.heyoka_integrator import HEYOKA
 from tests.workers.solvers.integration.cases import NAMES, reference
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.solve import integrate_state
@@ -36,7 +37,7 @@ def flat(problem):
 @pytest.mark.random_law
 @pytest.mark.parametrize(
     ("name", "count"),
-    [("taylor", examples(24, 60)), ("heyoka", examples(24, 60)), ("dop853", examples(10, 25))],
+    [("taylor", examples(24, 60)), (HEYOKA, examples(24, 60)), ("dop853", examples(10, 25))],
 )
 def test_claim_bounds_the_actual_error(name, count):
     factors = []

@@ -9,12 +9,12 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import MissingMomentError
 from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.potentials.families.gravity import gravity_potential
+from tests.support.heyoka_integrator import HEYOKA
 from tests.workers.solvers.integration.cases import BODY, NAMES, planar_state
 from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.integration import solve, taylor
+from workers.solvers.integration import solve
 from workers.solvers.integration.errors import (
     CollisionError,
-    IntegratorMissingError,
     StepCollapseError,
     UnsupportedFormulaError,
 )
@@ -126,14 +126,6 @@ def test_absolute_values_are_left_to_runge_kutta():
     field = expression_potential("abs(g1)", {}, BODY)
     assert choose_integrator(BODY, field, "auto").name == "dop853"
     with pytest.raises(UnsupportedFormulaError, match="'abs'"):
-        choose_integrator(BODY, field, "heyoka")
+        choose_integrator(BODY, field, HEYOKA)
     with pytest.raises(UnsupportedFormulaError, match="no abs"):
         choose_integrator(BODY, field, "taylor")
-
-
-def test_kernels_serve_where_heyoka_is_not_installed(monkeypatch):
-    monkeypatch.setattr(taylor, "AVAILABLE", False)
-    field = gravity_potential(-ONE, ONE, ONE)
-    assert choose_integrator(BODY, field, "auto").name == "taylor"
-    with pytest.raises(IntegratorMissingError):
-        choose_integrator(BODY, field, "heyoka")

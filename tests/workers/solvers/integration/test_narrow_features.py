@@ -12,6 +12,7 @@ import pytest
 from service.dynamics.defect.equations import Equations
 from service.dynamics.problem import PlanarMotion
 from tests.support.effort import each_once
+from tests.support.heyoka_integrator import HEYOKA
 from tests.support.planar import body, formula
 from workers.solvers.integration.errors import StepCollapseError
 from workers.solvers.integration.followed import followed
@@ -21,8 +22,8 @@ from workers.solvers.planar.start import planar_start
 BODY = body(2, 1, "3/2")
 START = planar_start(BODY, formula("-g1", BODY), PlanarMotion(Fraction(1)))
 STEEPNESS = ["10^2", "10^6", "10^10", "10^14"]
-INTEGRATORS = ["taylor", "heyoka", "dop853"]
-TOLERANCE = {"taylor": 1e-8, "heyoka": 1e-8, "dop853": 1e-5}
+INTEGRATORS = ["taylor", HEYOKA, "dop853"]
+TOLERANCE = {"taylor": 1e-8, HEYOKA: 1e-8, "dop853": 1e-5}
 
 
 def potential(height, steepness):
@@ -77,7 +78,7 @@ def test_backwards_as_well(integrator):
 def test_what_cannot_be_followed_is_refused_by_name():
     """A wall of the width 1e-30 about a place that is no double: no time is known as finely."""
     with pytest.raises(StepCollapseError, match=r"cannot be followed|shrink to nothing"):
-        integrated(potential(2, "10^60"), "heyoka")
+        integrated(potential(2, "10^60"), HEYOKA)
 
 
 def test_smooth_runs_are_those_of_the_integrator():

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from service.dynamics.potentials.families.expression import expression_potential
+from tests.support.heyoka_integrator import HeyokaIntegrator, heyoka_integrator
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.integration.compiled import CompiledIntegrator
 from workers.solvers.integration.dop853 import Dop853Integrator
 from workers.solvers.integration.interface import joined, neighbour_of
-from workers.solvers.integration.taylor import TaylorIntegrator, taylor_integrator
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,7 @@ def test_every_operation_moves_the_body_as_runge_kutta_does(text):
     state = np.array([0.3, 0.0, -0.2, 0.6, 0.0, 0.8])
     ends = []
     for integrator in (
-        TaylorIntegrator(BODY, field),
+        HeyokaIntegrator(BODY, field),
         CompiledIntegrator(BODY, field),
         Dop853Integrator(BODY, field),
     ):
@@ -44,7 +44,7 @@ def test_every_operation_moves_the_body_as_runge_kutta_does(text):
     assert np.abs(ends[1] - ends[2]).max() <= 1e-11
 
 
-@pytest.mark.parametrize("make", [TaylorIntegrator, CompiledIntegrator])
+@pytest.mark.parametrize("make", [HeyokaIntegrator, CompiledIntegrator])
 def test_pieces_are_the_taylor_polynomials_to_rounding(make):
     """Neighbouring pieces meet, and an ending at any time repeats the values of a longer run there."""
     field = expression_potential("-g1 + 1/(20*g3^2)", {}, BODY)
@@ -64,7 +64,7 @@ def test_pieces_are_the_taylor_polynomials_to_rounding(make):
 def test_chunks_do_not_show():
     field = expression_potential("-g1", {}, BODY)
     state = np.array([0.3, 0.1, -0.2, 0.6, 0.0, 0.8])
-    run = TaylorIntegrator(BODY, field).run(state, 400.0, local_tolerance=1e-16, max_steps=10_000)
+    run = HeyokaIntegrator(BODY, field).run(state, 400.0, local_tolerance=1e-16, max_steps=10_000)
     assert len(run.breaks) > 1025
     assert run.coefficients.shape[0] == len(run.breaks) - 1
     right = run.coefficients.sum(axis=1)
@@ -75,11 +75,11 @@ def test_chunks_do_not_show():
 def test_a_shared_integrator_has_the_bits_of_a_new_one():
     field, other = (expression_potential("-g1 + g3^2/7", {}, BODY) for _ in range(2))
     states = [np.array([0.3, 0.1, -0.2, 0.6, 0.0, 0.8]), np.array([-0.1, 0.7, 0.2, 0.0, 1.0, 0.0])]
-    shared = taylor_integrator(BODY, field)
-    assert taylor_integrator(BODY, other) is shared
+    shared = heyoka_integrator(BODY, field)
+    assert heyoka_integrator(BODY, other) is shared
     for state in (states[0], states[1], states[0]):
-        for mine, new in ((shared, TaylorIntegrator(BODY, field)), (shared.neighbour(), None)):
-            fresh = new or TaylorIntegrator(BODY, field).neighbour()
+        for mine, new in ((shared, HeyokaIntegrator(BODY, field)), (shared.neighbour(), None)):
+            fresh = new or HeyokaIntegrator(BODY, field).neighbour()
             runs = [each.run(state, 3.0, local_tolerance=1e-12, max_steps=1000) for each in (mine, fresh)]
             assert np.array_equal(runs[0].breaks, runs[1].breaks)
             assert np.array_equal(runs[0].coefficients, runs[1].coefficients)

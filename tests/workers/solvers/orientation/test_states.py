@@ -14,6 +14,7 @@ from service.dynamics.equations.orientation import (
 )
 from service.dynamics.problem import PlanarMotion
 from tests.support.effort import examples
+from tests.support.heyoka_integrator import HEYOKA
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from tests.support.witnesses.rotation_matrix import rotation_matrix
@@ -36,7 +37,7 @@ def quaternion_at(orientation, times):
     return np.stack([columns[name] for name in QUATERNION], axis=1)
 
 
-@pytest.mark.parametrize("integrator", ["heyoka", "dop853"])
+@pytest.mark.parametrize("integrator", [HEYOKA, "dop853"])
 @pytest.mark.parametrize(
     ("omega", "gamma", "named"),
     [

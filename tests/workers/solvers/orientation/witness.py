@@ -8,7 +8,7 @@ import numpy as np
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import Potential
-from workers.solvers.integration.taylor import HeyokaAlgebra
+from tests.support.heyoka_integrator import HeyokaAlgebra
 
 
 class Witness(NamedTuple):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.support.heyoka_integrator import HEYOKA
 from tests.workers.solvers.stability.cases import Case, bobylev_steklov, case, nu
 from workers.solvers.integration.solve import integrate_state
 
@@ -20,7 +21,7 @@ def largest_q(found: Case, q: float, periods: int) -> np.ndarray:
     times = np.arange(PER_PERIOD * periods) * (found.period.hi / PER_PERIOD)
     # heyoka's steps are as fine as doubles allow, whatever the tolerance: what grows are roundings.
     motion = integrate_state(
-        found.body, found.potential, omega, state[3:], times, tolerance=0.1, integrator="heyoka"
+        found.body, found.potential, omega, state[3:], times, tolerance=0.1, integrator=HEYOKA
     )
     return np.abs(motion.samples[:, 1]).reshape(periods, PER_PERIOD).max(axis=1)
 

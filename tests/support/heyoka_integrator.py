@@ -5,7 +5,7 @@ coefficients of all six variables, of an order that follows from the tolerance
 (22 at 1e-18), and takes steps of ρ/e², ρ the radius of convergence (Jorba & Zou
 2005). The code is made in compact form and unoptimised: 0.03 s instead of 0.25 s
 for the largest formulas, at three times the price of a step, which pays up to
-some ten thousand steps. This is the only module that knows heyoka.
+some ten thousand steps. It is no part of the product, whose own kernels integrate: a rival and a witness.
 """
 
 from collections import deque
@@ -15,6 +15,7 @@ from functools import lru_cache
 from math import comb, copysign, inf
 from typing import Any, Protocol, Self
 
+import heyoka
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,13 +36,6 @@ from workers.solvers.integration.interface import (
     trimmed,
     undefined_start,
 )
-
-try:
-    import heyoka
-except ImportError:
-    AVAILABLE = False
-else:
-    AVAILABLE = True
 
 FloatArray = NDArray[np.float64]
 
@@ -128,7 +122,7 @@ class HeyokaAlgebra:
         return value
 
 
-class TaylorIntegrator:
+class HeyokaIntegrator:
     """The six equations as a heyoka integrator."""
 
     name = "heyoka"
@@ -141,12 +135,12 @@ class TaylorIntegrator:
         self._body, self._potential = body, potential
         self._equations = _equations(Moments.of(body, rounding), potential, rounding)
         self._steppers: dict[float, Any] = {}  # heyoka's integrators by their tolerance; it has no types
-        self._neighbour: TaylorIntegrator | None = None
+        self._neighbour: HeyokaIntegrator | None = None
 
-    def neighbour(self) -> "TaylorIntegrator":
+    def neighbour(self) -> "HeyokaIntegrator":
         """See Integrator.neighbour."""
         if self._neighbour is None:
-            self._neighbour = TaylorIntegrator(self._body, self._potential, neighbour_of)
+            self._neighbour = HeyokaIntegrator(self._body, self._potential, neighbour_of)
         return self._neighbour
 
     def run(
@@ -224,12 +218,26 @@ class TaylorIntegrator:
 
 
 @lru_cache(maxsize=4)
-def taylor_integrator(body: RigidBody, potential: FormulaPotential) -> TaylorIntegrator:
-    """Return the integrator of the equations; raises what :class:`TaylorIntegrator` does.
+def heyoka_integrator(body: RigidBody, potential: FormulaPotential) -> HeyokaIntegrator:
+    """Return the integrator of the equations; raises what :class:`HeyokaIntegrator` does.
 
     Motions of one body in one potential share it: its machine code takes longer to make than to run.
     """
-    return TaylorIntegrator(body, potential)
+    return HeyokaIntegrator(body, potential)
+
+
+class _Maker(str):
+    """Its name, where the product's integrators have theirs; called, it makes the integrator."""
+
+    __slots__ = ()
+
+    def __call__(self, body: RigidBody, potential: Potential) -> HeyokaIntegrator:
+        if isinstance(potential, FormulaPotential):
+            return heyoka_integrator(body, potential)
+        return HeyokaIntegrator(body, potential)
+
+
+HEYOKA = _Maker("heyoka")
 
 
 def _equations(
