@@ -18,7 +18,7 @@ from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
 from workers.solvers.assembly.dense import nothing_resolved, resolve_motion
 from workers.solvers.classical.curve import Curve
-from workers.solvers.classical.momentum import Momentum, error_of
+from workers.solvers.classical.momentum import Momentum
 from workers.solvers.classical.steady import constant
 from workers.solvers.evidence import with_claim_shown
 from workers.solvers.integration.solve import integrate_state
@@ -115,10 +115,11 @@ def _of_hess(problem: Problem, placed: Placed) -> Motion:
     times = _asked(problem, None)
     span = _span(times)
     momentum = Momentum.of(placed, span)
-    own = error_of(placed, momentum, span)
+    own = momentum.error()
     found = resolve_motion(
         momentum.sample, span, np.zeros(0), scale=span[1] - span[0], atol=max(RESOLVED, 0.25 * own)
     )
+    own += found.moved(4.0 * EPSILON * max(map(abs, span)))
     dense = DenseOutput(COLUMNS, found.breaks, found.coefficients, None, found.error + own)
     motion = _motion(problem, placed, dense, times)
     return replace(motion, evidence={**motion.evidence, "pieces": len(found.breaks) - 1})
