@@ -13,7 +13,7 @@ from functools import cache
 from service.dynamics.numerics import NUMERICS
 from service.versions import version_of
 
-EXAMINATION_CODE = 1
+EXAMINATION_CODE = 2
 """Grows whenever a problem may get another verdict, proof, counterexample or window, in any form."""
 
 _OF_CURVE = ("type", "lambda", "nu", "g1_sign", "g3_sign")
