@@ -12,6 +12,7 @@ const DASHES = { separatrix: "dash", equilibrium: "dot", "end crosses the equato
 const ENDS = {
   rest: ["circle", "ends at rest"], equator: ["triangle-up", "ends on the equator"], pole: ["x", "ends at a pole"],
   equilibrium: ["diamond", "ends in an equilibrium"], edge: ["square", "ends at the edge of the domain"],
+  collision: ["star", "ends in a collision"],
 };
 const KINDS = {
   collision: ["/", "collision: reaches a singularity"], pole: ["\\", "tends to the pole for ever"],

@@ -7,7 +7,7 @@ import { pointsOf, turnable } from "./sphere.js";
 const FORMATS = { json: "JSON", csv: "CSV", ndjson: "NDJSON", npz: "NPZ (NumPy)", arrow: "Arrow", parquet: "Parquet" };
 const FRAMES = 800; // of the turning body, equally far apart in time
 
-const ENDS = { pole: "a pole", equator: "the equator", rest: "rest", separatrix: "a separatrix", collision: "a collision" };
+const ENDS = { pole: "a pole", equator: "the equator", rest: "rest", equilibrium: "an equilibrium", collision: "a collision" };
 const ENDLESS = {
   separatrix: "on a separatrix: it approaches an equilibrium for ever", equilibrium: "an equilibrium: nothing moves",
   collision: "it runs into a singularity of the potential", pole: "it approaches a pole for ever",

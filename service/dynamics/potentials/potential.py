@@ -71,6 +71,10 @@ class Potential(ABC):
         except NoClosedFormError:
             return False
 
+    def formula_part(self, g1_sign: int, g3_sign: int) -> "FormulaPotential | None":
+        """Return the part that has a formula on a quadrant, of a potential that as a whole has none."""
+        return None
+
     @abstractmethod
     def formula(self) -> str:
         """Return V as a formula of the grammar, or as one with an integral if it has no closed form."""

@@ -11,7 +11,13 @@ from service.dynamics.reduction.root_finding.radicand import HalfLoop
 from service.dynamics.reduction.root_finding.zeros import PoleKind, Region, Zero, ZeroKind
 from service.dynamics.reduction.sides import has_one_limit, is_even
 
-_ENDS: dict[ZeroKind, ArcEnd] = {"simple": "rest", "multiple": "double", "flat": "flat", "edge": "edge"}
+_ENDS: dict[ZeroKind, ArcEnd] = {
+    "simple": "rest",
+    "multiple": "double",
+    "flat": "flat",
+    "edge": "edge",
+    "infinite": "collision",
+}
 
 
 @dataclass(frozen=True, slots=True)

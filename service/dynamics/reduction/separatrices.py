@@ -38,7 +38,7 @@ def with_near_rests(
     which says what a grid shows of P, does not exclude them.
     """
     seen = lows_of([loop], g3_sign)[0] if seen is None else seen
-    zeros = half.zeros
+    zeros = [zero for zero in half.zeros if zero.kind != "infinite"]
     # Next to another place P is no simple zero's, however straight it looks.
     turned = [v * g3_sign for v in turns]
     apart = are_apart([*(zero.v for zero in zeros), *turned])

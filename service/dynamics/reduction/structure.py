@@ -7,25 +7,30 @@ pole (:mod:`.signs`; :mod:`.rest` where doubles do not settle it):
 * on a gap whose slope has one sign P has one zero, if its signs before and after differ, else none;
 * on a gap where X² D has one sign P turns at one place, which is enclosed, and where its sign is known.
   If it is not, at the bits in use, P may touch 0 there: that is a zero of even order, or none, or two
-  which these bits do not distinguish.
+  which these bits do not distinguish;
+* on a gap where 1/P tends to 0 at one place, which is enclosed, P grows without bound, to the signs that are
+  proved for both sides of it (:mod:`.infinities`).
 
 What remains is evidence, and such gaps are at most 1e-5 wide against their distance to a pole: a zero of
-order three or more, or of no order; the edge of where P is defined. Values in balls then say that P is 0
-to all bits in use, or changes its sign, and its growth names the zero (:mod:`.orders`); that there is
-one zero only in this gap is not proved. Where a gap is none of these the motion is refused.
+order three or more, or of no order; the edge of where P is defined. There P is proved to be continuous.
+Values in balls then say that P is 0 to all bits in use, or changes its sign, and its growth names the zero
+(:mod:`.orders`); that there is one zero only in this gap is not proved. Where a gap is none of these the
+motion is refused.
 
 A potential that is given by an integral has no tape: there all is evidence, of the scan (:mod:`.radicand`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.vanishing import vanishing_parts
 from service.dynamics.potentials.potential import NoClosedFormError
+from service.dynamics.reduction.ends import height
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.lows import Lows, lows_of
 from service.dynamics.reduction.root_finding.orders import lowest_place
@@ -38,17 +43,25 @@ from service.dynamics.reduction.root_finding.radicand import (
     scan_half,
     vanishes,
 )
-from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, Region
+from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, Region, tends_to_zero
 from service.dynamics.reduction.separatrices import with_near_rests
 from service.dynamics.reduction.sign_proofs.cells import Half, half_of
+from service.dynamics.reduction.sign_proofs.infinities import (
+    UNDEFINED,
+    Infinity,
+    infinities_of,
+    infinity_between,
+    is_continuous,
+)
 from service.dynamics.reduction.sign_proofs.pictures import pictures_together
-from service.dynamics.reduction.sign_proofs.rest import MOST_GAPS, ends_of, settled, width_of
-from service.dynamics.reduction.sign_proofs.signs import Gap, Picture, first_picture, refined
+from service.dynamics.reduction.sign_proofs.rest import MOST_GAPS, ends_of, settled
+from service.dynamics.reduction.sign_proofs.signs import INFINITE, Gap, Picture, first_picture, refined
 from service.dynamics.reduction.sign_proofs.signs_in_balls import (
     Side,
     height_at,
     is_negative_where_defined,
     turn_on_stretch,
+    width_of,
 )
 
 IntArray = NDArray[np.int64]
@@ -61,8 +74,6 @@ an edge may have."""
 AROUND = 1 / 16
 """Relative distance from it at which P has its size."""
 NEXT = 1e-14
-UNDEFINED = 2
-"""In place of a sign."""
 
 
 class SignsUnsettledError(DynamicsError):
@@ -106,29 +117,100 @@ def proved_half(loop: Loop, g3_sign: int, seen: HalfInDoubles | None = None) -> 
     try:
         tape = loop.potential.tape
     except NoClosedFormError:
-        return with_near_rests(loop, scan_half(loop, g3_sign), g3_sign, ())
+        return with_near_rests(loop, _seen_half(loop, g3_sign), g3_sign, ())
     radicand = precise_radicand(loop, g3_sign)
     half = half_of(loop, tape, g3_sign) if seen is None else seen.half
     picture = refined(half, first_picture(half), ROUNDS) if seen is None else seen.picture
     if (picture.found.sign == 0).all() and vanishes(radicand):
         return HalfLoop((), (-1,), "blocked", "blocked")
+    infinities = list[Infinity]()
     if picture.open_gaps():
-        picture = settled(half, picture)
+        picture = _with_infinities(half, picture, infinities)
+        picture = _with_infinities(half, settled(half, picture), infinities)
     cuts, gaps = _cuts(picture), picture.open_gaps()
     if len(gaps) > MOST_GAPS:
         raise _unsettled(half, *ends_of(picture, gaps[0]))
-    turns = [place for gap in gaps for place in _cuts_inside(half, picture, gap, radicand)]
+    turns = [
+        place
+        for gap in gaps
+        if not picture.is_infinite(gap)
+        for place in _cuts_inside(half, picture, gap, radicand)
+    ]
     cuts.extend(turns)
+    for gap in gaps:
+        if picture.is_infinite(gap):
+            cuts.extend(_cuts_about(half, picture, gap, infinities, radicand))
     found = half_between(in_order(cuts), g3_sign, radicand)
     for gap in gaps:
         start, stop = ends_of(picture, gap)
         # A zero without a name would have to be the only one by bounds of the slope.
-        if not picture.is_bounded(gap) and any(
+        if not (picture.is_bounded(gap) or picture.is_infinite(gap)) and any(
             zero.kind == "simple" and _is_between(zero.v, start, stop) for zero in found.zeros
         ):
             raise _unsettled(half, start, stop)
     lows = None if seen is None else seen.lows
     return with_near_rests(loop, found, g3_sign, [place.v() for place in turns], lows)
+
+
+def _seen_half(loop: Loop, g3_sign: int) -> HalfLoop:
+    """Return the half of a potential that is given by an integral, as far as a scan shows it.
+
+    The part of it that has a formula is what may be infinite: that it is, is proved.
+    """
+    signs = (g3_sign, loop.g1_sign) if loop.mirrored else (loop.g1_sign, g3_sign)
+    part = loop.potential.formula_part(*signs)
+    radicand, cuts = precise_radicand(loop, g3_sign), list[LoopPlace]()
+    if part is not None:
+        infinities = infinities_of(half_of(loop, part.tape, g3_sign))
+        if infinities is None:
+            raise SignsUnsettledError(
+                "where a part of the formula vanishes that it divides by, or takes a logarithm of, "
+                "the sign of p² is not settled",
+                pointer="/potential",
+            )
+        for infinity in infinities:
+            found = infinity.cuts(radicand, 0, 0)
+            if found is None:
+                raise _not_settled(*(float(infinity.place.v().cos()),) * 2)
+            cuts.extend(found)
+    half = scan_half(loop, g3_sign, cuts)
+    for zero in half.zeros:
+        if zero.kind == "flat" and not tends_to_zero(radicand, zero.v):
+            raise _not_settled(*(height(loop, zero.v),) * 2)
+    return half
+
+
+def _with_infinities(half: Half, picture: Picture, found: list[Infinity]) -> Picture:
+    """Return the picture with the gaps in which P is proved to be infinite, appended to ``found``."""
+    gaps = [gap for gap in picture.open_gaps() if not (picture.is_bounded(gap) or picture.is_infinite(gap))]
+    if not gaps or len(gaps) > MOST_GAPS or not vanishing_parts(half.tape):
+        return picture
+    most = picture.most_zeros.copy()
+    for gap in gaps:
+        if gap[0] > 0 and gap[1] < len(most):
+            infinity = infinity_between(half, *ends_of(picture, gap))
+            if infinity is not None:
+                found.append(infinity)
+                most[gap[0] : gap[1]] = INFINITE
+    return replace(picture, most_zeros=most)
+
+
+def _cuts_about(
+    half: Half, picture: Picture, gap: Gap, infinities: Sequence[Infinity], radicand: Radicand
+) -> list[LoopPlace]:
+    """Return the place in a gap where P is infinite, and others that show its signs on both sides of it."""
+    ends = ends_of(picture, gap)
+    infinity = next(each for each in infinities if (each.start, each.stop) == ends)
+    cuts = infinity.cuts(radicand, *_labels_around(picture, gap))
+    if cuts is None:
+        raise _unsettled(half, *ends)
+    return cuts
+
+
+def _labels_around(picture: Picture, gap: Gap) -> tuple[int, int]:
+    labels = _labels(picture)
+    before, after = (int(labels[k]) if 0 <= k < len(labels) else 0 for k in (gap[0] - 1, gap[1]))
+    return before, after
 
 
 def _is_between(v: arb, start: Side, stop: Side) -> bool:
@@ -166,9 +248,7 @@ def _region(hemisphere: float) -> Region:
 def _cuts_inside(half: Half, picture: Picture, gap: Gap, radicand: Radicand) -> list[LoopPlace]:
     """Return the place where P turns, or touches 0, in a gap that is not closed; none if it has an edge."""
     start, stop = ends_of(picture, gap)
-    first, last = gap
-    labels = _labels(picture)
-    before, after = (int(labels[k]) if 0 <= k < len(labels) else 0 for k in (first - 1, last))
+    before, after = _labels_around(picture, gap)
     if 0 in (before, after):
         raise _unsettled(half, start, stop)
     if UNDEFINED in (before, after):
@@ -180,12 +260,13 @@ def _cuts_inside(half: Half, picture: Picture, gap: Gap, radicand: Radicand) -> 
         return [turn.place for turn in turns if turn is not None and turn.place is not None]
     if not width_of(start, stop) < NAMED:
         raise _unsettled(half, start, stop)
-    if before != after:
-        return []
-    touch = _touch(start, stop, radicand)
-    if touch is not None:
-        return [touch]
-    if before < 0 and is_negative_where_defined(half, start, stop):
+    if is_continuous(half, start, stop):
+        if before != after:
+            return []
+        touch = _touch(start, stop, radicand)
+        if touch is not None:
+            return [touch]
+    if before == after == -1 and is_negative_where_defined(half, start, stop):
         return []
     raise _unsettled(half, start, stop)
 
@@ -216,7 +297,10 @@ def _touch(start: Side, stop: Side, radicand: Radicand) -> LoopPlace | None:
 
 
 def _unsettled(half: Half, start: Side, stop: Side) -> SignsUnsettledError:
-    low, high = sorted(height_at(half, side) for side in (start, stop))
+    return _not_settled(*sorted(height_at(half, side) for side in (start, stop)))
+
+
+def _not_settled(low: float, high: float) -> SignsUnsettledError:
     return SignsUnsettledError(
         f"between g2 = {low:.15g} and {high:.15g} on the curve the sign of p² is not settled: bounds "
         "do not decide where it is positive",

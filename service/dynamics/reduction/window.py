@@ -5,8 +5,9 @@ from typing import Literal
 
 from service.dynamics.reduction.arc import Arc
 
-EndKind = Literal["pole", "equator", "rest", "equilibrium", "edge"]
-"""At ``rest`` the motion turns back; an ``equilibrium`` it reaches in the limit t → ±∞ only."""
+EndKind = Literal["pole", "equator", "rest", "equilibrium", "edge", "collision"]
+"""At ``rest`` the motion turns back; an ``equilibrium`` it reaches in the limit t → ±∞ only; a ``collision``,
+where p² grows without bound, is no pole, and the motion ends there."""
 WindowKind = Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"]
 
 

@@ -69,12 +69,14 @@ def _describe(arcs: tuple[Arc, ...], g3_sign: int) -> Window:
 
 def _stop(arc: Arc, v: arb) -> EndKind:
     end = arc.lower_end if v is arc.lower else arc.upper_end
-    return "equilibrium" if end in ("double", "flat") else "edge" if end == "edge" else "rest"
+    if end == "edge" or end == "collision":
+        return end
+    return "equilibrium" if end in ("double", "flat") else "rest"
 
 
 def _ends_at_pole(arc: Arc, v: arb) -> bool:
     end = arc.lower_end if v is arc.lower else arc.upper_end
-    return end in ("pole", "collision")
+    return end == "pole" or (end == "collision" and v.sin().contains(0))
 
 
 def _kind(arc: Arc) -> WindowKind:

@@ -43,7 +43,7 @@ class EvidenceOut(ResponseModel):
     doubt: str = Field(description="The part that is not proved, as the end of a sentence.")
 
 
-EndOut = Literal["pole", "rest", "equator", "equilibrium", "edge"]
+EndOut = Literal["pole", "rest", "equator", "equilibrium", "edge", "collision"]
 
 
 class MotionWindowOut(ResponseModel):
@@ -55,7 +55,10 @@ class MotionWindowOut(ResponseModel):
         " (`separatrix`), stays in one (`equilibrium`), reaches a singularity of the potential (`collision`),"
         " tends to the `pole`, or meets the `edge` of the potential's domain."
     )
-    ends: tuple[EndOut, EndOut] = Field(description="Where |g1| is smallest, where it is largest.")
+    ends: tuple[EndOut, EndOut] = Field(
+        description="Where |g1| is smallest, where it is largest. At a `collision` p² grows without bound,"
+        " and the motion ends after a finite time; one at a pole of the sphere is told as `pole`."
+    )
     g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")
 

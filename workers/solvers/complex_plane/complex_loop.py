@@ -39,6 +39,7 @@ T = TypeVar("T")
 MANY = 32
 """Integers α up to this are summed as powers; all where a pole is passed."""
 NEAR_EQUATOR = 2.0**-8
+NEAR_POLE = 2.0**-3
 _UNKNOWN = acb(arb.nan())
 
 
@@ -72,6 +73,10 @@ class ComplexLoop:
         """Return the place; not finite if ``analytic`` and the curve is not holomorphic on the ball."""
         loop = self.loop
         sine, cosine = v.sin_cos()
+        if self.side and sine.abs_upper() < NEAR_POLE:
+            # Its ball is as wide as that of v, where cos v changes by |sin v| times this.
+            narrow = (1 - sine * sine).sqrt(analytic)
+            cosine = narrow if cosine.real > 0 else -narrow
         alpha, u = loop.alpha, cosine * cosine
         turn = acb(self.side or 1)
         if alpha.denominator != 1:

@@ -34,6 +34,11 @@ class LongInterval:
             return 0
         return 1 if self.lo > 0 else -1 if self.hi < 0 else self.known_sign
 
+    @property
+    def is_bounded(self) -> bool:
+        """Tell whether c has finite bounds."""
+        return bool(self.lo.is_finite() and self.hi.is_finite())
+
 
 class LongIntervalAlgebra:
     """Intervals rounded outwards at the current ``flint.ctx.prec``; NaN where a value may be undefined.

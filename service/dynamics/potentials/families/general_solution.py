@@ -87,6 +87,10 @@ class GeneralPotential(Potential):
         """Return the piece on the quadrant of these signs, ±1."""
         return self.pieces[(g1_sign < 0) + 2 * (g3_sign < 0)]
 
+    def formula_part(self, g1_sign: int, g3_sign: int) -> FormulaPotential:
+        """See Potential.formula_part: Q G."""
+        return self.piece(g1_sign, g3_sign).even
+
     def formula(self) -> str:
         """Return V as text, with ``V1[F; φ0]`` for the integral."""
         angle = format_tree(self.reference_angle)

@@ -36,27 +36,33 @@ class _WithJumps(FirstOrderJets[T]):
         return Jet(base.call(name, argument.value), tuple([rate for _ in argument.first]))
 
 
-class Drop(NamedTuple, Generic[T]):
-    """u = 1 − σ g2, for formulas written with it (:mod:`.pole_form`)."""
+class Beside(NamedTuple, Generic[T]):
+    """A further input of a formula, a function u of g2, and X u: for derivatives up to the first."""
 
     u: T
-    sigma: int
+    rate: T
 
 
 def derivatives_along(
-    algebra: Algebra[T], tape: Tape, body: RigidBody, g: Sequence[T], order: int, drop: Drop[T] | None = None
+    algebra: Algebra[T],
+    tape: Tape,
+    body: RigidBody,
+    g: Sequence[T],
+    order: int,
+    beside: Beside[T] | None = None,
 ) -> list[T | None]:
     """Return D, X D, … up to the derivative of this order at g = (g1, g2, g3), None where it is 0.
 
-    ``drop`` is for a tape that has u beside g1, g2 and g3.
+    ``beside`` is for a tape that has u beside g1, g2 and g3.
     """
+    assert beside is None or order <= 1
     inner: Any = algebra
-    places: Any = [*g, *([] if drop is None else [drop.u])]
+    places: Any = [*g, *([] if beside is None else [beside.u])]
     for _ in range(order):
         following = _WithJumps(inner, 1)
-        rates = _rates(inner, body, places[:3])
-        if drop is not None:
-            rates.append(inner.negate(rates[1]) if drop.sigma > 0 else rates[1])
+        rates = rates_along(inner, body, places[:3])
+        if beside is not None:
+            rates.append(beside.rate)
         places = [following.seed(place, (rate,)) for place, rate in zip(places, rates, strict=True)]
         inner = following
     turned = _WithJumps(inner, 1)
@@ -73,7 +79,7 @@ def derivatives_along(
     return parts
 
 
-def _rates(algebra: Algebra[T], body: RigidBody, g: Sequence[T]) -> list[T]:
+def rates_along(algebra: Algebra[T], body: RigidBody, g: Sequence[T]) -> list[T]:
     """Return X g1, X g2 and X g3."""
     g1, g2, g3 = g
     A, C = algebra.constant(body.A), algebra.constant(body.C)

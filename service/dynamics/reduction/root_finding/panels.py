@@ -6,6 +6,7 @@ they agree with balls; where they underflow next to a pole, or cancel so that
 no series comes to its end, the nodes of the panel are evaluated in balls.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +30,8 @@ AGREEMENT = 1e-6
 """Relative difference from the ball up to which doubles are trusted: it cannot hide a change of sign."""
 UNRESOLVED = 1e-9
 """Tail of a series, against its largest term, that is too much."""
+ABOUT_INFINITY = 1e-3
+"""Relative width of a panel about a place where P is infinite: there its sign is known by other means."""
 MAX_SPLITS = 12
 STEEPEST = 400.0
 """Largest power of the distance to a pole that a panel is levelled by."""
@@ -57,16 +60,20 @@ class RegionPanel:
         return middle + half * chebyshev_points(DEGREE)
 
 
-def resolved_panels(loop: Loop, g3_sign: int, radicand: Radicand) -> list[tuple[RegionPanel, FloatArray]]:
+def resolved_panels(
+    loop: Loop, g3_sign: int, radicand: Radicand, infinite: Sequence[float] = ()
+) -> list[tuple[RegionPanel, FloatArray]]:
     """Return panels in the order of growing v with the series of P on the half of this sign of g3.
 
-    A panel that even balls do not resolve has a series of NaN.
+    A panel that even balls do not resolve has a series of NaN. About the v where P is ``infinite`` there is
+    none.
     """
     waiting = [
         *_towards_pole(loop, g3_sign, radicand, "north"),
         RegionPanel("middle", 0.25 * np.pi, 0.75 * np.pi),
     ]
     waiting.extend(_towards_pole(loop, g3_sign, radicand, "south"))
+    waiting = [part for panel in waiting for part in _without(panel, infinite)]
     done: list[tuple[RegionPanel, FloatArray]] = []
     for split in range(MAX_SPLITS + 1):
         series = chebyshev_coefficients(_levelled_values(loop, g3_sign, radicand, waiting))
@@ -91,6 +98,17 @@ def resolved_panels(loop: Loop, g3_sign: int, radicand: Radicand) -> list[tuple[
     order = {"north": 0, "middle": 1, "south": 2}
     done.sort(key=lambda at: (order[at[0].region], -at[0].left if at[0].region == "south" else at[0].left))
     return done
+
+
+def _without(panel: RegionPanel, infinite: Sequence[float]) -> list[RegionPanel]:
+    """Return the parts of a panel that are left without the neighbourhoods of places where P is infinite."""
+    ends = (np.pi - panel.right, np.pi - panel.left) if panel.region == "south" else (panel.left, panel.right)
+    if not any(ends[0] <= v <= ends[1] for v in infinite):
+        return [panel]
+    if panel.right - panel.left < ABOUT_INFINITY * panel.left:
+        return []
+    parts = [part for half in panel.halves() for part in _without(half, infinite)]
+    return parts[::-1] if panel.region == "south" else parts
 
 
 def _retried(panel: RegionPanel, coefficients: FloatArray) -> tuple[RegionPanel, ...]:

@@ -9,7 +9,7 @@ two, and a double zero is one. Either way the signs at the cuts are taken in bal
 of sign is one zero, enclosed.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,13 +61,17 @@ class HalfLoop:
     """Places where P nearly touches 0 and is proved not to."""
 
 
-def scan_half(loop: Loop, g3_sign: int) -> HalfLoop:
-    """Return the zeros and signs of P where g3 has this sign (primed axes), as far as a scan shows them."""
+def scan_half(loop: Loop, g3_sign: int, known: Sequence[LoopPlace] = ()) -> HalfLoop:
+    """Return the zeros and signs of P where g3 has this sign (primed axes), as far as a scan shows them.
+
+    ``known`` are places where P is infinite, and others next to them.
+    """
     radicand = precise_radicand(loop, g3_sign)
     if vanishes(radicand):
         return HalfLoop((), (-1,), "blocked", "blocked")
-    inner: list[LoopPlace] = []
-    for panel, series in resolved_panels(loop, g3_sign, radicand):
+    inner = list(known)
+    infinite = [float(place.v()) for place in known if place.is_infinite]
+    for panel, series in resolved_panels(loop, g3_sign, radicand, infinite):
         inner.extend(_cuts(panel, series, radicand))
     cuts = [*_tail("north", radicand), *in_order(inner), *_tail("south", radicand)[::-1]]
     return half_between(cuts, g3_sign, radicand)

@@ -1,6 +1,6 @@
 """Encloses in balls the zeros of the radicand between places where its sign is known."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -24,6 +24,8 @@ class LoopPlace:
     """Values of P up to this size count as zero here: set at critical points. It may be below any double."""
     sign: int | None = None
     """The sign of P where doubles leave no doubt of it."""
+    is_infinite: bool = False
+    """P is proved to grow without bound here, where it has a value, and ``x`` encloses the place."""
 
     def v(self) -> arb:
         """Return the loop coordinate, 0 < v < π."""
@@ -40,6 +42,8 @@ POLE_EXPONENTS = (-1408, -704, -352)
 differ by 1e600 may change places at 2^-1000. A formula that cancels next to the pole needs more
 bits at the nearest than there are: then the others serve."""
 
+SLOWEST = 0.01
+"""Power of the distance that a zero without an order is at least seen to be like."""
 STEEPEST = 2000.0
 """Largest power of the distance to a pole that P is taken to be like."""
 
@@ -47,14 +51,14 @@ Radicand = Callable[[LoopPlace], arb]
 """P as a function of the place."""
 
 
-ZeroKind = Literal["simple", "multiple", "flat", "edge"]
+ZeroKind = Literal["simple", "multiple", "flat", "edge", "infinite"]
 """A zero of order one; of order two or more: an equilibrium or separatrix; of no order that is known;
-the edge of where P is defined."""
+the edge of where P is defined; no zero of P but one of 1/P, which P > 0 comes to on one side at least."""
 
 
 @dataclass(frozen=True, slots=True)
 class Zero:
-    """A place v (a ball that contains it) where P ceases to be positive, or touches zero."""
+    """A place v (a ball that contains it) where P ceases to be positive, touches zero, or is infinite."""
 
     v: arb
     kind: ZeroKind
@@ -64,9 +68,36 @@ def zeros_between(cuts: list[LoopPlace], radicand: Radicand) -> tuple[list[Zero]
     """Return the zeros between the cuts, and the signs around them.
 
     Between neighbouring cuts P is monotone, so a change of sign is exactly one
-    zero. A cut at which P vanishes is itself a zero. Where P is not defined
+    zero. A cut at which P vanishes is itself a zero, and one at which it is infinite
+    a change from one branch of P to another. Where P is not defined
     there is no motion: the sign is negative, and a positive stretch ends at an edge.
     """
+    zeros, signs = list[Zero](), list[int]()
+    for infinite, branch in _branches(cuts):
+        found, of_branch = _zeros_of_branch(branch, radicand)
+        if infinite is None or 1 in (signs[-1], of_branch[0]):
+            zeros.extend([] if infinite is None else [Zero(infinite.v(), "infinite")])
+            signs.extend(of_branch)
+        else:
+            signs.extend(of_branch[1:])
+        zeros.extend(found)
+    return zeros, signs
+
+
+def _branches(cuts: list[LoopPlace]) -> Iterator[tuple[LoopPlace | None, list[LoopPlace]]]:
+    """Yield the stretches of cuts between places where P is infinite, each after such a place."""
+    infinite: LoopPlace | None = None
+    branch: list[LoopPlace] = []
+    for place in cuts:
+        if place.is_infinite:
+            yield infinite, branch
+            infinite, branch = place, []
+        else:
+            branch.append(place)
+    yield infinite, branch
+
+
+def _zeros_of_branch(cuts: list[LoopPlace], radicand: Radicand) -> tuple[list[Zero], list[int]]:
     zeros: list[Zero] = []
     signs: list[int] = []
     last: LoopPlace | None = None  # the cut before, unless P vanished there
@@ -147,8 +178,10 @@ def _crossing(radicand: Radicand, left: LoopPlace, right: LoopPlace) -> Zero:
         return radicand(LoopPlace(left.region, x))
 
     root = LoopPlace(left.region, enclose_zero(function, left.x, right.x))
-    # Two simple zeros that are close look like a double one from afar.
-    if _is_simple(radicand, root) or _is_simple(radicand, root, -3 * ctx.prec // 8):
+    # Two simple zeros that are close look like a double one from afar, one beside an infinity like none.
+    if any(
+        _is_simple(radicand, root, exponent) for exponent in (-60, -3 * ctx.prec // 8, -3 * ctx.prec // 4)
+    ):
         return Zero(root.v(), "simple")
     # Where P is flat, or has orders of magnitude to pass, its values say little of where its zero is, and
     # its signs all.
@@ -171,6 +204,13 @@ def _touch(radicand: Radicand, place: LoopPlace) -> Zero:
 def _of_order(radicand: Radicand, place: LoopPlace) -> Zero:
     order = order_of_zero(lambda x: radicand(LoopPlace(place.region, x)), place.x)
     return Zero(place.v(), "multiple" if order == "power" else "flat")
+
+
+def tends_to_zero(radicand: Radicand, v: arb) -> bool:
+    """Tell whether P is seen to fall towards a place where it changes its sign: no jump, no growth."""
+    x = abs(v).mid()
+    # No ball tells a power below SLOWEST from a jump.
+    return exponent_at(lambda at: radicand(LoopPlace("middle", at)), x, x * arb(2) ** -24) > SLOWEST
 
 
 def _by_signs(function: Callable[[arb], arb], a: arb, b: arb) -> arb:

@@ -116,9 +116,10 @@ def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
     with np.errstate(all="ignore"):
         D, *slopes = derivatives_along(algebra, curves.tape, curves.body, g, 1 if with_slope else 0)
     shape = cells.low.shape
-    slope = _signs(slopes[0], shape) * curves.turn if slopes else np.zeros(shape, dtype=np.int64)
+    at_pole = cells.low == 0.0
+    slope = _signs(slopes[0], shape, at_pole) * curves.turn if slopes else np.zeros(shape, dtype=np.int64)
     is_undefined = np.broadcast_to(algebra.is_undefined, shape)
-    return Found(_signs(D, shape) * curves.turn, slope, is_undefined, _are_faint(D, shape))
+    return Found(_signs(D, shape, at_pole) * curves.turn, slope, is_undefined, _are_faint(D, shape))
 
 
 def derivative_values(curves: Curves, cells: Cells, order: int) -> list[Bounds]:
@@ -141,11 +142,12 @@ def _places(algebra: IntervalAlgebra, loops: Loops, cells: Cells) -> tuple[Inter
     return g1, algebra.interval(*heights(loops, cells)), g3
 
 
-def _signs(element: Interval | None, shape: tuple[int, ...]) -> IntArray:
+def _signs(element: Interval | None, shape: tuple[int, ...], at_pole: BoolArray) -> IntArray:
     if element is None:
         return np.zeros(shape, dtype=np.int64)
-    # Written so that NaN is no sign.
-    is_ordered = element.lo <= element.hi
+    # Written so that NaN is no sign. What is not bounded may be infinite inside, where a sign says nothing of
+    # zeros; at a pole it is known by its leading power.
+    is_ordered = (element.lo <= element.hi) & (at_pole | (np.isfinite(element.lo) & np.isfinite(element.hi)))
     signs = ((element.lo > 0.0) & is_ordered).astype(np.int64) - ((element.hi < 0.0) & is_ordered)
     return np.broadcast_to(signs, shape)
 

@@ -1,7 +1,7 @@
 """Settles in balls the cells of half a loop that bounds in doubles leave open."""
 
 from dataclasses import dataclass, replace
-from math import pi, sqrt
+from math import sqrt
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from service.dynamics.reduction.sign_proofs.signs_in_balls import (
     bound_on_cell,
     bound_on_stretch,
     turn_on_stretch,
+    width_of,
 )
 
 ROUNDS = 4
@@ -72,15 +73,8 @@ def ends_of(picture: Picture, gap: Gap) -> tuple[Side, Side]:
     )
 
 
-def width_of(start: Side, stop: Side) -> float:
-    """Return the width of a stretch against its distance to the nearer pole."""
-    if start[0] == stop[0]:
-        return abs(stop[1] - start[1]) / max(min(start[1], stop[1]), 1e-300)
-    return pi - start[1] - stop[1]
-
-
 def _unbounded(picture: Picture) -> list[Gap]:
-    return [gap for gap in picture.open_gaps() if not picture.is_bounded(gap)]
+    return [gap for gap in picture.open_gaps() if not (picture.is_bounded(gap) or picture.is_infinite(gap))]
 
 
 def _bounded(half: Half, picture: Picture, gaps: list[Gap]) -> Picture:

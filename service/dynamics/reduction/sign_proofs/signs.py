@@ -29,6 +29,8 @@ MOST_CELLS = 8192
 
 CELLS, FOUND = ("owner", "hemisphere", "low", "high"), ("sign", "slope", "is_undefined", "is_faint")
 
+INFINITE = 99
+
 Gap = tuple[int, int]
 """Numbers of the cells without a certain sign, first ≤ k < last, as many as there are in a row."""
 
@@ -40,7 +42,8 @@ class Picture:
     cells: Cells
     found: Found
     most_zeros: IntArray
-    """So many has P on the stretch of such cells that the cell belongs to, as balls say; −1 elsewhere."""
+    """So many has P on the stretch of such cells that the cell belongs to, as balls say; −1 elsewhere.
+    INFINITE where P is proved to be infinite at one place of the stretch."""
 
     @property
     def is_settled(self) -> BoolArray:
@@ -88,6 +91,10 @@ class Picture:
         edges = np.diff(np.concatenate([[False], is_silent, [False]]).astype(np.int8))
         starts, stops = np.flatnonzero(edges > 0) + first, np.flatnonzero(edges < 0) + first
         return list(zip(starts.tolist(), stops.tolist(), strict=True))
+
+    def is_infinite(self, gap: Gap) -> bool:
+        """Tell whether P is proved to be infinite at one place of a gap."""
+        return bool((self.most_zeros[gap[0] : gap[1]] == INFINITE).all())
 
     def is_bounded(self, gap: Gap) -> bool:
         """Tell whether balls have found all places of a gap where P turns."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
-from math import inf
+from math import inf, pi
 
 from flint import arb
 
@@ -11,7 +11,7 @@ from service.dynamics.formula.algebras.long_intervals import LongInterval, LongI
 from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
 from service.dynamics.reduction.geometry.loop import ball
-from service.dynamics.reduction.geometry.slopes import Drop, derivatives_along
+from service.dynamics.reduction.geometry.slopes import Beside, derivatives_along, rates_along
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Region, enclose_zero
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
 from service.dynamics.reduction.sign_proofs.cells import Half
@@ -39,15 +39,17 @@ def bound_on_cell(half: Half, hemisphere: float, low: float, high: float) -> Bou
     """Return what is known of P, or of its slope, on a cell, which may begin at the pole; None if nothing."""
     for log_power in (Fraction(0), LOG_POWER) if low == 0.0 else (Fraction(0),):
         algebra, g = _long(half, hemisphere, low, high, log_power)
-        forms: list[tuple[Tape, Drop[LongInterval] | None]] = [(half.tape, None)]
+        forms: list[tuple[Tape, Beside[LongInterval] | None]] = [(half.tape, None)]
         if high < NEAR_POLE:
             sigma = 1 if hemisphere > 0 else -1
-            drop = Drop(_drop(algebra, g), sigma)
+            _, rate, _ = rates_along(algebra, half.body, g)
+            drop = Beside(_drop(algebra, g), algebra.negate(rate) if sigma > 0 else rate)
             forms.extend((form, drop) for form in half.pole_forms[sigma])
         for order in (0,) if low == 0.0 else (0, 1):
             for tape, beside in forms:
                 found = derivatives_along(algebra, tape, half.body, g, order, beside)[order]
-                if found is not None and found.sign:
+                # What is not bounded may be infinite inside; at the pole it is known by its leading power.
+                if found is not None and found.sign and (low == 0.0 or found.is_bounded):
                     return Bound(order, found.sign * half.turn)
     return None
 
@@ -72,12 +74,7 @@ def is_negative_where_defined(half: Half, start: Side, stop: Side) -> bool:
 
 def bound_on_stretch(half: Half, start: Side, stop: Side) -> Bound | None:
     """Return what is known of P between two places, the first at the smaller v; None for nothing."""
-    if start[0] == stop[0]:
-        g = _around(half, start[0], *sorted((start[1], stop[1])))
-    else:
-        north, south = (_around(half, side, x, QUARTER) for side, x in (start, stop))
-        g = [one.union(other) for one, other in zip(north, south, strict=True)]
-    found = derivatives_along(BallAlgebra(), half.tape, half.body, g, 2)
+    found = derivatives_along(BallAlgebra(), half.tape, half.body, place_on_stretch(half, start, stop), 2)
     for order, derivative in enumerate(found):
         if _sign(derivative):
             return Bound(order, _sign(derivative) * half.turn)
@@ -96,11 +93,12 @@ class Turn:
 
 def turn_on_stretch(half: Half, start: Side, stop: Side) -> Turn | None:
     """Return where P turns between two places if its second derivative has one sign there, else None."""
-    region: Region = "middle" if start[0] != stop[0] else "north" if start[0] > 0 else "south"
-    ends = [arb.pi() - arb(x) if region == "middle" and side < 0 else arb(x) for side, x in (start, stop)]
+    region, ends = region_of_stretch(start, stop)
 
     def derivative(x: arb, order: int) -> arb:
-        found = derivatives_along(BallAlgebra(), half.tape, half.body, _at(half, region, x), order)[order]
+        found = derivatives_along(BallAlgebra(), half.tape, half.body, place_at(half, region, x), order)[
+            order
+        ]
         return arb(0) if found is None else found
 
     slopes = [_sign(derivative(x, 1)) * half.turn for x in ends]
@@ -117,7 +115,21 @@ def turn_on_stretch(half: Half, start: Side, stop: Side) -> Turn | None:
     return Turn(0, LoopPlace(region, x.mid(), sign=_sign(P)) if _sign(P) else LoopPlace(region, x.mid(), inf))
 
 
-def _at(half: Half, region: Region, x: arb) -> list[arb]:
+def width_of(start: Side, stop: Side) -> float:
+    """Return the width of a stretch against its distance to the nearer pole."""
+    if start[0] == stop[0]:
+        return abs(stop[1] - start[1]) / max(min(start[1], stop[1]), 1e-300)
+    return pi - start[1] - stop[1]
+
+
+def region_of_stretch(start: Side, stop: Side) -> tuple[Region, list[arb]]:
+    """Return the region that a stretch lies in, and the coordinates of its ends there."""
+    region: Region = "middle" if start[0] != stop[0] else "north" if start[0] > 0 else "south"
+    ends = [arb.pi() - arb(x) if region == "middle" and side < 0 else arb(x) for side, x in (start, stop)]
+    return region, ends
+
+
+def place_at(half: Half, region: Region, x: arb) -> list[arb]:
     """Return g1, g2 and g3 at a place, in the client's axes."""
     sine, cosine = x.sin_cos()
     cosine = -cosine if region == "south" else cosine
@@ -154,6 +166,14 @@ def _long(
 def height_at(half: Half, side: Side) -> float:
     """Return g2 at a place."""
     return float(_corner(half, *side)[1])
+
+
+def place_on_stretch(half: Half, start: Side, stop: Side) -> list[arb]:
+    """Return balls of g1, g2 and g3 between two places, in the client's axes."""
+    if start[0] == stop[0]:
+        return _around(half, start[0], *sorted((start[1], stop[1])))
+    north, south = (_around(half, side, x, QUARTER) for side, x in (start, stop))
+    return [one.union(other) for one, other in zip(north, south, strict=True)]
 
 
 def _around(half: Half, hemisphere: float, low: float, high: float) -> list[arb]:

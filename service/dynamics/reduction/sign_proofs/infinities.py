@@ -1,0 +1,257 @@
+r"""Proves where p² grows without bound between two places, and that it is continuous where it is 0.
+
+Where a part u of the formula vanishes, which depends on g2 alone and is monotone there, each side of u = 0
+is enclosed in an algebra whose scale is δ = |u|: D = g1 V_3 − g3 V_1 is δ^e times something bounded. If e < 0
+and the coefficient is away from 0, |D| → ∞. So it does where X D is δ^e with e ≤ −1 and a coefficient away
+from 0: its integral diverges, as that of 1/δ for a logarithm in D. There D is monotone besides, and has one
+zero at most on that side, however weak the infinite part is beside the rest.
+
+The time to such a place, ∫ dv/√P, is finite.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+
+from flint import arb
+
+from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.jets import FirstOrderJets
+from service.dynamics.formula.algebras.long_intervals import LongInterval, LongIntervalAlgebra
+from service.dynamics.formula.vanishing import VanishingPart, vanishing_parts
+from service.dynamics.reduction.geometry.slopes import Beside, derivatives_along
+from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, enclose_zero
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
+from service.dynamics.reduction.sign_proofs.cells import Half
+from service.dynamics.reduction.sign_proofs.signs_in_balls import (
+    LOG_POWER,
+    Side,
+    place_at,
+    place_on_stretch,
+    region_of_stretch,
+    width_of,
+)
+
+UNDEFINED = 2
+"""In place of a sign."""
+MOST_LOOKS = 2000
+"""At stretches of one half."""
+NARROWEST = 1e-9
+"""Relative width of a stretch that is not cut any more."""
+NEARER = (4, 8, 16, 32, 64, 96, 128)
+"""-log2 of the distances from an infinity, against the stretch, at which P is tried for the sign it has next
+to it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Infinity:
+    """The one place of a stretch where P is infinite, and its sign on both sides of it, or UNDEFINED."""
+
+    start: Side
+    stop: Side
+    place: LoopPlace
+    ends: tuple[arb, arb]
+    """The coordinates of both ends, in the region of the place."""
+    signs: tuple[int, int]
+
+    def cuts(self, radicand: Radicand, before: int, after: int) -> list[LoopPlace] | None:
+        """Return places that show the signs of P on the stretch, which has these labels, or 0, at its ends.
+
+        None where they are not found.
+        """
+        cuts = [self.place]
+        for near, label, end in zip(self.signs, (before, after), self.ends, strict=True):
+            if near == label or (near == UNDEFINED and label == 0):
+                continue
+            beside = None if UNDEFINED in (near, label) else self._beside(radicand, end, near)
+            if beside is None:
+                return None
+            cuts.append(beside)
+        return cuts
+
+    def _beside(self, radicand: Radicand, end: arb, sign: int) -> LoopPlace | None:
+        """Return a place on the side of ``end`` where P has the sign that it has next to the infinity."""
+        centre = self.place.x.mid()
+        for bits in NEARER:
+            x = (centre + (end - centre) * arb(2) ** -bits).mid()
+            if radicand(LoopPlace(self.place.region, x)) * sign > 0:
+                return LoopPlace(self.place.region, x, sign=sign)
+        return None
+
+
+def infinity_between(half: Half, start: Side, stop: Side) -> Infinity | None:
+    """Return where P is proved to be infinite between two places, the first at the smaller v; None if not."""
+    g = place_on_stretch(half, start, stop)
+    region, ends = region_of_stretch(start, stop)
+    for part in vanishing_parts(half.tape):
+
+        def value(x: arb, part: VanishingPart = part) -> arb:
+            return part.part.evaluate(BallAlgebra(), place_at(half, region, x))
+
+        near = _Neighbourhood.of(half, part, g)
+        if near is None or not value(ends[0]) * value(ends[1]) < 0:
+            continue
+        # Along v g2 falls.
+        before, after = (near.limit(side) for side in (1, -1))
+        if before is not None and after is not None and {before, after} != {UNDEFINED}:
+            place = LoopPlace(region, enclose_zero(value, *ends), is_infinite=True)
+            return Infinity(start, stop, place, (ends[0], ends[1]), (before, after))
+    return None
+
+
+def infinities_of(half: Half) -> list[Infinity] | None:
+    """Return all places of a half where P is infinite; None where a part vanishes and it is not settled.
+
+    Without bounds of P: for a potential of which the formula is all that can be infinite.
+    """
+    found = list[Infinity]()
+    for part in vanishing_parts(half.tape):
+        waiting, looks = _stretches(), 0
+        while waiting:
+            start, stop = waiting.pop()
+            looks += 1
+            if looks > MOST_LOOKS:
+                return None
+            if not _may_vanish(half, part, start, stop):
+                continue
+            infinity = infinity_between(half, start, stop)
+            if infinity is not None:
+                found.append(infinity)
+            elif width_of(start, stop) > NARROWEST:
+                waiting.extend(_halves(start, stop))
+            elif not is_continuous(half, start, stop):
+                return None
+    return found
+
+
+def _may_vanish(half: Half, part: VanishingPart, start: Side, stop: Side) -> bool:
+    """Tell whether a part may vanish on a stretch; at the edge of where it has a value it is not asked."""
+    g = [LongInterval(x.lower(), x.upper()) for x in place_on_stretch(half, start, stop)]
+    algebra = _DomainIntervals(arb(0), arb(1) / 2)
+    u = part.part.evaluate(algebra, g)
+    if algebra.is_undefined or u.sign:
+        return False
+    return bool(u.lo <= u.hi) or width_of(start, stop) > NARROWEST
+
+
+def _stretches() -> list[tuple[Side, Side]]:
+    """Return stretches from pole to pole, one of them across the equator."""
+    ends = [1e-6, 1e-3, 0.1, *(0.25 * k for k in range(1, 7))]
+    north = [((1.0, low), (1.0, high)) for low, high in pairwise(ends)]
+    south = [((-1.0, high), (-1.0, low)) for low, high in pairwise(ends)]
+    return [*north, ((1.0, ends[-1]), (-1.0, ends[-1])), *south]
+
+
+def _halves(start: Side, stop: Side) -> list[tuple[Side, Side]]:
+    if start[0] == stop[0]:
+        # A place that is likely to be one where a part vanishes is no end.
+        middle = (start[0], start[1] + 0.4871 * (stop[1] - start[1]))
+        return [(start, middle), (middle, stop)]
+    inner = [(side, QUARTER - 0.4871 * (QUARTER - x)) for side, x in (start, stop)]
+    return [(start, inner[0]), (inner[0], inner[1]), (inner[1], stop)]
+
+
+def is_continuous(half: Half, start: Side, stop: Side) -> bool:
+    """Tell whether P is proved to be continuous between two places, or to tend to 0 at one of them."""
+    g = place_on_stretch(half, start, stop)
+    (D,) = derivatives_along(_UnbrokenBalls(), half.tape, half.body, g, 0)
+    if D is None or D.is_finite():
+        return True
+    near = (_Neighbourhood.of(half, part, g) for part in vanishing_parts(half.tape))
+    return any(each is not None and all(each.tends_to_zero(side) for side in (1, -1)) for each in near)
+
+
+class _UnbrokenBalls(BallAlgebra):
+    """Balls in which what jumps has no value where it may do so."""
+
+    def call(self, name: str, argument: arb) -> arb:
+        """Return the function of the ball."""
+        if name == "sign" and argument.contains(0):
+            return arb.nan()
+        return super().call(name, argument)
+
+
+class _DomainIntervals(LongIntervalAlgebra):
+    """Intervals that remember whether a root or a logarithm certainly has no value."""
+
+    is_undefined = False
+
+    def power(self, base: LongInterval, exponent: Fraction) -> LongInterval:
+        """Return base^exponent."""
+        self.is_undefined |= exponent.denominator > 1 and base.sign < 0
+        return super().power(base, exponent)
+
+    def call(self, name: str, argument: LongInterval) -> LongInterval:
+        """Return the function."""
+        self.is_undefined |= name == "log" and argument.sign < 0
+        return super().call(name, argument)
+
+
+@dataclass(frozen=True, slots=True)
+class _Neighbourhood:
+    """A box of g1, g2, g3 in which a part u of the formula vanishes at one g2."""
+
+    half: Half
+    part: VanishingPart
+    g: list[arb]
+    slope: arb
+    """du/dg2, which has one sign."""
+    size: arb
+    """Bound of |u|."""
+
+    @staticmethod
+    def of(half: Half, part: VanishingPart, g: list[arb]) -> "_Neighbourhood | None":
+        """Return the box, None if u does not vanish in it, or is not monotone."""
+        jets = FirstOrderJets(BallAlgebra(), 1)
+        seeds = [jets.seed(x, (rate,)) for x, rate in zip(g, (None, arb(1), None), strict=True)]
+        u = part.part.evaluate(jets, seeds)
+        slope = u.first[0]
+        if slope is None or not (slope.is_finite() and (slope > 0 or slope < 0)):
+            return None
+        if not u.value.contains(0):
+            return None
+        return _Neighbourhood(half, part, g, slope, u.value.abs_upper())
+
+    def limit(self, side: int) -> int | None:
+        """Return the sign of infinity that P tends to where g2 is larger (side 1) or smaller than at u = 0.
+
+        UNDEFINED if P has no value there, None if nothing is proved.
+        """
+        for log_power in (Fraction(0), LOG_POWER):
+            D, rate, is_undefined = self._enclosed(side, log_power)
+            if is_undefined:
+                return UNDEFINED
+            if D is not None and D.exponent < 0 and _is_away(D):
+                return D.sign * self.half.turn
+            if rate is not None and rate.exponent <= -1 and _is_away(rate):
+                # X leads from larger g2 to smaller.
+                return side * rate.sign * self.half.turn
+        return None
+
+    def tends_to_zero(self, side: int) -> bool:
+        """Tell whether P is bounded on a side and tends to 0."""
+        found = (self._enclosed(side, log_power)[0] for log_power in (Fraction(0), LOG_POWER))
+        return any(D is None or (D.exponent > 0 and D.is_bounded) for D in found)
+
+    def _enclosed(
+        self, side: int, log_power: Fraction
+    ) -> tuple[LongInterval | None, LongInterval | None, bool]:
+        """Return D and X D on a side, and whether they certainly have no value."""
+        algebra = _DomainIntervals(arb(0), self.size, log_power)
+        A, C = (algebra.constant(moment) for moment in (self.half.body.A, self.half.body.C))
+        g1, g2, g3 = (LongInterval(x.lower(), x.upper()) for x in self.g)
+        Q = algebra.add(
+            algebra.multiply(A, algebra.power(g1, Fraction(2))),
+            algebra.multiply(C, algebra.power(g3, Fraction(2))),
+        )
+        slope = LongInterval(self.slope.lower(), self.slope.upper())
+        is_positive = (self.slope > 0) == (side > 0)
+        u = LongInterval(arb(1), arb(1), Fraction(1))
+        beside = Beside(u if is_positive else algebra.negate(u), algebra.negate(algebra.multiply(slope, Q)))
+        D, rate = derivatives_along(algebra, self.part.whole, self.half.body, [g1, g2, g3], 1, beside)
+        return D, rate, algebra.is_undefined
+
+
+def _is_away(x: LongInterval) -> bool:
+    """Tell whether the coefficient is away from 0."""
+    return bool(x.lo <= x.hi and (x.lo > 0 or x.hi < 0))
