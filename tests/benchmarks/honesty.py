@@ -25,6 +25,7 @@ from tests.benchmarks.honesty_page import MEASURED, NOT_COVERED, PROVED, SMOOTH,
 from tests.benchmarks.hostile_counts import HostileRecord, faults_of, load_hostile, measure_hostile
 from tests.benchmarks.hostile_report import hostile_section
 from tests.support.claims import BITS, CLAIMS, LATEST
+from tests.support.hostile_documents import ONLY
 from tests.support.hostile_ways import ROUNDS
 from tests.support.random_documents import FAMILIES, SMALLEST_GAP
 
@@ -142,6 +143,7 @@ def main() -> int:
     parser.add_argument("--record", type=Path, help="file of what has been counted, to go on from")
     parser.add_argument("--hostile-record", type=Path, help="the same of hostile problems")
     parser.add_argument("--only", choices=HEADS, help="run this kind; the section of the other one is kept")
+    parser.add_argument("--class", dest="only_class", choices=ONLY, help="of hostile problems")
     parser.add_argument("--page", type=Path, default=REPORT, help="written there; the default is in docs")
     arguments = parser.parse_args()
     asked: set[Kind] = {arguments.only} if arguments.only else set(HEADS)
@@ -163,7 +165,7 @@ def main() -> int:
         measure(record, arguments.count, arguments.seconds, keep)
         found["smooth"] = "\n".join(smooth_section(record))
     if "hostile" in asked:
-        measure_hostile(hostile, arguments.hostile, arguments.seconds, keep_hostile)
+        measure_hostile(hostile, arguments.hostile, arguments.seconds, keep_hostile, arguments.only_class)
         found["hostile"] = "\n".join(hostile_section(hostile))
     arguments.page.write_text(report(found["smooth"], found["hostile"]), encoding="utf-8")
     for text in record.documents:

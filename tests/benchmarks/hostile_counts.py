@@ -38,9 +38,16 @@ class HostileRecord:
 
 
 def measure_hostile(
-    record: HostileRecord, count: int, seconds: float, keep: Callable[[HostileRecord], None]
+    record: HostileRecord,
+    count: int,
+    seconds: float,
+    keep: Callable[[HostileRecord], None],
+    only: str | None = None,
 ) -> None:
-    """Go on until problem ``count`` or until so many seconds have passed; ``keep`` is called now and then."""
+    """Go on until problem ``count`` or until so many seconds have passed; ``keep`` is called now and then.
+
+    ``only`` is a class of problems.
+    """
     began, before = time.perf_counter(), record.seconds
     # All stages of a problem in one child, which remembers what it has found of it.
     free: Queue[Sandbox] = Queue()
@@ -50,7 +57,7 @@ def measure_hostile(
     def row(index: int) -> Row:
         sandbox = free.get()
         try:
-            return measured_row(sandbox, record.seed, index)
+            return measured_row(sandbox, record.seed, index, only)
         finally:
             free.put(sandbox)
 
@@ -67,7 +74,7 @@ def measure_hostile(
             free.get().close()
 
 
-def measured_row(sandbox: Sandbox, seed: int, index: int) -> Row:
+def measured_row(sandbox: Sandbox, seed: int, index: int, only: str | None = None) -> Row:
     """Return what became of one problem."""
 
     def run(stage: str, function: Callable[..., str], *arguments: object) -> Row:
@@ -82,7 +89,7 @@ def measured_row(sandbox: Sandbox, seed: int, index: int) -> Row:
             answer = {"code": code, "faults": faults, "claims": {}, "seconds": 0.0}
         return answer
 
-    facts = run("facts", facts_of, seed, index)
+    facts = run("facts", facts_of, seed, index, only)
     row: Row = {"index": index, "kind": facts.get("kind", "?"), "stages": {}, "unknown": None}
     if "kind" not in facts:
         return row | {"unknown": f"{facts['code']} of the reference"}

@@ -39,6 +39,10 @@ class Curve:
     c: arb
     """cλ^(−2α) Z²/(C G²)."""
     of_g2: OfG2
+    weighted: OfG2 | None = None
+    """The same times :attr:`weight`, where that leaves nothing infinite."""
+    weight: OfG2 | None = None
+    """A product of powers of distances from the places where the function is infinite."""
 
     def tau(self, v: Value) -> Value:
         """Return (sin v)^(1/m)."""
@@ -73,12 +77,24 @@ class Curve:
     def sign_function(self, tau: Value, y: Value, sides: tuple[int, ...]) -> Value:
         """Return p² times a positive number and a power of τ that leaves it finite and not 0 at the poles."""
         n, m = self.n, self.m
-        g = self.of_g2(y, sides) * (self.Z * self.Z)
+        b, c, of_g2 = self.b, self.c, self.of_g2
+        if self.weighted is not None and self.weight is not None:
+            weight = self.weight(y, sides)
+            b, c, of_g2 = b * weight, c * weight, self.weighted
+        g = of_g2(y, sides) * (self.Z * self.Z)
         if self.c != 0:
-            return -(power(tau, 2 * n) * g + power(tau, 2 * n - 2 * m) * self.b + self.c)
+            return -(power(tau, 2 * n) * g + power(tau, 2 * n - 2 * m) * b + c)
         if self.b != 0:
-            return -(power(tau, 2 * m) * g + self.b)
+            return -(power(tau, 2 * m) * g + b)
         return -g
+
+    def weighted_p_squared(self, tau: Value, y: Value, sides: tuple[int, ...]) -> Value:
+        """Return p² times the weight, between the poles."""
+        n, m = self.n, self.m
+        found = self.sign_function(tau, y, sides) * (2 * self.C / self.A)
+        if self.c != 0:
+            return found / power(tau, 2 * n - 2 * m)
+        return found if self.b != 0 else found * power(tau, 2 * m)
 
     @property
     def at_pole(self) -> str:

@@ -34,9 +34,9 @@ class Hostile:
     reason: str
 
 
-def draw(draws: np.random.Generator) -> Hostile:
-    """Return a random hostile problem."""
-    return MAKERS[draws.integers(len(MAKERS))](draws)
+def draw(draws: np.random.Generator, only: str | None = None) -> Hostile:
+    """Return a random hostile problem, of one of ONLY if that is asked."""
+    return MAKERS[draws.integers(len(MAKERS))](draws) if only is None else ONLY[only](draws)
 
 
 def _narrow(draws: np.random.Generator) -> Hostile:
@@ -45,6 +45,19 @@ def _narrow(draws: np.random.Generator) -> Hostile:
     feature = draw_feature(smooth, shape, draws)
     known = _with_features(smooth, (feature,), draws)
     return Hostile(f"{shape} {_effect(known)}", known, known.document(), "admissible", ADMISSIBLE)
+
+
+def _infinite(draws: np.random.Generator) -> Hostile:
+    """A place on the sphere, or two, where p² is infinite: a power 1/t, 1/t² or 1/t³."""
+    smooth = draw_smooth(draws)
+    features = tuple(_pole_inside(smooth, draws) for _ in range(1 if draws.random() < 0.8 else 2))
+    known = _with_features(smooth, features, draws)
+    return Hostile("infinite inside", known, known.document(), "admissible", ADMISSIBLE)
+
+
+def _pole_inside(smooth: Known, draws: np.random.Generator) -> Feature:
+    feature = replace(draw_feature(smooth, "infinite", draws), power=int(draws.integers(1, 4)))
+    return replace(feature, argument="g2", place=Fraction(0)) if draws.random() < 0.05 else feature
 
 
 def _two(draws: np.random.Generator) -> Hostile:
@@ -230,3 +243,5 @@ MAKERS = (_narrow,) * 12 + (
     _without_value,
 )
 """Of which one is drawn."""
+ONLY = {"infinite": _infinite}
+"""Classes of problems that are asked alone."""

@@ -1,4 +1,4 @@
-"""Features that are hard to see: narrow, kinked, flat, or with a pole beside the sphere.
+"""Features that are hard to see: narrow, kinked, flat, or with a pole beside the sphere or on it.
 
 Each is a function f of g2, or of ρ = g1² + g3² = 1 − g2², written as a formula and
 evaluated here without any parser. A feature times A g1² + C g3² is an admissible
@@ -14,8 +14,9 @@ from flint import acb, arb
 from tests.support import jets
 from tests.support.jets import Jet, Value, absolute, exp, sin
 
-Shape = Literal["gaussian", "bump", "step", "packet", "spike", "kink", "root", "cap", "hole", "pole"]
-SHAPES: tuple[Shape, ...] = get_args(Shape)
+Bounded = Literal["gaussian", "bump", "step", "packet", "spike", "kink", "root", "cap", "hole", "pole"]
+Shape = Bounded | Literal["infinite"]
+SHAPES: tuple[Bounded, ...] = get_args(Bounded)
 KINKED: tuple[Shape, ...] = ("spike", "kink", "root", "cap")
 Argument = Literal["g2", "rho"]
 RHO = "(g1^2+g3^2)"
@@ -72,6 +73,8 @@ class Feature:
             case "pole":
                 # x < place: positive on the sphere.
                 return f"{height}*({width})/(({self.place})-{x})"
+            case "infinite":
+                return f"{height}/{t}^{self.power}"
 
     def value(self, y: Value, side: int = 0) -> Value:
         """Return f where g2 = y; ``side`` is the sign of x − place, 0 if not known."""
@@ -97,6 +100,13 @@ class Feature:
                 return 0 * t if side == INSIDE else height * _hole(t)
             case "pole":
                 return -height / t
+            case "infinite":
+                return height / jets.power(t, self.power)
+
+    def distance(self, y: Value, side: int) -> Value:
+        """Return |t| where g2 = y, on the given side of the place."""
+        x = y if self.argument == "g2" else 1 - y * y
+        return side * (x - exact(self.place)) / exact(self.width)
 
     def places(self) -> list[arb]:
         """Return the g2, in (−1, 1), about which f is not like elsewhere."""
@@ -124,7 +134,9 @@ class Feature:
     def is_even(self) -> bool:
         """f is the same for g2 and −g2."""
         return self.argument == "rho" or (
-            self.place == 0 and self.shape not in ("step", "packet", "cap", "pole")
+            self.place == 0
+            and self.shape not in ("step", "packet", "cap", "pole")
+            and (self.shape != "infinite" or self.power % 2 == 0)
         )
 
     def side(self, y: float) -> int:

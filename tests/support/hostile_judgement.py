@@ -34,10 +34,10 @@ WAYS = ("draft", "standard", "high", "certified", "standard" + BOTH)
 Facts = dict[str, Any]
 
 
-def facts_of(seed: int, index: int) -> str:
-    """Return a problem and what is true of it, as JSON."""
+def facts_of(seed: int, index: int, only: str | None = None) -> str:
+    """Return a problem, of a class if that is asked, and what is true of it, as JSON."""
     draws = np.random.default_rng([seed, index])
-    hostile = draw(draws)
+    hostile = draw(draws, only)
     facts: Facts = {
         "kind": hostile.kind,
         "document": hostile.document,
@@ -76,6 +76,7 @@ def _motion(motion: TrueMotion) -> Facts:
         "energy": _text(motion.energy),
         "times": list(motion.times),
         "states": [[_text(value) for value in state] for state in motion.states],
+        "collisions": [None if time is None else _text(time) for time in motion.collisions],
     }
 
 
@@ -223,6 +224,14 @@ def _claims(motion: Facts, found: Motion) -> dict[str, tuple[float, float]]:
         "stored": (found.dense.error_at(found.times), _farthest(motion["states"], stored.tolist())),
         "energy": (found.energy.error, _apart(motion["energy"], arb(found.energy.value))),
     }
+    for name, at, end in zip(
+        ("past", "future"), motion["collisions"], (found.past, found.future), strict=True
+    ):
+        told = None if end is None or end.kind != "collision" else end.time
+        if at is not None and told is not None:
+            claims[name] = (told.error, _apart(at, arb(told.value)))
+        elif at is not None or told is not None:
+            claims[name] = (nan, nan)
     period = found.dense.period
     if period is not None and motion["period"] is not None:
         claims["period"] = (period.error, _apart(motion["period"], arb(period.hi) + arb(period.lo)))

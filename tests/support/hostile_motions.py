@@ -1,19 +1,19 @@
 """What is true of a hostile problem: its windows, and one motion with its period, energy and states."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 from flint import arb
 
 from tests.support.hostile_curve import Curve, make_curve
-from tests.support.hostile_features import exact
+from tests.support.hostile_features import Feature, exact
 from tests.support.hostile_known import Document, Known
 from tests.support.hostile_reference import Cuts, Stretch, UnknownError, cuts_of, sides_at, stretches_of
-from tests.support.hostile_times import half_round, timeline
+from tests.support.hostile_times import Timeline, half_round, timeline
 from tests.support.hostile_ways import Way, ways_of
-from tests.support.jets import Jet, Value, root
+from tests.support.jets import Jet, Value, power, root
 
 BITS = 192
 TIME_DIGITS = 40
@@ -43,6 +43,8 @@ class TrueMotion:
     times: tuple[str, ...]
     states: tuple[tuple[arb, ...], ...]
     """(p, q, r, g1, g2, g3) at the times."""
+    collisions: tuple[arb | None, arb | None]
+    """When it began and when it ends, at places where p² is infinite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,14 +79,36 @@ def setting_of(known: Known) -> Setting:
     size = exact(known.lambda_)
     size = size ** (-exact(known.A / known.C)) if mirrored else size
 
-    def of_g2(y: Value, sides: tuple[int, ...]) -> Value:
+    def bounded(y: Value, sides: tuple[int, ...]) -> Value:
         total = arb(0) * y
         for a in reversed(known.powers):
             total = total * y + exact(a)
         for feature, side in zip(known.features, sides, strict=False):
-            total = total + feature.value(y, side)
+            if feature.shape != "infinite":
+                total = total + feature.value(y, side)
         for level, height in zip(known.levels, signed, strict=True):
             total = total - exact(height) / exact(known.C) / root(-4 * y * y + (exact(level.nu) ** 2 + 4), 2)
+        return total
+
+    def of_g2(y: Value, sides: tuple[int, ...]) -> Value:
+        total = bounded(y, sides)
+        for feature, side in zip(known.features, sides, strict=False):
+            if feature.shape == "infinite":
+                total = total + feature.value(y, side)
+        return total
+
+    def weight(y: Value, sides: tuple[int, ...], without: Feature | None = None) -> Value:
+        product = arb(1)
+        for feature, side in zip(known.features, sides, strict=False):
+            if feature.shape == "infinite" and feature is not without:
+                product = power(feature.distance(y, side), feature.power) * product
+        return product
+
+    def weighted(y: Value, sides: tuple[int, ...]) -> Value:
+        total = bounded(y, sides) * weight(y, sides)
+        for feature, side in zip(known.features, sides, strict=False):
+            if feature.shape == "infinite":
+                total = total + weight(y, sides, feature) * (exact(feature.height) * side**feature.power)
         return total
 
     def with_flat(y: Value, sides: tuple[int, ...]) -> Value:
@@ -92,6 +116,8 @@ def setting_of(known: Known) -> Setting:
         return of_g2(y, sides) * known.flat.value(y)
 
     signs = make_curve(A, C, size, b, c, of_g2)
+    if any(feature.shape == "infinite" for feature in known.features):
+        signs = replace(signs, weighted=weighted, weight=weight)
     curve = signs if known.flat is None else make_curve(A, C, size, b, c, with_flat)
     cuts = cuts_of(curve, known.features)
     stretches = stretches_of(signs, known.features, cuts)
@@ -117,15 +143,22 @@ def _split(stretches: Sequence[Stretch], at: arb) -> list[Stretch]:
     return parts
 
 
-_ENDS = {"rest": "rest", "passed": "pole", "approached": "pole", "collision": "pole", "flat": "equilibrium"}
+_ENDS = {
+    "rest": "rest",
+    "passed": "pole",
+    "approached": "pole",
+    "collision": "pole",
+    "flat": "equilibrium",
+    "infinite": "collision",
+}
 _APERIODIC = ("separatrix", "pole")
-_KINDS = {"collision": "collision", "approached": "pole", "flat": "separatrix"}
+_KINDS = {"collision": "collision", "infinite": "collision", "approached": "pole", "flat": "separatrix"}
 
 
 def _windows(known: Known, curve: Curve, stretches: Sequence[Stretch]) -> tuple[TrueWindow, ...]:
     found = []
     for stretch in stretches:
-        if known.is_even and not stretch.crosses_equator and stretch.lower > arb.pi() / 2:
+        if known.is_even and not stretch.crosses_equator and stretch.lower + stretch.upper > arb.pi():
             # The mirror image of a northern one.
             continue
         ends = [(stretch.lower, stretch.lower_end), (stretch.upper, stretch.upper_end)]
@@ -172,9 +205,7 @@ def motion_of(setting: Setting, draws: np.random.Generator) -> TrueMotion | None
     UnknownError
         Its times could not be enclosed.
     """
-    moving = [
-        k for k, window in enumerate(setting.windows) if window.kind not in ("equilibrium", "collision")
-    ]
+    moving = [k for k, window in enumerate(setting.windows) if not _is_without_motion(window)]
     if not moving:
         return None
     index = moving[draws.integers(len(moving))]
@@ -205,7 +236,23 @@ def motion_of(setting: Setting, draws: np.random.Generator) -> TrueMotion | None
         setting.energy,
         tuple(time for time, _ in states),
         tuple(state for _, state in states),
+        _collisions(line, stretch, s_sign),
     )
+
+
+def _is_without_motion(window: TrueWindow) -> bool:
+    return window.kind == "equilibrium" or "collision" in (window.stretch.lower_end, window.stretch.upper_end)
+
+
+def _collisions(line: Timeline, stretch: Stretch, direction: int) -> tuple[arb | None, arb | None]:
+    """Return when a motion that begins at the first place, with v growing or not, was and will be in one."""
+    start, (first, last) = line.times[0], line.collisions
+    # Upwards and downwards in v: to that end, or back from it to the other one.
+    lower = arb(0) if stretch.lower_end in ("rest", "passed") else None
+    up = last if line.end is None else None if first is None else 2 * line.end - first
+    down = first if lower is None else None if last is None else -last
+    up, down = (None if each is None else each - start for each in (up, down))
+    return (down, up) if direction > 0 else tuple(None if x is None else -x for x in (up, down))
 
 
 def _start(setting: Setting, stretch: Stretch, draws: np.random.Generator) -> tuple[arb, Document]:

@@ -23,7 +23,7 @@ SPREAD = (0, 1, 3, 10, 40)
 """Multiples of the width at which cells end."""
 MOST_CELLS = 20_000
 
-End = Literal["rest", "passed", "approached", "collision", "flat"]
+End = Literal["rest", "passed", "approached", "collision", "flat", "infinite"]
 
 
 class UnknownError(Exception):
@@ -53,20 +53,21 @@ class Cuts:
     kinks: tuple[arb, ...]
     holes: tuple[tuple[arb, arb], ...]
     """Where exp(−1/t²) is less than 1e-43."""
+    infinities: tuple[arb, ...] = ()
 
 
 def cuts_of(curve: Curve, features: Sequence[Feature]) -> Cuts:
-    places, kinks, holes = [], [], []
+    places, kinks, holes, infinities = [], [], [], []
     for feature in features:
         for place, width in zip(feature.places(), feature.widths(), strict=True):
             at = place_of(curve, place)
-            (kinks if feature.is_kinked else places).append(at)
+            (infinities if feature.shape == "infinite" else kinks if feature.is_kinked else places).append(at)
             for k in (sign * k for k in SPREAD[1:] for sign in (1, -1)):
                 if abs(place + k * width) < 1 - width / 100:
                     places.append(place_of(curve, place + k * width))
             if feature.shape == "hole":
                 holes.append((place_of(curve, place + width / 10), place_of(curve, place - width / 10)))
-    return Cuts(tuple(places), tuple(kinks), tuple(holes))
+    return Cuts(tuple(places), tuple(kinks), tuple(holes), tuple(infinities))
 
 
 def place_of(curve: Curve, y: arb) -> arb:
@@ -90,17 +91,21 @@ def stretches_of(curve: Curve, features: Sequence[Feature], cuts: Cuts) -> list[
     """Return the stretches of the half loop on which there are motions, in the order of v."""
     scan = _Scan(curve, features)
     for low, high in _cells(cuts):
-        scan.isolate(low, high)
-    if not scan.signs or scan.signs[0] == 0 or scan.signs[-1] == 0:
+        infinite = [at for at in cuts.infinities if low >= at.lower() and high <= at.upper()]
+        if infinite:
+            scan.break_at(infinite[0])
+        else:
+            scan.isolate(low, high)
+    if not scan.signs or len(scan.signs) != len(scan.breaks) + 1:
         raise UnknownError("no sign at a pole")
-    found: list[Stretch] = []
-    sign, lower, lower_end = scan.signs[0], arb(0), curve.at_pole
-    for zero in [*scan.zeros, None]:
-        upper, upper_end = (arb.pi(), curve.at_pole) if zero is None else (zero, "rest")
-        if sign > 0:
-            found.append(Stretch(lower, upper, lower_end, upper_end))
-        sign, lower, lower_end = -sign, upper, upper_end
-    return found
+    ends = [(arb(0), curve.at_pole), *scan.breaks, (arb.pi(), curve.at_pole)]
+    return [
+        Stretch(lower, upper, lower_end, upper_end)
+        for ((lower, lower_end), (upper, upper_end)), sign in zip(
+            itertools.pairwise(ends), scan.signs, strict=True
+        )
+        if sign > 0
+    ]
 
 
 def _cells(cuts: Cuts) -> list[tuple[arb, arb]]:
@@ -108,7 +113,7 @@ def _cells(cuts: Cuts) -> list[tuple[arb, arb]]:
     ends = [arb(0), arb(arb.pi().upper())]
     for ball in (*cuts.places, *(end for hole in cuts.holes for end in hole)):
         ends.append(arb(ball.mid()))
-    for ball in cuts.kinks:
+    for ball in (*cuts.kinks, *cuts.infinities):
         ends += [arb(ball.lower()), arb(ball.upper())]
     ends.sort(key=_Exact)
     return [(a, b) for a, b in itertools.pairwise(ends) if a < b]
@@ -129,9 +134,15 @@ class _Scan:
 
     def __init__(self, curve: Curve, features: Sequence[Feature]) -> None:
         self.curve, self.features = curve, features
-        self.zeros: list[arb] = []
+        self.breaks: list[tuple[arb, End]] = []
+        """Zeros and places where p² is infinite."""
         self.signs: list[int] = []
+        """Before, between and behind them."""
         self._cells = 0
+
+    def break_at(self, at: arb) -> None:
+        """Go on behind a place where p² is infinite."""
+        self.breaks.append((at, "infinite"))
 
     def isolate(self, first: arb, last: arb) -> None:
         sides = sides_at(self.curve, self.features, arb(((first + last) / 2).mid()))
@@ -154,9 +165,10 @@ class _Scan:
             waiting += [(middle, high), (low, middle)]
 
     def _note(self, sign: int) -> None:
-        if self.signs and self.signs[-1] != sign:
+        if len(self.signs) == len(self.breaks):
+            self.signs.append(sign)
+        if self.signs[-1] != sign:
             raise UnknownError("a sign change between cells")
-        self.signs.append(sign)
 
     def _enclose(self, low: arb, high: arb, sides: tuple[int, ...]) -> None:
         before = self._sign(self._value(low, low, low, sides))
@@ -165,7 +177,7 @@ class _Scan:
             raise UnknownError("a zero at the end of a cell")
         self._note(before)
         if before != after:
-            self.zeros.append(root_between(partial(self._at, sides), low, high))
+            self.breaks.append((root_between(partial(self._at, sides), low, high), "rest"))
             self.signs.append(after)
 
     def _at(self, sides: tuple[int, ...], v: arb) -> arb:

@@ -3,7 +3,8 @@
 Between two places dt = Z dv/(c p). At a rest v₀ the substitution v = v₀ ± u² and
 p² = (v − v₀) K, K a difference quotient or, on boxes that nearly touch v₀, an
 enclosure of the derivative on their hull, leave nothing singular; at a pole
-that is passed it is v = u^m. Every place comes with its time and its state.
+that is passed it is v = u^m. Where p² is like (v − v₀)^-k the substitution of a rest leaves u^(k+1) times
+what is analytic. Every place comes with its time and its state.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,6 +36,8 @@ class Timeline:
     """The time of the upper end, if it is reached."""
     begins: bool
     """The lower end is where the times count from."""
+    collisions: tuple[arb | None, arb | None]
+    """The times of the ends at which p² is infinite."""
 
 
 def timeline(
@@ -54,7 +57,9 @@ def timeline(
         times[id(v)] = time
     end = time + legs.to_end(points[-1]) if stretch.upper_end in ("rest", "passed") else None
     begins = stretch.lower_end in ("rest", "passed")
-    return Timeline(tuple(places), tuple(times[id(v)] for v in places), end, begins)
+    first = -legs.from_end(points[0]) if stretch.lower_end == "infinite" else None
+    last = time + legs.to_end(points[-1]) if stretch.upper_end == "infinite" else None
+    return Timeline(tuple(places), tuple(times[id(v)] for v in places), end, begins, (first, last))
 
 
 def half_round(line: Timeline) -> arb | None:
@@ -97,6 +102,13 @@ class _Legs:
                 (sign * (inside - end)).sqrt(),
                 hole,
             )
+        if kind == "infinite":
+            return self._integral(
+                lambda u: self._rate_at_infinity(end, u, sign, sides),
+                arb(0),
+                (sign * (inside - end)).sqrt(),
+                hole,
+            )
         m = self.curve.m
         reach = inside if sign > 0 else arb.pi() - inside
         reach = reach if m == 1 else reach.root(m)
@@ -130,6 +142,31 @@ class _Legs:
             tau_jet = self.curve.tau(jet)
             quotient = self.curve.p_squared(tau_jet, self.curve.c_of(tau_jet) * cos(jet), sides).slope * sign
         return 2 * self.curve.Z / (c * root(quotient, 2))
+
+    def _rate_at_infinity(self, end: arb, u: acb, sign: int, sides: tuple[int, ...]) -> acb:
+        """Return 2 u Z √w/(c √(w p²)) with the weight w = (u² q)^k w', q = |t|/u² at the end."""
+        away = u * u
+        v = end + sign * away
+        tau = self.curve.tau(v)
+        c = self.curve.c_of(tau)
+        y = c * v.cos()
+        pairs = [(f, side) for f, side in zip(self.features, sides, strict=True) if f.shape == "infinite"]
+        own = min(pairs, key=lambda pair: float(abs(pair[0].distance(self.curve.g2(end), pair[1]).mid())))
+        size = away.abs_lower()
+        if size > 4 * acb(away).rad() and size > 0:
+            quotient = own[0].distance(y, own[1]) / away
+        else:
+            jet = Jet(v.union(acb(end)), acb(1))
+            tau_jet = self.curve.tau(jet)
+            quotient = own[0].distance(self.curve.c_of(tau_jet) * cos(jet), own[1]).slope * sign
+        k = own[0].power
+        others = acb(1)
+        for feature, side in pairs:
+            if feature is not own[0]:
+                others = others * power(feature.distance(y, side), feature.power)
+        weight = root(power(quotient, k) * others, 2)
+        p = root(self.curve.weighted_p_squared(tau, y, sides), 2)
+        return 2 * power(u, k + 1) * self.curve.Z * weight / (c * p)
 
     def _rate_at_pole(self, u: acb, sign: int, sides: tuple[int, ...]) -> acb:
         m = self.curve.m

@@ -61,7 +61,7 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
     past, future = (reach(flight, side, asked) for side in (-1, 1))
     flight = flight.reaching(past.y, future.y)
     time_map = time_map_of(flight)
-    origin = float(time_map.time_at(np.array([flight.start]))[0])
+    origin = float(time_map.time_at(np.array([flight.start]))[0]) + float(flight.after_start)
     ends = _ends(flight, (past, future), time_map, origin)
     lives = _before_the_end(times, ends, problem.tolerance)
     times, rests = times[lives], all_asked.rests[lives]

@@ -55,7 +55,7 @@ class Flight:
     """y_-: the earliest phase."""
     last: float
     """y_+: the latest."""
-    phase: float
+    phase: arb
     """y at t = 0."""
 
     @property
@@ -65,8 +65,14 @@ class Flight:
 
     @property
     def start(self) -> float:
-        """Return u = θ/π at t = 0, in [0, 2]."""
-        return 2.0 * (self.phase - self.first) / (self.last - self.first)
+        """Return u = θ/π at t = 0, in [0, 2], but for its rounding."""
+        return 2.0 * (float(self.phase) - self.first) / (self.last - self.first)
+
+    @property
+    def after_start(self) -> arb:
+        """Return the time from the rounded ``start`` to t = 0: dt/du is many times that of all the motion."""
+        at = self._y(arb.pi() * self.start)
+        return (self.phase - at) * self.rate_of_phase(at)
 
     @property
     def is_even(self) -> bool:
@@ -81,7 +87,7 @@ class Flight:
     @property
     def corners(self) -> tuple[float, ...]:
         """Return u in (0, 2) where the motion passes a pole."""
-        phases = [self._phase_of(pole) for pole in self.arc.poles]
+        phases = [float(self._phase_of(pole)) for pole in self.arc.poles]
         both = [*phases, *(-y for y in phases)] if self.has_rest else phases
         shares = (2.0 * (y - self.first) / (self.last - self.first) for y in both)
         return tuple(sorted(u for u in shares if 0.0 < u < 2.0))
@@ -144,13 +150,13 @@ class Flight:
         """Return the point this far above the lower end and below the upper one, from the nearer."""
         return self.loop.point(self.arc.lower + above if above < below else self.arc.upper - below)
 
-    def _phase_of(self, v: arb) -> float:
+    def _phase_of(self, v: arb) -> arb:
         """Return y ≥ 0 after a rest point, or y."""
         above, below = v - self.arc.lower, self.arc.upper - v
         if not self.has_rest:
-            return self.direction * float((above / below).log())
+            return self.direction * (above / below).log()
         gone, left = (above, below) if self.direction > 0 else (below, above)
-        return float(2 * (gone.nonnegative_part() / left).sqrt().asinh())
+        return 2 * (gone.nonnegative_part() / left).sqrt().asinh()
 
 
 def make_flight(start: StartingPoint) -> Flight:
@@ -158,7 +164,7 @@ def make_flight(start: StartingPoint) -> Flight:
     arc = start.arc
     has_rest = "rest" in (arc.lower_end, arc.upper_end)
     direction = (1 if arc.lower_end == "rest" else -1) if has_rest else start.direction
-    flight = Flight(arc, direction, has_rest, -FARTHEST, FARTHEST, 0.0)
+    flight = Flight(arc, direction, has_rest, -FARTHEST, FARTHEST, arb(0))
     phase = flight._phase_of(start.v)
     # Towards its rest point the motion is before it.
     return replace(flight, phase=-phase if has_rest and start.direction == -direction else phase)
@@ -188,8 +194,8 @@ def reach(flight: Flight, side: int, asked: float) -> Reach:
     change = rate(FAR) / rate(FAR - 1.0) - 1.0
     # A collision is reached in finite time, even if P is like that of a pole until shortly before it.
     if change < -STEADY or terminal == "collision":
-        return Reach(side * _arrival(rate, side * flight.phase), terminal, "finite")
-    begin = max(0.0, side * flight.phase)
+        return Reach(side * _arrival(rate, side * float(flight.phase)), terminal, "finite")
+    begin = max(0.0, side * float(flight.phase))
     y, time, previous = begin, 0.0, rate(begin)
     while y < FARTHEST and time <= 1.25 * asked + 1e-3 * previous:
         y, following = y + 1.0, rate(y + 1.0)
