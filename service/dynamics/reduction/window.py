@@ -5,9 +5,10 @@ from typing import Literal
 
 from service.dynamics.reduction.arc import Arc
 
-EndKind = Literal["pole", "equator", "rest", "equilibrium", "edge"]
-"""At ``rest`` the motion turns back; an ``equilibrium`` it reaches in the limit t → ±∞ only."""
-WindowKind = Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"]
+EndKind = Literal["pole", "equator", "rest", "equilibrium", "standstill", "edge"]
+"""At ``rest`` the motion turns back; an ``equilibrium`` it reaches in the limit t → ±∞ only; at a
+``standstill`` it comes to rest after a finite time, and may go on at any later one."""
+WindowKind = Literal["periodic", "separatrix", "equilibrium", "standstill", "collision", "pole", "edge"]
 
 
 @dataclass(frozen=True, slots=True)
