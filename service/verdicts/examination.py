@@ -46,7 +46,12 @@ from service.verdicts.documents import (
     window_document,
 )
 from service.verdicts.kept import Kept, Keys, verdict_deadline
-from service.verdicts.refusals import answer_or_refusal, refusal_of_verdict
+from service.verdicts.refusals import (
+    UNSETTLED,
+    answer_or_refusal,
+    refusal_of_verdict,
+    refusal_of_windows,
+)
 from service.verdicts.searches import Searches, refusal_without_motion
 
 Answer = Document
@@ -168,7 +173,10 @@ def _judge_question(document: object) -> Answer:
         return {"verdict": {**answer, "nearest": nearest}}
     if isinstance(question.motion, PlanarMotion):
         with ctx.workprec(PRECISION):
-            found = find_windows(question.body, potential, question.motion)
+            try:
+                found = find_windows(question.body, potential, question.motion)
+            except UNSETTLED as error:
+                return refusal_of_windows(error, verdict)
             existence = None
             if not found:
                 existence = Searches(1).document(question.body, potential, question.motion)
@@ -231,9 +239,11 @@ def _judge_problem(problem: Problem, kept: Kept, keys: Keys, searches: Searches)
     if refusal is not None:
         return refusal
     with ctx.workprec(PRECISION):
-        windows = kept.windows(of_windows, problem.body, problem.potential, problem.motion)
         try:
+            windows = kept.windows(of_windows, problem.body, problem.potential, problem.motion)
             window = _require_motion(problem, problem.motion, windows)
+        except UNSETTLED as error:
+            return refusal_of_windows(error, verdict)
         except NoMotionError as error:
             found = searches.document(problem.body, simplified(problem.potential), problem.motion)
             return refusal_without_motion(error, found)

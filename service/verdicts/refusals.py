@@ -3,6 +3,9 @@
 from collections.abc import Callable
 
 from service.dynamics.errors import DynamicsError
+from service.dynamics.reduction.root_finding.gap import SeparatrixUndecidedError
+from service.dynamics.reduction.sides import PassageUndecidedError
+from service.dynamics.reduction.structure import SignsUnsettledError
 from service.dynamics.reduction.windows import NoSuchWindowError, SeveralWindowsError
 from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.verdict import Verdict
@@ -10,6 +13,8 @@ from service.schemas.reading.faults import InvalidProblemError
 from service.verdicts.documents import Document, motion_counterexample, window_document
 
 _POTENTIAL = "/potential"
+UNSETTLED = (SignsUnsettledError, SeparatrixUndecidedError, PassageUndecidedError)
+"""What windows are refused for that may be there, whatever the verdict."""
 
 
 def answer_or_refusal(document: object, judge: Callable[[object], Document]) -> Document:
@@ -57,6 +62,11 @@ def refusal_of_verdict(verdict: Verdict, answer: Document, accepts: bool) -> Doc
         detail = f"neither a proof nor a counterexample was found{doubt}"
         return refusal("undecided_potential", detail, _POTENTIAL, evidence=answer["evidence"])
     return None
+
+
+def refusal_of_windows(error: DynamicsError, verdict: Verdict) -> Document:
+    """Return the refusal of a motion whose windows are not settled, with the verdict, which is."""
+    return refusal(error.code, error.message, error.pointer, verdict=verdict.verdict)
 
 
 def refusal(code: str, detail: str, pointer: str = "", **extras: object) -> Document:

@@ -19,7 +19,8 @@ contain every value of a function on the interval. It holds unless the program, 
   certain sign, or a slope of p² of one certain sign, or is about a zero that is treated by name. What
   cannot be settled is refused (`signs_unsettled`). A double zero is proved to be one (`separatrix`), or
   its gap is told; else it is refused (`separatrix_undecided`). Seen only, on a stretch of at most 1e-5 of
-  its distance to the pole: that a zero of order 3 and more, or of no order, has no others beside it. What
+  its distance to the pole: that a zero of order 3 and more of which
+  exact algebra does not tell the place, or of no order, has no others beside it. What
   p² does at a pole itself is told from its power next to it.
 * **The time map of the compiled solvers** of a formula with functions, quotients or high powers: what the
   series leave out is bounded by one disc about each panel. Not that of a sum of low powers, see below.

@@ -55,6 +55,7 @@ TITLES: Mapping[str, str] = {
     "request_timeout": "The request came too slowly",
     "role_insufficient": "The key's role does not allow this",
     "flat_zero": "A zero of p² has no finite order",
+    "standstill": "The motion has more than one continuation",
     "host_not_local": "The host name is not a loopback name",
     "separatrix_undecided": "A separatrix, or a very long period",
     "several_windows": "There are several motions",

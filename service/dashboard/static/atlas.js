@@ -11,12 +11,12 @@ const CHANGES = {
 const DASHES = { separatrix: "dash", equilibrium: "dot", "end crosses the equator": "dashdot", "end comes to a pole": "longdashdot", "several changes": "solid" };
 const ENDS = {
   rest: ["circle", "ends at rest"], equator: ["triangle-up", "ends on the equator"], pole: ["x", "ends at a pole"],
-  equilibrium: ["diamond", "ends in an equilibrium"], edge: ["square", "ends at the edge of the domain"],
-  collision: ["star", "ends in a collision"],
+  equilibrium: ["diamond", "ends in an equilibrium"], standstill: ["hexagon", "ends at a standstill"],
+  edge: ["square", "ends at the edge of the domain"], collision: ["star", "ends in a collision"],
 };
 const KINDS = {
   collision: ["/", "collision: reaches a singularity"], pole: ["\\", "tends to the pole for ever"],
-  separatrix: ["x", "separatrix: tends to an equilibrium"], equilibrium: ["x", "an equilibrium"], edge: ["-", "reaches the edge of the domain"],
+  separatrix: ["x", "separatrix: tends to an equilibrium"], equilibrium: ["x", "an equilibrium"], standstill: ["+", "comes to a standstill"], edge: ["-", "reaches the edge of the domain"],
 };
 const MARKS = 12; // on a line that goes through the whole picture
 const NAMED = 0.03; // of the width: closer together, names would lie over each other

@@ -14,6 +14,7 @@ from service.dynamics.reduction.sides import has_one_limit, is_even
 _ENDS: dict[ZeroKind, ArcEnd] = {
     "simple": "rest",
     "multiple": "double",
+    "standstill": "standstill",
     "flat": "flat",
     "edge": "edge",
     "infinite": "collision",
@@ -62,7 +63,7 @@ def arcs_of(loop: Loop, g3_sign: int, scan: Callable[[Loop, int], HalfLoop]) -> 
     isolated = [
         Arc(loop, at.v, at.v, at.end, at.end)
         for at, left, right in zip(breaks, signs, signs[1:], strict=False)
-        if at.end in ("double", "flat") and left < 0 and right < 0
+        if at.end in ("double", "standstill", "flat") and left < 0 and right < 0
     ]
     return sorted(arcs + isolated, key=lambda arc: float(arc.lower))
 

@@ -3,7 +3,7 @@
 from flint import arb
 
 from service.dynamics.errors import DynamicsError
-from service.dynamics.reduction.arc import Arc
+from service.dynamics.reduction.arc import Arc, ArcEnd
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.root_finding.orders import HIGHEST_ORDER
 from service.dynamics.reduction.window import Window
@@ -21,6 +21,12 @@ class FlatZeroError(DynamicsError):
     code = "flat_zero"
 
 
+class StandstillError(DynamicsError):
+    """The motion comes to rest after a finite time at a place that it may leave at any later one."""
+
+    code = "standstill"
+
+
 def require_known_ends(window: Window) -> None:
     """Refuse a motion whose end is not one that the quadrature knows the way to.
 
@@ -30,8 +36,18 @@ def require_known_ends(window: Window) -> None:
         It runs out of the potential's domain.
     FlatZeroError
         p² vanishes at an end, but not as a power of the distance from it.
+    StandstillError
+        It vanishes there as a power between the first and the second: the motion has no one continuation.
     """
-    flat = [end for arc in window.arcs for end in _flat_ends(arc)]
+    still = [end for arc in window.arcs for end in _ends_of(arc, "standstill")]
+    if still:
+        raise StandstillError(
+            f"p² vanishes at g2 = {still[0]:.15g} like a power of the distance between the first and the "
+            "second: the motion comes to rest there after a finite time, and may go on at any later one, so "
+            "that the equations do not say where it is; accepted are windows without such an end",
+            pointer="/potential",
+        )
+    flat = [end for arc in window.arcs for end in _ends_of(arc, "flat")]
     if flat:
         raise FlatZeroError(
             f"p² vanishes at g2 = {flat[0]:.15g}, where the motion ends, and is like no whole power of the "
@@ -57,7 +73,7 @@ def height(loop: Loop, v: arb) -> float:
     return float(loop.point_from(sine, cosine).g2)
 
 
-def _flat_ends(arc: Arc) -> list[float]:
-    """Return g2 at the ends of the arc where p² vanishes as no power."""
+def _ends_of(arc: Arc, kind: ArcEnd) -> list[float]:
+    """Return g2 at the ends of this kind of an arc that is no point."""
     ends = ((arc.lower_end, arc.lower), (arc.upper_end, arc.upper))
-    return [height(arc.loop, v) for end, v in ends if end == "flat" and arc.lower is not arc.upper]
+    return [height(arc.loop, v) for end, v in ends if end == kind and arc.lower is not arc.upper]

@@ -11,6 +11,9 @@ pole (:mod:`.signs`; :mod:`.rest` where doubles do not settle it):
 * on a gap where 1/P tends to 0 at one place, which is enclosed, P grows without bound, to the signs that are
   proved for both sides of it (:mod:`.infinities`).
 
+Where none of these has a sign, exact algebra tells the order of a zero, and the derivative of that order has
+a sign all over the gap: there is one zero, and none else (:mod:`.high_zeros`).
+
 What remains is evidence, and such gaps are at most 1e-5 wide against their distance to a pole: a zero of
 order three or more, or of no order; the edge of where P is defined. There P is proved to be continuous.
 Values in balls then say that P is 0 to all bits in use, or changes its sign, and its growth names the zero
@@ -46,6 +49,7 @@ from service.dynamics.reduction.root_finding.radicand import (
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, Region, tends_to_zero
 from service.dynamics.reduction.separatrices import with_near_rests
 from service.dynamics.reduction.sign_proofs.cells import Half, half_of
+from service.dynamics.reduction.sign_proofs.high_zeros import high_zero
 from service.dynamics.reduction.sign_proofs.infinities import (
     UNDEFINED,
     Infinity,
@@ -259,7 +263,10 @@ def _cuts_inside(half: Half, picture: Picture, gap: Gap, radicand: Radicand) -> 
         turns = [turn_on_stretch(half, *ends_of(picture, turn)) for turn in picture.turns(gap)]
         return [turn.place for turn in turns if turn is not None and turn.place is not None]
     if not width_of(start, stop) < NAMED:
-        raise _unsettled(half, start, stop)
+        zero = high_zero(half, start, stop, (before, after), radicand)
+        if zero is None or not zero.is_settled(NAMED):
+            raise _unsettled(half, *((start, stop) if zero is None else zero.rest))
+        return [LoopPlace("middle", zero.v.mid(), np.inf)] if before == after else []
     if is_continuous(half, start, stop):
         if before != after:
             return []

@@ -5,10 +5,11 @@ from typing import Literal
 
 from service.dynamics.reduction.arc import Arc
 
-EndKind = Literal["pole", "equator", "rest", "equilibrium", "edge", "collision"]
-"""At ``rest`` the motion turns back; an ``equilibrium`` it reaches in the limit t → ±∞ only; a ``collision``,
-where p² grows without bound, is no pole, and the motion ends there."""
-WindowKind = Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"]
+EndKind = Literal["pole", "equator", "rest", "equilibrium", "standstill", "edge", "collision"]
+"""At ``rest`` the motion turns back; an ``equilibrium`` it reaches in the limit t → ±∞ only; at a
+``standstill`` it comes to rest after a finite time, and may go on at any later one; a ``collision``, where p²
+grows without bound, is no pole, and the motion ends there."""
+WindowKind = Literal["periodic", "separatrix", "equilibrium", "standstill", "collision", "pole", "edge"]
 
 
 @dataclass(frozen=True, slots=True)

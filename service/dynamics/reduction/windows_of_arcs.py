@@ -69,7 +69,7 @@ def _describe(arcs: tuple[Arc, ...], g3_sign: int) -> Window:
 
 def _stop(arc: Arc, v: arb) -> EndKind:
     end = arc.lower_end if v is arc.lower else arc.upper_end
-    if end == "edge" or end == "collision":
+    if end == "edge" or end == "collision" or end == "standstill":
         return end
     return "equilibrium" if end in ("double", "flat") else "rest"
 
@@ -87,6 +87,8 @@ def _kind(arc: Arc) -> WindowKind:
         return "edge"
     if "collision" in ends:
         return "collision"
+    if "standstill" in ends:
+        return "standstill"
     if "double" in ends or "flat" in ends:
         return "separatrix"
     return "pole" if "pole" in ends else "periodic"

@@ -21,7 +21,7 @@ _PROOF = (
     "`proved` for every λ, or `seen`: of a potential without a formula, at the samples and by bisection"
     " between them; a window narrower than the distance of two samples can be missed."
 )
-WindowKindOut = Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"]
+WindowKindOut = Literal["periodic", "separatrix", "equilibrium", "standstill", "collision", "pole", "edge"]
 
 
 class MeasuredOut(ResponseModel):

@@ -1,5 +1,7 @@
 """Error answers: application/problem+json (RFC 9457)."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from service.schemas.replies.job import JobItemOut
@@ -31,6 +33,10 @@ class ProblemDetailsOut(ResponseModel):
         description="With `inadmissible_potential` and `inadmissible_motion`."
     )
     evidence: EvidenceOut = Field(description="With `undecided_potential`.")
+    verdict: Literal["admissible", "undecided"] = Field(
+        description="With `signs_unsettled`, `separatrix_undecided` and `passage_undecided`: the verdict on"
+        " the potential, which is known although the windows are not."
+    )
     existence: ExistenceOut = Field(
         description="With `no_motion`: the λ for which motions exist. Left out in a list of jobs if"
         " too many problems are refused."

@@ -43,17 +43,18 @@ class EvidenceOut(ResponseModel):
     doubt: str = Field(description="The part that is not proved, as the end of a sentence.")
 
 
-EndOut = Literal["pole", "rest", "equator", "equilibrium", "edge", "collision"]
+EndOut = Literal["pole", "rest", "equator", "equilibrium", "standstill", "edge", "collision"]
 
 
 class MotionWindowOut(ResponseModel):
     """A stretch of the curve on which a motion takes place."""
 
     window: int = Field(description="Its number, for the motion's `window`.")
-    kind: Literal["periodic", "separatrix", "equilibrium", "collision", "pole", "edge"] = Field(
+    kind: Literal["periodic", "separatrix", "equilibrium", "standstill", "collision", "pole", "edge"] = Field(
         description="`periodic`, or what keeps the motion from coming back: it tends to an equilibrium"
-        " (`separatrix`), stays in one (`equilibrium`), reaches a singularity of the potential (`collision`),"
-        " tends to the `pole`, or meets the `edge` of the potential's domain."
+        " (`separatrix`), stays in one (`equilibrium`), comes to rest after a finite time at a place"
+        " that it may leave at any later one (`standstill`), reaches a singularity of the potential"
+        " (`collision`), tends to the `pole`, or meets the `edge` of the potential's domain."
     )
     ends: tuple[EndOut, EndOut] = Field(
         description="Where |g1| is smallest, where it is largest. At a `collision` p² grows without bound,"

@@ -2,12 +2,14 @@
 
 import random
 from fractions import Fraction
+from math import factorial
 
 import pytest
 
 from service.dynamics.body import RigidBody
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.ends import FlatZeroError, require_known_ends
+from service.dynamics.reduction.ends import FlatZeroError, StandstillError, require_known_ends
+from service.dynamics.reduction.root_finding.gap import SeparatrixUndecidedError
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula
@@ -40,6 +42,81 @@ def test_zero_of_high_order_is_an_equilibrium_between_two_windows(order):
     assert all(window.kind == "separatrix" for window in found)
     for window in found:
         require_known_ends(window)
+
+
+def remainder(function: str, order: int, x: str) -> str:
+    """Return a function less its Taylor polynomial: a zero of this order at x = 0, and none near it."""
+    terms = {
+        "exp": lambda k: Fraction(1, factorial(k)),
+        "sin": lambda k: Fraction((-1) ** (k // 2) * (k % 2), factorial(k)),
+        "cos": lambda k: Fraction((-1) ** (k // 2) * (1 - k % 2), factorial(k)),
+        "log": lambda k: Fraction((-1) ** (k + 1), k) if k else Fraction(0),
+    }[function]
+    argument = f"1+({x})" if function == "log" else x
+    return f"{function}({argument})" + "".join(f"-({terms(k)})*({x})^{k}" for k in range(order))
+
+
+@pytest.mark.parametrize(
+    ("function", "order", "sign", "c"),
+    [
+        ("sin", 3, 1, "0"),
+        ("sin", 3, -1, "1/2"),
+        ("exp", 3, -1, "-3/10"),
+        ("log", 3, -1, "-3/10"),
+        ("cos", 4, -1, "0"),
+        ("cos", 4, 1, "1/2"),
+        ("exp", 5, 1, "1/2"),
+        ("exp", 6, 1, "-3/10"),
+        ("sin", 7, -1, "0"),
+    ],
+)
+def test_zero_of_high_order_of_a_function_is_a_separatrix(function, order, sign, c):
+    """What cancels leaves no sign to bounds of any of the first derivatives, from far away on."""
+    found = windows(f"({sign})*({remainder(function, order, f'g2-({c})')})")
+    at = float(Fraction(c))
+    # The sign of the first term that is left, times that of p² / factor.
+    first = {"sin": (-1) ** (order // 2), "cos": (-1) ** (order // 2), "exp": 1, "log": (-1) ** (order + 1)}
+    above = sign * first[function]
+    below = above * (-1) ** order
+    allowed = [side for side, sign in (((-1.0, at), below), ((at, 1.0), above)) if sign > 0]
+    if not allowed:
+        allowed = [(at, at)]
+    assert ends(found) == [pytest.approx(expected, abs=1e-12) for expected in allowed]
+    assert {window.kind for window in found} == {"equilibrium" if allowed == [(at, at)] else "separatrix"}
+    for window in found:
+        require_known_ends(window)
+
+
+def test_zero_of_high_order_that_is_not_proved_is_told_within_a_narrow_interval():
+    """sin(1/3) is no algebraic number: that there is one zero, and not three, is not proved."""
+    with pytest.raises(SeparatrixUndecidedError, match=r"at g2 = 0\.327194696796"):
+        windows(remainder("exp", 3, "g2-sin(1/3)"))
+
+
+@pytest.mark.parametrize("other", ["g2/10^7", "-g2/10^7"])
+def test_zeros_next_to_one_of_high_order_are_told_apart_from_it(other):
+    """sin(g2) - g2 ± 1e-7 g2 has one zero, or three within 1e-3."""
+    found = windows(f"g2-sin(g2)+({other})")
+    r = 7.7459666924e-4  # √(6e-7), from g2²/6 = 1e-7
+    if other.startswith("-"):
+        assert ends(found) == [pytest.approx((-r, 0.0), abs=1e-9), pytest.approx((r, 1.0), abs=1e-9)]
+    else:
+        assert ends(found) == [pytest.approx((0.0, 1.0), abs=1e-12)]
+
+
+@pytest.mark.parametrize(
+    "shape", ["(g2-({c}))*abs(g2-({c}))^(1/3)", "abs(g2-({c}))^(4/3)*(2+g2)", "abs(g2-({c}))^(9/5)"]
+)
+def test_an_end_that_is_reached_and_left_at_any_time_has_its_own_word(shape):
+    c = place()
+    found = windows(shape.format(c=c))
+    assert found
+    for window in found:
+        assert window.kind == "standstill"
+        assert "standstill" in {end for arc in window.arcs for end in (arc.lower_end, arc.upper_end)}
+        assert min(abs(end - c) for end in window.g2) < 1e-9
+        with pytest.raises(StandstillError, match=rf"p² vanishes at g2 = {c}"):
+            require_known_ends(window)
 
 
 @pytest.mark.parametrize("order", [4])

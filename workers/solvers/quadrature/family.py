@@ -51,7 +51,9 @@ class QuadratureFamily:
             return make_periodic(problem, place, _by_time_map(place))
         kind = place.window.kind
         assert kind != "periodic"
+        # Refused by their ends.
         assert kind != "edge"
+        assert kind != "standstill"
         return solve_aperiodic(problem, place.window, kind, place.start)
 
 

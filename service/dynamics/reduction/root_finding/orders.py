@@ -6,14 +6,17 @@ from typing import Literal
 
 from flint import arb, ctx
 
-Order = Literal["power", "none"]
-"""P is like the second to HIGHEST_ORDER-th power of the distance; it is like no such power."""
+Order = Literal["power", "fractional", "none"]
+"""P is like the second to HIGHEST_ORDER-th power of the distance; like one between the first and the second;
+like none of these."""
 
 HIGHEST_ORDER = 16
 DISTANCES = (8, 12, 16, 20, 24)
 """-log2 of the distances, relative to the place, at which the growth of P is measured."""
 WHOLE = 0.02
 """An exponent closer than this to a whole number, at two neighbouring distances, is that number."""
+STEADY = 0.002
+"""A fractional exponent is the same to this at two neighbouring distances."""
 SECTIONS = 80
 """Golden sections of a bracket at least: 2^-55 of it is left, where |x| is that small itself."""
 SHALLOW = 1e-6
@@ -25,8 +28,8 @@ def order_of_zero(function: Callable[[arb], arb], x: arb) -> Order:
 
     The exponent is measured at distances that shrink until it settles: another zero, or
     the function's own curvature, may be seen from afar. Where it never settles, as about
-    the zero of exp(-1/x²), whose exponent grows without bound, or settles at no whole
-    number, as about that of |x|^(1/2), the answer is ``none``.
+    the zero of exp(-1/x²), whose exponent grows without bound, or settles below 1, as
+    about that of |x|^(1/2), the answer is ``none``.
     """
     x, before = x.mid(), inf
     for bits in DISTANCES:
@@ -35,6 +38,8 @@ def order_of_zero(function: Callable[[arb], arb], x: arb) -> Order:
         settled = abs(exponent - nearest) <= WHOLE and abs(before - nearest) <= WHOLE
         if settled and 2 <= nearest <= HIGHEST_ORDER:
             return "power"
+        if abs(exponent - before) <= STEADY and 1.0 + WHOLE < exponent < 2.0 - WHOLE:
+            return "fractional"
         before = exponent
     return "none"
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import log2
-from typing import Literal
+from typing import Literal, TypeVar
 
 from flint import arb, ctx, fmpz_mat
 
@@ -29,6 +29,7 @@ from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.root_finding.gap import MOST_BITS, MOST_WORK, effort_of
 
 Coordinate = Literal["g2", "g1", "g3"]
+T = TypeVar("T")
 Triple = tuple[Algebraic, Algebraic, Algebraic]
 
 FIRST_BITS = 256
@@ -56,10 +57,21 @@ def proved_rest(loop: Loop, v: arb) -> arb | None:
 
     ``v`` lies in −π < v < π and is no pole.
     """
+    found = exact_at(loop, v, lambda algebra, place: True if _is_rest(loop, algebra, place) else None)
+    return None if found is None else found[0]
+
+
+def exact_at(
+    loop: Loop, v: arb, question: Callable[[AlgebraicAlgebra, Triple], T | None]
+) -> tuple[arb, T] | None:
+    """Return the first place next to ``v`` with algebraic coordinates that has an answer, and this.
+
+    The question is asked again with more bits as often as it takes these.
+    """
     if not loop.potential.has_formula or max(loop.alpha.as_integer_ratio()) > LARGEST_CURVE_DEGREE:
         return None
-    found = (_rest_at(loop, v, guess) for guess in _guesses(loop, v))
-    return next((place for place in found if place is not None), None)
+    found = (_answer_at(loop, v, guess, question) for guess in _guesses(loop, v))
+    return next((answer for answer in found if answer is not None), None)
 
 
 def _guesses(loop: Loop, v: arb) -> Iterator[_Guess]:
@@ -96,21 +108,24 @@ def _small_polynomials(value: arb, degree: int) -> Iterator[tuple[int, ...]]:
         short = fmpz_mat(rows).lll()
         coefficients = tuple(int(short[0, j]) for j in range(degree + 1))
         is_small = _longest(coefficients) * (degree + 1) < bits
-        is_new = coefficients not in told
+        # x^2 says no more than x.
+        is_new = coefficients not in told and (coefficients[0] != 0 or degree == 1)
         if is_small and is_new and coefficients[-1] and _longest(coefficients) <= COEFFICIENT_BITS:
             told.add(coefficients)
             yield coefficients
 
 
-def _rest_at(loop: Loop, v: arb, guess: _Guess) -> arb | None:
+def _answer_at(
+    loop: Loop, v: arb, guess: _Guess, question: Callable[[AlgebraicAlgebra, Triple], T | None]
+) -> tuple[arb, T] | None:
     bits, effort = FIRST_BITS, effort_of(loop.potential)
     while bits <= MOST_BITS and bits * effort <= MOST_WORK:
         try:
             with ctx.workprec(bits):
                 algebra = AlgebraicAlgebra()
-                place = ExactCurve(loop, algebra).point(v, guess)
-                if not _is_rest(loop, algebra, place):
-                    return None
+                answer = question(algebra, ExactCurve(loop, algebra).point(v, guess))
+            if answer is None:
+                return None
             break
         except MoreBitsNeededError as more:
             bits = max(more.bits, 2 * bits)
@@ -121,7 +136,7 @@ def _rest_at(loop: Loop, v: arb, guess: _Guess) -> arb | None:
     with ctx.workprec(PLACE_BITS):
         exact = _angle(loop, ExactCurve(loop, AlgebraicAlgebra()).point(v, guess), v)
     # Another zero than the one that was meant.
-    return exact if abs(exact - v) < arb(2) ** -NEAR_BITS * abs(v.sin()) else None
+    return (exact, answer) if abs(exact - v) < arb(2) ** -NEAR_BITS * abs(v.sin()) else None
 
 
 def _angle(loop: Loop, place: Triple, v: arb) -> arb:

@@ -7,7 +7,13 @@ from typing import Literal
 
 from flint import arb, ctx
 
-from service.dynamics.reduction.root_finding.orders import exponent_at, lowest_place, order_of_zero
+from service.dynamics.reduction.root_finding.orders import (
+    WHOLE,
+    Order,
+    exponent_at,
+    lowest_place,
+    order_of_zero,
+)
 
 Region = Literal["north", "middle", "south"]
 """Near a pole the coordinate x is the distance to it; in the middle it is v."""
@@ -51,9 +57,11 @@ Radicand = Callable[[LoopPlace], arb]
 """P as a function of the place."""
 
 
-ZeroKind = Literal["simple", "multiple", "flat", "edge", "infinite"]
-"""A zero of order one; of order two or more: an equilibrium or separatrix; of no order that is known;
-the edge of where P is defined; no zero of P but one of 1/P, which P > 0 comes to on one side at least."""
+ZeroKind = Literal["simple", "multiple", "standstill", "flat", "edge", "infinite"]
+"""A zero of order one; of order two or more: an equilibrium or separatrix; of an order between these; of no
+order that is known; the edge of where P is defined; no zero of P but one of 1/P, which P > 0 comes to on one
+side at least."""
+_KIND_OF: dict[Order, ZeroKind] = {"power": "multiple", "fractional": "standstill", "none": "flat"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +200,7 @@ def _crossing(radicand: Radicand, left: LoopPlace, right: LoopPlace) -> Zero:
 def _touch(radicand: Radicand, place: LoopPlace) -> Zero:
     """Return the zero at a place where P touches 0."""
     zero = _of_order(radicand, place)
-    if zero.kind == "multiple":
+    if zero.kind != "flat":
         return zero
     # The place may be too far from a zero of high order for its order to be seen.
     x = place.x.mid()
@@ -202,8 +210,11 @@ def _touch(radicand: Radicand, place: LoopPlace) -> Zero:
 
 
 def _of_order(radicand: Radicand, place: LoopPlace) -> Zero:
-    order = order_of_zero(lambda x: radicand(LoopPlace(place.region, x)), place.x)
-    return Zero(place.v(), "multiple" if order == "power" else "flat")
+    return Zero(place.v(), _KIND_OF[_order(radicand, place)])
+
+
+def _order(radicand: Radicand, place: LoopPlace) -> Order:
+    return order_of_zero(lambda x: radicand(LoopPlace(place.region, x)), place.x)
 
 
 def tends_to_zero(radicand: Radicand, v: arb) -> bool:
@@ -272,7 +283,8 @@ def _is_simple(radicand: Radicand, place: LoopPlace, exponent: int = -60) -> boo
     distance = abs(place.x.mid()) * arb(2) ** (exponent - 1)
     grows = exponent_at(lambda x: radicand(LoopPlace(place.region, x)), place.x.mid(), distance)
     # 0 of a place that only looks like a zero of high order, next to it.
-    return 0.5 < grows < 1.5
+    is_near = 0.5 < grows < 1.5
+    return is_near and (abs(grows - 1.0) < WHOLE or _order(radicand, place) != "fractional")
 
 
 def classify_pole(radicand: Radicand, side: Region) -> PoleKind:

@@ -1,0 +1,189 @@
+r"""Proves a zero of P of order three or more, and that there is no other one on a stretch.
+
+Along a curve P has the zeros and, but for a factor ±1, the signs of D = g1 V_3 − g3 V_1, a function of g2.
+If the derivatives of D of orders below m are 0 at a place, exactly, and that of order m has one sign all over
+a stretch about it, then D = D^{(m)}(ξ) (g2 − c)^m / m! there: one zero, of order m, and none else. On cells
+beside the place Taylor's formula about their middles, with the remainder bounded on the whole cell, has a
+sign where bounds of D itself, and of its first two derivatives, lose all in cancellation.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import pi
+
+from flint import arb
+
+from service.dynamics.formula.algebra import Algebra, T
+from service.dynamics.formula.algebras.algebraic import Algebraic, AlgebraicAlgebra
+from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.jets import FirstOrderJets
+from service.dynamics.formula.algebras.series import SeriesAlgebra, along_curve
+from service.dynamics.reduction.root_finding.gap import equator_point
+from service.dynamics.reduction.root_finding.orders import HIGHEST_ORDER, exponent_at, lowest_place
+from service.dynamics.reduction.root_finding.rest_proof import exact_at
+from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
+from service.dynamics.reduction.sign_proofs.cells import Half
+from service.dynamics.reduction.sign_proofs.signs_in_balls import Side
+
+FIRST_ORDERS = 4
+"""Orders that exact algebra tries before all."""
+LEAST = 2.0**-40
+"""Distance from the place, against where it began, to which a stretch is narrowed at most."""
+SHORTER = 6
+"""Times that a cell is halved where Taylor's formula does not settle it."""
+HALVINGS = 240
+"""Of a bracket by signs: a zero of order 16 is known to 2^-1000 and less only by values of 2^-16000."""
+SEEN = -12
+"""log2 of the distance from a zero at which its order is seen, where algebra does not tell it."""
+
+
+@dataclass(frozen=True, slots=True)
+class HighZero:
+    """A zero of high order on a stretch, and the part of that on which there may be others beside it."""
+
+    v: arb
+    order: int
+    start: arb
+    stop: arb
+    is_proved: bool
+    """It is of this order, and the only zero on the whole stretch."""
+
+    def is_settled(self, most: float) -> bool:
+        """Tell whether it is proved, or what is left is so narrow against its distance to the pole."""
+        return self.is_proved or bool((self.stop - self.start) < most * self.v.sin())
+
+    @property
+    def rest(self) -> tuple[Side, Side]:
+        """Return the ends of what is left."""
+        first, last = map(float, (self.start, self.stop))
+        start, stop = ((1.0, v) if v < QUARTER else (-1.0, pi - v) for v in (first, last))
+        return start, stop
+
+
+def high_zero(
+    half: Half, start: Side, stop: Side, signs: tuple[int, int], radicand: Radicand
+) -> HighZero | None:
+    """Return the zero between two places where P has these signs; None if there is no place to begin from."""
+    left, right = ((arb.pi() - arb(x)).mid() if side < 0 else arb(x) for side, x in (start, stop))
+
+    def value(v: arb) -> arb:
+        return radicand(LoopPlace("middle", v))
+
+    v = _by_signs(value, left, right) if signs[0] != signs[1] else lowest_place(value, left, right, arb(0))
+    exact = exact_order(half, v)
+    if exact is None:
+        seen = exponent_at(value, v.mid(), (right - left).mid() * arb(2) ** SEEN)
+        order = round(seen) if 2.5 < seen < HIGHEST_ORDER + 0.5 else 3
+    else:
+        v, order = exact
+    if not (left < v < right):
+        return None
+    left, right = _narrowed(half, (left, right), v, order, signs, is_exact=exact is not None)
+    is_proved = exact is not None and _sign(_coefficients(half, left, right, order)[order]) != 0
+    return HighZero(v, order, left, right, is_proved)
+
+
+def exact_order(half: Half, v: arb) -> tuple[arb, int] | None:
+    """Return the place next to ``v``, and the order of the zero that D has there, by exact algebra."""
+
+    def order(algebra: AlgebraicAlgebra, place: Sequence[Algebraic]) -> int | None:
+        for highest in (FIRST_ORDERS, HIGHEST_ORDER):
+            found = _series_of_D(algebra, half, place, highest)
+            first = next((k for k, each in enumerate(found) if not algebra.is_zero(each)), None)
+            if first is not None:
+                # No zero at all is no answer.
+                return first or None
+        return None
+
+    return exact_at(half.loop, v, order)
+
+
+def _narrowed(
+    half: Half, ends: tuple[arb, arb], v: arb, order: int, signs: tuple[int, int], *, is_exact: bool
+) -> tuple[arb, arb]:
+    """Return the stretch without the cells next to its ends where Taylor's formula shows the sign."""
+    left, right = ends
+    nearest = LEAST * (right - left)
+    while not (is_exact and _sign(_coefficients(half, left, right, order)[order])):
+        before = left, right
+        left = _inwards(half, left, v, order, signs[0], nearest)
+        right = _inwards(half, right, v, order, signs[1], nearest)
+        if (left, right) == before:
+            break
+    return left, right
+
+
+def _inwards(half: Half, end: arb, v: arb, order: int, sign: int, nearest: arb) -> arb:
+    """Return a place nearer to ``v`` up to which P is proved to have the sign; the end if there is none."""
+    if abs(end - v) < nearest:
+        return end
+    # (1 + 1/2m)^m < 2: of a zero of order m, Taylor's formula adds less than its first term to that.
+    step = (abs(end - v) / (2 * order)).min(end.sin() / 8)
+    for _ in range(SHORTER):
+        inner = (end + step if v > end else end - step).mid()
+        left, right = (end, inner) if v > end else (inner, end)
+        if _sign_on(half, left, right, order + 1) == sign:
+            return inner
+        step = step / 2
+    return end
+
+
+def _sign_on(half: Half, left: arb, right: arb, order: int) -> int:
+    """Return the sign of P between two places by Taylor's formula about the middle, 0 if it is not known."""
+    middle = ((left + right) / 2).mid()
+    place = _place_at(half, middle)
+    ends = [_place_at(half, v)[1] - place[1] for v in (left, right)]
+    t = ends[0].union(ends[1])
+    total = _coefficients(half, left, right, order)[order]
+    for coefficient in reversed(_series_of_D(BallAlgebra(), half, place, order - 1)):
+        total = total * t + coefficient
+    return _sign(total) * half.turn
+
+
+def _coefficients(half: Half, left: arb, right: arb, order: int) -> list[arb]:
+    """Return the Taylor coefficients of D in g2 about all places between two."""
+    ends = [_place_at(half, v) for v in (left, right)]
+    if left < arb.pi() / 2 < right:
+        # The other two coordinates are largest on the equator.
+        ends.append(_place_at(half, arb.pi() / 2))
+    first, *others = ends
+    for other in others:
+        first = [one.union(each) for one, each in zip(first, other, strict=True)]
+    return _series_of_D(BallAlgebra(), half, first, order)
+
+
+def _series_of_D(algebra: Algebra[T], half: Half, place: Sequence[T], order: int) -> list[T]:
+    """Return the Taylor coefficients of D = g1 V_3 − g3 V_1 along the curve in g2."""
+    series = SeriesAlgebra(algebra, order)
+    g1, g2, g3 = along_curve(algebra, (half.body.A, half.body.C), place, order)
+    jets = FirstOrderJets(series, 1)
+    seeds = jets.seed(g1, (series.negate(g3),)), jets.seed(g2, (None,)), jets.seed(g3, (g1,))
+    return jets.gradient(half.tape.evaluate(jets, seeds))[0]
+
+
+def _place_at(half: Half, v: arb) -> list[arb]:
+    """Return g1, g2 and g3 at 0 < v < π, in the client's axes."""
+    sine, cosine = v.sin_cos()
+    if cosine.contains(0):
+        at = equator_point(half.loop, half.g3_sign)
+    else:
+        at = half.loop.point_from(sine * half.g3_sign, cosine)
+    return [at.g3, at.g2, at.g1] if half.loop.mirrored else [at.g1, at.g2, at.g3]
+
+
+def _by_signs(value: Callable[[arb], arb], left: arb, right: arb) -> arb:
+    """Return the place between two where the sign changes, by halving alone."""
+    a, b = left.mid(), right.mid()
+    rises = value(b) > 0
+    for _ in range(HALVINGS):
+        middle = ((a + b) / 2).mid()
+        P = value(middle)
+        if middle in (a, b) or not (P > 0 or P < 0):
+            return middle
+        a, b = (a, middle) if (P > 0) == rises else (middle, b)
+    return a
+
+
+def _sign(value: arb) -> int:
+    return 0 if not value.is_finite() else 1 if value > 0 else -1 if value < 0 else 0
