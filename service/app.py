@@ -11,13 +11,15 @@ from fastapi import FastAPI
 from service.api.dependencies import Resources
 from service.api.events.lookout import Lookout
 from service.api.events.watcher import EventWatcher
+from service.api.heavy_reads import HeavyReads
 from service.api.keys.idempotency import IdempotencyDesk
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
-from service.api.reading_threads import ReadingThreads
+from service.api.reading_threads import ReadingThreads, SharedAnswer
 from service.api.replies.kept_answers import KeptAnswers
 from service.api.routes.events import documents_of
+from service.api.routes.installation.health import checks_of
 from service.api.routing import install
 from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
@@ -48,8 +50,8 @@ from service.versions import version_of
 
 logger = logging.getLogger(__name__)
 
-_CHECKS_AT_ONCE = 2
-"""Threads for /readyz, so that probes are answered although all other threads are busy."""
+_MONITORING = 2
+"""Threads for /readyz and /metrics, so that these are answered although all other threads are busy."""
 
 
 def create_app(
@@ -87,6 +89,9 @@ def create_app(
         events = EventWatcher(lookout, capacity=settings.event_streams)
         bell.when_anything(events.wake, events.stop)
         verdicts = VerdictQueue(children, settings, children=verdict_children())
+        heavy = HeavyReads(settings, make_room=lambda: bool(app.state.close_one_unread()))
+        metrics = Metrics(statistics, version=version_of("polhode"), local_worker=local_worker, kept=kept)
+        monitoring = CapacityLimiter(_MONITORING)
         app.state.resources = Resources(
             settings=settings,
             database=database,
@@ -99,9 +104,12 @@ def create_app(
             verdicts=verdicts,
             examiner=Examiner(verdicts, kept, examinations),
             reading=ReadingThreads(),
+            heavy=heavy,
             doorbell=bell,
             events=events,
-            metrics=Metrics(statistics, version=version_of("polhode"), local_worker=local_worker, kept=kept),
+            metrics=metrics,
+            metrics_text=SharedAnswer(metrics.text, monitoring),
+            checks=SharedAnswer(lambda: checks_of(app.state.resources), monitoring),
             keys=ring,
             limits=LimitGuard(settings, keys),
             idempotency=IdempotencyDesk(answers),
@@ -110,7 +118,6 @@ def create_app(
             presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),
             local_worker=local_worker,
-            checking=CapacityLimiter(_CHECKS_AT_ONCE),
         )
         presence.start()
         events.start()
@@ -120,6 +127,7 @@ def create_app(
             yield
         finally:
             await events.close()
+            await to_thread.run_sync(heavy.close, limiter=CapacityLimiter(1))
             presence.close()
             forgetting.close()
             retention.close()
@@ -132,7 +140,9 @@ def create_app(
             if doorbell is None:
                 bell.close()
 
-    # /docs is a page of our own: FastAPI's pages load scripts from other hosts.
-    app = FastAPI(title="polhode", lifespan=lifespan, docs_url=None, redoc_url=None)
+    # /docs is a page of our own: FastAPI's pages load scripts from other hosts. So is /openapi.json.
+    app = FastAPI(title="polhode", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    # A server that has a gate for its connections puts its own there.
+    app.state.close_one_unread = lambda: False
     install(app)
     return app

@@ -10,6 +10,7 @@ import logging
 import re
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -23,6 +24,9 @@ from service.log_levels import LogFormat, LogLevel
 
 OURS = ("service", "workers")
 """Loggers that get the chosen level; libraries log warnings and worse only."""
+
+SECONDS_BETWEEN_LINES = 10.0
+"""Least time between two lines about the same trouble, which many clients or a loop may have."""
 
 T = TypeVar("T")
 Arguments = TypeVarTuple("Arguments")
@@ -62,6 +66,26 @@ def call_about(
     """Call a function within :func:`about`; at module level, so that child processes can call it."""
     with about(**fields):
         return function(*arguments)
+
+
+class Complaints:
+    """Logs at most one line in so many seconds, and counts the suppressed ones."""
+
+    def __init__(self, logger: logging.Logger, clock: Callable[[], float] = time.monotonic) -> None:
+        self._logger, self._clock = logger, clock
+        self._silent_until: dict[str, float] = {}
+        self._kept_back: dict[str, int] = {}
+
+    def tell(self, message: str, fault: BaseException | None = None) -> None:
+        """Log the message as a warning, with the trace of a fault, unless it was logged too recently."""
+        now = self._clock()
+        if now < self._silent_until.get(message, now):
+            self._kept_back[message] = self._kept_back.get(message, 0) + 1
+            return
+        others = self._kept_back.pop(message, 0)
+        self._silent_until[message] = now + SECONDS_BETWEEN_LINES
+        more = f" ({others} times more since the last line)" if others else ""
+        self._logger.warning("%s%s", message, more, exc_info=fault)
 
 
 def start_logging(chosen: LogFormat | None, level: LogLevel) -> Logging:

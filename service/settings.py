@@ -96,7 +96,10 @@ class Settings(BaseModel):
     """Points of one sweep."""
     waiting_places: int = Field(default=16, ge=0, le=1000)
     """Clients that may wait for jobs at the same time; each looks its job up four times a second."""
-
+    reading_places: int = Field(default=2, ge=1, le=64)
+    """Answers that compute or build much and are made at the same time, each a part at a time."""
+    reading_mb: int = Field(default=160, ge=1)
+    """Megabytes (10^6 bytes) of such answers that may wait to be sent; one key may use half."""
     event_streams: int = Field(default=500, ge=0)
     """Streams of events at the same time; each is a connection, and none of them takes a thread."""
 

@@ -51,14 +51,20 @@ def hold_signals() -> None:
 
 
 class StopAsked:
-    """A context in which a signal sets a flag instead of ending the process.
+    """A context in which a signal sets a flag instead of ending the process, and a second one says: at once.
 
     On exit the previous handlers are restored.
     """
 
     def __init__(self) -> None:
-        self.is_asked = False
+        self._signals = 0
         self._tell: Callable[[], None] | None = None
+        self._urge: Callable[[], None] | None = None
+
+    @property
+    def is_asked(self) -> bool:
+        """A signal has come."""
+        return self._signals > 0
 
     def tell(self, listener: Callable[[], None]) -> None:
         """Call ``listener`` at the signal, or now if it has already come.
@@ -67,6 +73,12 @@ class StopAsked:
         """
         self._tell = listener
         if self.is_asked:
+            listener()
+
+    def urge(self, listener: Callable[[], None]) -> None:
+        """Call ``listener`` in the same way at the second signal, and at every further one."""
+        self._urge = listener
+        if self._signals > 1:
             listener()
 
     def __enter__(self) -> Self:
@@ -78,6 +90,7 @@ class StopAsked:
             signal.signal(number, handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        self.is_asked = True
-        if self._tell is not None:
-            self._tell()
+        self._signals += 1
+        listener = self._tell if self._signals == 1 else self._urge
+        if listener is not None:
+            listener()

@@ -17,6 +17,8 @@ ENTRIES = [
 CALLED_FROM_OUTSIDE = {
     "service.api.formats.columns.Sink.writable": "pyarrow asks it",
     "service.api.prometheus._DatabaseCollector.describe": "prometheus_client asks it",
+    "service.connections.gate.Gate.flow": "what the protocol tells when asyncio says that a client reads",
+    "service.connections.gate.Gate.stop_flowing": "the same when it does not read",
     "service.connections.protocol.WatchedProtocol.": "asyncio and uvicorn call the methods of a protocol",
     "service.connections.refusals.malformed": "what the protocol answers when uvicorn asks it to refuse",
     "service.client.polhode.": "people call it from Python",

@@ -1,7 +1,7 @@
 """Reads request bodies, so that every fault in them is answered by our own problem document."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from email.message import Message
 from http import HTTPStatus
 from typing import Annotated
@@ -41,6 +41,10 @@ async def _read_patch(request: Request, inside: Inside) -> bytes:
 async def _read(request: Request, inside: Resources, asking: str, *accepted: str) -> bytes:
     _require(accepted, request.headers.get("content-type", ""), asking)
     coding = _coding_of(request.headers.getlist("content-encoding"))
+    length = request.headers.get("content-length", "0")
+    if length.isdecimal() and int(length[:20]) > MAX_BODY_BYTES:
+        # Not read at all: what is sent of it is of no use.
+        raise _too_large("", {"Connection": "close"})
     content, seconds = bytearray(), inside.settings.body_seconds
     try:
         async with asyncio.timeout(seconds):
@@ -65,9 +69,9 @@ def _plain(content: bytes, coding: str) -> bytes:
     return plain
 
 
-def _too_large(when: str) -> ApiError:
+def _too_large(when: str, headers: Mapping[str, str] | None = None) -> ApiError:
     detail = f"at most {MAX_BODY_BYTES} bytes are accepted{when}"
-    return ApiError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "body_too_large", detail)
+    return ApiError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "body_too_large", detail, headers=headers)
 
 
 def _require(accepted: Sequence[str], header: str, asking: str) -> None:

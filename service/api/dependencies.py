@@ -5,15 +5,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
-from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
 from service.api.events.watcher import EventWatcher
+from service.api.heavy_reads import HeavyReads
 from service.api.keys.idempotency import IdempotencyDesk
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
-from service.api.reading_threads import ReadingThreads
+from service.api.reading_threads import ReadingThreads, SharedAnswer
 from service.api.replies.kept_answers import KeptAnswers
 from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
@@ -24,6 +24,7 @@ from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.database.remembered import Remembered
+from service.storage.jobs.worker_registry import WorkersState
 from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
@@ -46,6 +47,8 @@ class Resources:
     verdicts: VerdictQueue
     examiner: Examiner
     reading: ReadingThreads
+    heavy: HeavyReads
+    """Places for answers that compute or build much."""
     doorbell: Doorbell
     events: EventWatcher
     metrics: Metrics
@@ -58,8 +61,10 @@ class Resources:
     """Keeps the presence row of this service, and knows whether the database can be written to."""
     waiting: threading.BoundedSemaphore
     """Limits the number of clients that wait for their job, since each one polls the database."""
-    checking: CapacityLimiter
-    """Threads for /readyz only."""
+    metrics_text: SharedAnswer[bytes]
+    """What /metrics answers."""
+    checks: SharedAnswer[tuple[dict[str, str], WorkersState]]
+    """What /readyz tells."""
     local_worker: Callable[[], WorkerStanding] | None
     """Returns the status of the worker process beside this service, if there is one."""
 

@@ -11,7 +11,7 @@ from service.api.routing import install
 
 def openapi_text() -> str:
     """Return the document as it is committed."""
-    app = FastAPI()
+    app = FastAPI(openapi_url=None)
     install(app)
     return json.dumps(app.openapi(), indent=2, ensure_ascii=False, sort_keys=True) + "\n"
 

@@ -151,6 +151,8 @@ def _state(figures: Figures) -> Iterator[Metric]:
         sweeps.add_metric([state], figures.sweeps.get(state, 0))
     yield sweeps
     yield GaugeMetricFamily("polhode_database_bytes", "Size of the database.", figures.database_bytes)
+    says = "Size of SQLite's write-ahead log."
+    yield GaugeMetricFamily("polhode_database_log_bytes", says, figures.log_bytes)
     yield GaugeMetricFamily(
         "polhode_measured_age_seconds", "Age of the numbers from the database.", figures.age()
     )

@@ -1,12 +1,15 @@
-"""Threads for parsing documents, separate from those for the database; large documents one at a time.
+"""Threads apart from those of the endpoints: for parsing documents, and for what monitors ask for.
+
+Large documents are parsed one at a time.
 
 Parsing is pure Python: more threads do not speed it up, they only take the
 interpreter from the event loop. A document of a megabyte may take a second; small
 ones do not wait for it.
 """
 
+import asyncio
 from collections.abc import Callable
-from typing import TypeVar, TypeVarTuple
+from typing import Generic, TypeVar, TypeVarTuple
 
 from anyio import CapacityLimiter, to_thread
 
@@ -28,3 +31,30 @@ class ReadingThreads:
         """Return ``function(*arguments)``, which reads a document of ``size`` bytes."""
         limiter = self._large if size > LARGE_BYTES else self._small
         return await to_thread.run_sync(function, *arguments, limiter=limiter)
+
+
+class SharedAnswer(Generic[T]):
+    """Makes something for all that ask for it, never twice at the same time: it costs as much for many.
+
+    Parameters
+    ----------
+    threads
+        Of its own, so that it is made although all others are busy.
+    """
+
+    def __init__(self, make: Callable[[], T], threads: CapacityLimiter) -> None:
+        self._make, self._threads = make, threads
+        self._making: asyncio.Task[T] | None = None
+
+    async def get(self) -> T:
+        """Return what is being made, or is made now."""
+        if self._making is None:
+            self._making = asyncio.create_task(to_thread.run_sync(self._make, limiter=self._threads))
+            self._making.add_done_callback(self._forget)
+        # Whoever asked first may leave: the others still wait for it.
+        return await asyncio.shield(self._making)
+
+    def _forget(self, made: asyncio.Task[T]) -> None:
+        self._making = None
+        if not made.cancelled():
+            made.exception()  # whoever waits is told; if nobody does, it is no fault

@@ -1,6 +1,9 @@
 """Registers all endpoints, error handlers and the OpenAPI description on an application."""
 
-from fastapi import FastAPI
+from functools import cache
+
+from fastapi import FastAPI, Request, Response
+from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
 
 from service.api.descriptions import describe
@@ -12,6 +15,7 @@ from service.api.middleware.cors import Sharing
 from service.api.middleware.methods import HeadLikeGet
 from service.api.middleware.observing import Observation
 from service.api.middleware.security import Guard
+from service.api.replies.conditional import tag_of_content
 from service.api.routes import analysis, atlases, deletions, events, jobs, marks, validations
 from service.api.routes.installation import accuracy, docs_page, families, health, metrics, status
 from service.api.routes.solutions import audits, citations, enclosures, provenance, solutions, trajectory
@@ -76,4 +80,15 @@ def install(app: FastAPI) -> None:
             app.openapi_schema = describe(app)
         return app.openapi_schema
 
+    @cache
+    def written() -> tuple[bytes, str]:
+        content = JSONResponse(app.openapi()).body
+        return bytes(content), tag_of_content(bytes(content))
+
+    async def show_document(_: Request) -> Response:
+        content, tag = written()
+        return Response(content, media_type="application/json", headers={"ETag": tag})
+
     app.openapi = openapi  # type: ignore[method-assign]
+    # In place of FastAPI's own, which writes the document, a megabyte, for each request.
+    app.add_route("/openapi.json", show_document, include_in_schema=False)

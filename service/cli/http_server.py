@@ -60,6 +60,7 @@ def serve_http(
                 raise typer.Exit(REFUSED)
         finally:
             if workers is not None:
-                workers.stop()
+                # Not earlier: of two signals the first one stops the server.
+                workers.stop(urged=stop.urge)
             verdicts.close()
             doorbell.close()

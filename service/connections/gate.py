@@ -1,14 +1,15 @@
 """Limits the number of connections, and chooses which to close when one more arrives."""
 
-import logging
 import time
 from collections import OrderedDict
 from collections.abc import Callable
 from enum import IntEnum
 from typing import Protocol
 
-SECONDS_BETWEEN_LINES = 10.0
-"""Least time between two log lines about refused connections."""
+from service.logs import Complaints
+
+UNREAD_SECONDS = 5.0
+"""A client that has read nothing of its answer for so long may be cut off to make room."""
 
 
 class Phase(IntEnum):
@@ -21,33 +22,18 @@ class Phase(IntEnum):
     BODY = 2
     """A part of a request's body has been sent."""
     ANSWER = 3
-    """A request is complete: never closed to make room."""
+    """A request is complete: closed to make room only if its client does not read the answer."""
 
 
 class Closable(Protocol):
     """The protocol of a connection that the gate can close."""
 
+    @property
+    def is_sending(self) -> bool:
+        """Something that was written to it has not left yet."""
+
     def give_up(self) -> None:
         """Close it at once."""
-
-
-class Complaints:
-    """Logs at most one line in so many seconds, and counts the suppressed ones."""
-
-    def __init__(self, logger: logging.Logger, clock: Callable[[], float] = time.monotonic) -> None:
-        self._logger, self._clock = logger, clock
-        self._silent_until: dict[str, float] = {}
-        self._kept_back: dict[str, int] = {}
-
-    def tell(self, message: str) -> None:
-        """Log the message as a warning, unless one was logged too recently."""
-        now = self._clock()
-        if now < self._silent_until.get(message, now):
-            self._kept_back[message] = self._kept_back.get(message, 0) + 1
-            return
-        others = self._kept_back.pop(message, 0)
-        self._silent_until[message] = now + SECONDS_BETWEEN_LINES
-        self._logger.warning("%s%s", message, f" ({others} times more since the last line)" if others else "")
 
 
 class Gate:
@@ -61,8 +47,12 @@ class Gate:
         Logs that there are too many.
     """
 
-    def __init__(self, capacity: int, complaints: Complaints) -> None:
-        self.capacity, self.complaints = capacity, complaints
+    def __init__(
+        self, capacity: int, complaints: Complaints, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.capacity, self.complaints, self._clock = capacity, complaints, clock
+        self._unread: OrderedDict[Closable, float] = OrderedDict()
+        """Those whose clients do not read, and since when."""
         self._open: set[Closable] = set()
         self._waiting: dict[Phase, OrderedDict[Closable, None]] = {
             phase: OrderedDict() for phase in (Phase.IDLE, Phase.HEAD, Phase.BODY)
@@ -86,22 +76,45 @@ class Gate:
     def leave(self, connection: Closable) -> None:
         """Record that a connection is closed or closing."""
         self._open.discard(connection)
+        self._unread.pop(connection, None)
         self.move(connection, Phase.ANSWER)
+
+    def stop_flowing(self, connection: Closable) -> None:
+        """Record that a client reads nothing for now of what is sent to it."""
+        if connection in self._open:
+            self._unread.setdefault(connection, self._clock())
+
+    def flow(self, connection: Closable) -> None:
+        """Record that it reads again."""
+        self._unread.pop(connection, None)
 
     def make_room(self) -> bool:
         """Tell whether one more may be accepted; close an old one if needed.
 
         Those that have waited longest go first: idle ones, then those whose
-        request is not complete. Clients that wait for an answer are kept.
+        request is not complete, then those that do not read their answer. Clients
+        that wait for an answer, or read it, are kept.
         """
         return len(self._open) < self.capacity or self.give_one_up()
 
     def give_one_up(self) -> bool:
-        """Close one idle or incomplete connection; False if there is none."""
+        """Close one idle, incomplete or unread connection; False if there is none."""
         for line in self._waiting.values():
-            if line:
-                connection = next(iter(line))
-                self.leave(connection)
-                connection.give_up()
+            # The end of an answer may still flow when its connection waits for the next request.
+            connection = next((each for each in line if not each.is_sending), None)
+            if connection is not None:
+                self._close(connection)
                 return True
-        return False
+        return self.close_one_unread()
+
+    def close_one_unread(self) -> bool:
+        """Close the connection whose client has not read for longest; False if all have lately."""
+        connection, since = next(iter(self._unread.items()), (None, 0.0))
+        if connection is None or self._clock() - since < UNREAD_SECONDS:
+            return False
+        self._close(connection)
+        return True
+
+    def _close(self, connection: Closable) -> None:
+        self.leave(connection)
+        connection.give_up()

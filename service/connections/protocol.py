@@ -11,6 +11,7 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
+from service.api.replies.pieces import PART_BYTES
 from service.connections.gate import Gate, Phase
 from service.connections.refusals import as_bytes, malformed, too_slow
 
@@ -48,6 +49,8 @@ class WatchedProtocol(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Register the connection and wait for a request."""
         super().connection_made(transport)
+        # Of what is written no more than this and one part waits in memory for a client that does not read.
+        transport.set_write_buffer_limits(PART_BYTES)
         self.gate.enter(self)
         self._enter(Phase.IDLE)
         self._deadline = self.loop.call_later(self.deadlines.head, self._expire)
@@ -73,12 +76,14 @@ class WatchedProtocol(H11Protocol):
     def pause_writing(self) -> None:
         """Start the deadline for a client that does not read."""
         super().pause_writing()
+        self.gate.stop_flowing(self)
         if self._send_deadline is None:
             self._send_deadline = self.loop.call_later(self.deadlines.send, self.give_up)
 
     def resume_writing(self) -> None:
         """Stop that deadline: the client reads again."""
         super().resume_writing()
+        self.gate.flow(self)
         if self._send_deadline is not None:
             self._send_deadline.cancel()
             self._send_deadline = None
@@ -92,6 +97,11 @@ class WatchedProtocol(H11Protocol):
             self.give_up()  # an answer is being sent: a second one would be read as a part of it
         else:
             self._end(as_bytes(malformed(status)))
+
+    @property
+    def is_sending(self) -> bool:
+        """Something that was written has not left this process."""
+        return self.transport.get_write_buffer_size() > 0
 
     def give_up(self) -> None:
         """Close the connection at once, even during an answer."""

@@ -6,9 +6,10 @@ import socket
 import uvicorn
 from fastapi import FastAPI
 
-from service.connections.gate import Complaints, Gate
+from service.connections.gate import Gate
 from service.connections.listener import Listener, connections_for
 from service.connections.protocol import Deadlines, watched
+from service.logs import Complaints
 from service.settings import Settings
 
 logger = logging.getLogger(__name__)
@@ -27,6 +28,7 @@ _TOLD_ALREADY = (
 def guarded(app: FastAPI, settings: Settings, opened: socket.socket) -> tuple[uvicorn.Config, Listener]:
     """Return what a server of ``app`` needs: its configuration, and the socket that ``opened`` becomes."""
     gate = Gate(connections_for(settings.max_connections), Complaints(logger))
+    app.state.close_one_unread = gate.close_one_unread
     deadlines = Deadlines(
         head=settings.header_seconds, body=settings.body_seconds, send=settings.send_seconds
     )

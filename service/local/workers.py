@@ -4,6 +4,7 @@ import logging
 import subprocess
 import threading
 import time
+from collections.abc import Callable
 
 from service.local.restarts import Restarts, WorkerStanding
 from service.local.wakeup import Doorbell
@@ -47,10 +48,15 @@ class LocalWorkers:
         """Start no other process when this one ends. Safe in a signal handler."""
         self._stopping.set()
 
-    def stop(self) -> None:
-        """Let running jobs finish within the grace period, then kill the process if it is still there."""
+    def stop(self, urged: Callable[[Callable[[], None]], None] | None = None) -> None:
+        """Let running jobs finish within the grace period, then kill the process if it is still there.
+
+        ``urged`` is given what has the process return its jobs at once.
+        """
         self._stopping.set()
         self._process.terminate()
+        if urged is not None:
+            urged(self._process.terminate)
         self._keeper.join(self._settings.grace_seconds + 5.0)
         if self._keeper.is_alive():
             self._process.kill()

@@ -16,9 +16,10 @@ import uvicorn
 from fastapi import FastAPI
 
 from service.app import create_app
-from service.connections.gate import Complaints, Gate, Phase
+from service.connections.gate import UNREAD_SECONDS, Gate, Phase
 from service.connections.listener import Listener
 from service.connections.server import guarded
+from service.logs import Complaints
 from service.settings import Settings
 from tests.support.keys import Clock
 
@@ -30,7 +31,7 @@ OPENED = []
 
 class Connection:
     def __init__(self):
-        self.is_open = True
+        self.is_open, self.is_sending = True, False
 
     def give_up(self):
         self.is_open = False
@@ -44,8 +45,8 @@ def entered(gate, *phases):
     return connections
 
 
-def make_gate(capacity):
-    return Gate(capacity, Complaints(logging.getLogger("test")))
+def make_gate(capacity, **further):
+    return Gate(capacity, Complaints(logging.getLogger("test")), **further)
 
 
 def test_idle_connections_are_closed_first_then_unfinished_requests_and_never_those_at_work():
@@ -69,6 +70,41 @@ def test_the_one_idle_for_longest_goes_first():
     assert (first.is_open, second.is_open) == (True, False)
     assert gate.make_room()
     assert first.is_open
+
+
+def test_an_answer_that_still_flows_is_not_cut_off_to_make_room():
+    gate = make_gate(2)
+    flowing, idle = entered(gate, Phase.IDLE, Phase.IDLE)
+    flowing.is_sending = True
+    assert gate.make_room()
+    assert (flowing.is_open, idle.is_open) == (True, False)
+    entered(gate, Phase.ANSWER)
+    assert not gate.make_room()
+    flowing.is_sending = False
+    assert gate.make_room()
+    assert not flowing.is_open
+
+
+def test_a_client_that_does_not_read_its_answer_makes_room_after_a_while():
+    clock = Clock()
+    gate = make_gate(3, clock=clock)
+    first, second, reading = entered(gate, Phase.ANSWER, Phase.ANSWER, Phase.ANSWER)
+    gate.stop_flowing(first)
+    clock.now += 1
+    gate.stop_flowing(second)
+    gate.stop_flowing(reading)
+    gate.flow(reading)
+    clock.now += UNREAD_SECONDS - 1.5
+    assert not gate.make_room()
+    clock.now += 1
+    gate.stop_flowing(first)  # it has not read since the first time
+    assert gate.make_room()
+    assert (first.is_open, second.is_open) == (False, True)
+    assert len(gate) == 2
+    clock.now += 1
+    assert gate.close_one_unread()
+    assert not gate.close_one_unread()
+    assert (second.is_open, reading.is_open) == (False, True)
 
 
 def test_there_is_no_room_when_all_are_at_work():

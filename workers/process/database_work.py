@@ -106,6 +106,7 @@ def _loop(
         grace_seconds=settings.grace_seconds,
     )
     equipment.stop.tell(loop.stop)
+    equipment.stop.urge(loop.stop_at_once)
     try:
         loop.run()
     finally:

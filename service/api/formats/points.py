@@ -14,6 +14,9 @@ from service.csv_text import CRLF, data_lines, header_line
 from service.storage.sweeps.point_query import INDEX, OUTCOME
 from service.storage.sweeps.point_reader import PointBlock
 
+TEXT_NUMBERS = 15_000
+"""Numbers that are written as text at a time."""
+
 Writer = Callable[[Wish, Iterable[PointBlock], Mapping[str, str]], Iterator[bytes]]
 
 
@@ -27,14 +30,14 @@ def rows(wish: Wish, block: PointBlock) -> Iterator[dict[str, object]]:
 def ndjson(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Iterator[bytes]:
     """Yield a line for each point."""
     option = orjson.OPT_APPEND_NEWLINE | orjson.OPT_SERIALIZE_NUMPY
-    for block in blocks:
+    for block in _short(wish, blocks):
         yield b"".join(orjson.dumps(row, option=option) for row in rows(wish, block))
 
 
 def csv(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Iterator[bytes]:
     """Yield the header line and a line for each point; missing numbers are empty."""
     yield header_line(wish.columns, CRLF).encode()
-    for block in blocks:
+    for block in _short(wish, blocks):
         yield data_lines([_column(block, name) for name in wish.columns], CRLF).encode()
 
 
@@ -62,6 +65,15 @@ def npz(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Itera
     if OUTCOME in columns:
         columns[OUTCOME] = columns[OUTCOME].astype(np.str_)
     yield npz_file(columns)
+
+
+def _short(wish: Wish, blocks: Iterable[PointBlock]) -> Iterator[PointBlock]:
+    """Yield the same points, fewer at a time: so many as are written as text in some 20 ms."""
+    for block in blocks:
+        samples = sum(block.series[name].shape[1] for name in wish.series)
+        rows = max(1, TEXT_NUMBERS // (len(wish.columns) + samples))
+        for start in range(0, len(block.indices), rows):
+            yield block.taken(slice(start, start + rows))
 
 
 STREAMS: Mapping[str, Writer] = {NDJSON: ndjson, CSV: csv, ARROW: arrow, PARQUET: parquet, NPZ: npz}

@@ -3,12 +3,14 @@
 from collections.abc import Callable
 from http import HTTPStatus
 
-from anyio import to_thread
+from anyio import CapacityLimiter, to_thread
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.formats.codings import Encoder, encoded, encoder, preferred_coding
 from service.api.replies.conditional import coded
+from service.api.replies.kept_answers import KeptAnswers
+from service.api.replies.pieces import PART_BYTES
 
 LEAST_BYTES = 1024
 """Below, an answer fits into one packet anyway."""
@@ -16,8 +18,12 @@ PAYS = 0.9
 """An answer is encoded if this much of it, or less, is left."""
 _SAMPLE_BYTES = 65536
 """What is tried first: of an answer that is larger, the rest is encoded only if this pays."""
+_KEPT_BYTES = 16_000_000
+"""Whole answers in codings that are kept: a tag names one content, so that none gets old."""
 _INLINE_BYTES = 65536
 """More is encoded in a thread, not on the event loop."""
+_THREADS = 2
+"""For that only: those of the endpoints are for endpoints."""
 _NEVER = (
     "text/event-stream",
     "application/vnd.apache.parquet",
@@ -33,6 +39,7 @@ class Compression:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
+        self._threads, self._kept = CapacityLimiter(_THREADS), KeptAnswers(_KEPT_BYTES)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, and encode its answer."""
@@ -40,14 +47,14 @@ class Compression:
             await self._app(scope, receive, send)
             return
         coding = preferred_coding(Headers(scope=scope).get("accept-encoding"))
-        await self._app(scope, receive, _Answer(coding, send).send)
+        await self._app(scope, receive, _Answer(coding, send, self._threads, self._kept).send)
 
 
 class _Answer:
     """One answer. Its start is held back until the first part of its body is there to be tried."""
 
-    def __init__(self, coding: str | None, send: Send) -> None:
-        self._coding, self._send = coding, send
+    def __init__(self, coding: str | None, send: Send, threads: CapacityLimiter, kept: KeptAnswers) -> None:
+        self._coding, self._send, self._threads, self._kept = coding, send, threads, kept
         self._start: Message | None = None
         self._encoder: Encoder | None = None
 
@@ -63,7 +70,15 @@ class _Answer:
             await self._send(start)
         elif self._encoder is not None:
             message = await self._encoded(message, self._encoder)
-        await self._send(message)
+        await self._send_in_parts(message)
+
+    async def _send_in_parts(self, message: Message) -> None:
+        """Send each part of the body when the one before has left, so that no slow client fills memory."""
+        body = message.get("body", b"")
+        for start in range(0, len(body) or 1, PART_BYTES):
+            stop = start + PART_BYTES
+            more = stop < len(body) or message.get("more_body", False)
+            await self._send({**message, "body": body[start:stop], "more_body": more})
 
     async def _begin(self, start: Message, first: Message) -> Message:
         """Return the first part as it is sent, and complete the headers."""
@@ -71,35 +86,50 @@ class _Answer:
         is_whole = not first.get("more_body", False)
         if self._coding is None or not _may_pay(start["status"], headers, body, is_whole):
             return first
-        sample = await _in_time(encoded, body[:_SAMPLE_BYTES], self._coding)
+        tag = coded(headers["etag"], self._coding) if "etag" in headers else None
+        known = self._kept.find(tag) if tag is not None and is_whole else None
+        if known is not None:
+            return _whole(headers, known, first, self._coding)
+        sample = await self._in_time(encoded, body[:_SAMPLE_BYTES], self._coding)
         # A stream may begin with little, a schema or a line of names, that tells nothing of the rest.
         if len(body) >= LEAST_BYTES and len(sample) > PAYS * min(len(body), _SAMPLE_BYTES):
             return first
-        headers["Content-Encoding"] = self._coding
-        if "etag" in headers:
-            headers["ETag"] = coded(headers["etag"], self._coding)
         if is_whole:
-            is_done = len(body) <= _SAMPLE_BYTES
-            content = sample if is_done else await _in_time(encoded, body, self._coding)
-            headers["Content-Length"] = str(len(content))
-            return {**first, "body": content}
+            content = sample if len(body) <= _SAMPLE_BYTES else await self._all(tag, body, self._coding)
+            return _whole(headers, content, first, self._coding)
+        headers["Content-Encoding"] = self._coding
+        if tag is not None:
+            headers["ETag"] = tag
         del headers["Content-Length"]
         self._encoder = encoder(self._coding)
         return await self._encoded(first, self._encoder)
 
+    async def _all(self, tag: str | None, body: bytes, coding: str) -> bytes:
+        """Return a whole answer in a coding; it is kept, since static files are asked for again and again."""
+        if tag is None:
+            return await self._in_time(encoded, body, coding)
+        return await self._in_time(lambda body: self._kept.get(tag, lambda: encoded(body, coding)), body)
+
     async def _encoded(self, message: Message, encoder: Encoder) -> Message:
         body = message.get("body", b"")
-        content = await _in_time(encoder.piece, body) if body else b""
+        content = await self._in_time(encoder.piece, body) if body else b""
         if not message.get("more_body", False):
             content += encoder.end()
         return {**message, "body": content}
 
+    async def _in_time(self, work: Callable[..., bytes], body: bytes, *further: str) -> bytes:
+        """Return ``work`` of a body without keeping other requests from the event loop for long."""
+        if len(body) <= _INLINE_BYTES:
+            return work(body, *further)
+        return await to_thread.run_sync(work, body, *further, limiter=self._threads)
 
-async def _in_time(work: Callable[..., bytes], body: bytes, *further: str) -> bytes:
-    """Return ``work`` of a body without keeping other requests from the event loop for long."""
-    if len(body) <= _INLINE_BYTES:
-        return work(body, *further)
-    return await to_thread.run_sync(work, body, *further)
+
+def _whole(headers: MutableHeaders, content: bytes, first: Message, coding: str) -> Message:
+    """Return a whole answer in a coding, and complete its headers."""
+    headers["Content-Encoding"], headers["Content-Length"] = coding, str(len(content))
+    if "etag" in headers:
+        headers["ETag"] = coded(headers["etag"], coding)
+    return {**first, "body": content}
 
 
 def _may_pay(status: int, headers: Headers, body: bytes, is_whole: bool) -> bool:

@@ -22,6 +22,7 @@ from service.jobs.errors import (
     StillAtWorkError,
 )
 from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
+from service.logs import Complaints
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.reading.faults import Fault, InvalidProblemError
 from service.schemas.sweep.reading import InvalidSweepError
@@ -34,7 +35,8 @@ CLIENT_GONE = 499
 RETRY_SECONDS = 5
 """Retry-After if the database cannot be reached."""
 
-_OVERLOAD = ("verdicts_busy",)
+_UNAVAILABLE = "unavailable"
+_OVERLOAD = ("verdicts_busy", "busy")
 """Refusals that are not logged: no defect of this service, often many at once, and counted by status."""
 _CODES = {
     HTTPStatus.NOT_FOUND: "not_found",
@@ -44,6 +46,7 @@ _CODES = {
 
 def install(app: FastAPI) -> None:
     """Make every error of ``app`` a problem document."""
+    app.state.complaints = Complaints(_log)
     app.add_exception_handler(ApiError, respond)
     app.add_exception_handler(InvalidProblemError, respond)
     app.add_exception_handler(DynamicsError, respond)
@@ -75,7 +78,10 @@ async def respond(request: Request, error: Exception) -> Response:
     """
     refusal = refusal_of(error)
     request_id = id_of(request)
-    if refusal.status >= HTTPStatus.INTERNAL_SERVER_ERROR and refusal.code not in _OVERLOAD:
+    if refusal.code == _UNAVAILABLE:
+        # All requests of an outage have the same reason, and clients send each again and again.
+        request.app.state.complaints.tell(f"{_UNAVAILABLE}: {type(error).__name__}", error)
+    elif refusal.status >= HTTPStatus.INTERNAL_SERVER_ERROR and refusal.code not in _OVERLOAD:
         trace = None if isinstance(error, ApiError) else error
         # Unexpected errors are answered outside of the request's own context.
         extra = {"fields": {"request_id": request_id}}
@@ -133,7 +139,7 @@ def refusal_of(error: Exception) -> ApiError:
         case Exception() if is_away(error):
             detail = "the database cannot be reached at the moment; try again later"
             headers = {"Retry-After": str(RETRY_SECONDS)}
-            return ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "unavailable", detail, headers=headers)
+            return ApiError(HTTPStatus.SERVICE_UNAVAILABLE, _UNAVAILABLE, detail, headers=headers)
     return ApiError(
         HTTPStatus.INTERNAL_SERVER_ERROR,
         "internal_error",

@@ -83,10 +83,15 @@ def _trusted(settings: Settings) -> frozenset[str]:
     return origins_in(settings.origins) | origins_in(settings.cors_origins)
 
 
-async def _holder(request: Request) -> ApiKey | None:
+def holder_of(request: Request) -> ApiKey | None:
+    """Return the key of a request; None where there are no keys."""
     key = request.scope["state"][_STATE]
     assert key is None or isinstance(key, ApiKey)
     return key
+
+
+async def _holder(request: Request) -> ApiKey | None:
+    return holder_of(request)
 
 
 Holder = Annotated[ApiKey | None, Depends(_holder)]

@@ -48,6 +48,7 @@ TITLES: Mapping[str, str] = {
     "not_ready": "Not ready",
     "motion_ended": "The motion ends before that time",
     "outside_horizon": "The time is outside the solution",
+    "busy": "Too much is being read",
     "changed_meanwhile": "It has changed meanwhile",
     "invalid_patch": "The change is not valid",
     "passage_undecided": "The motion beyond a pole is undecided",

@@ -15,13 +15,19 @@ class KeptAnswers:
         self._lock = threading.Lock()
         self._contents: OrderedDict[str, bytes] = OrderedDict()
 
-    def get(self, tag: str, write: Callable[[], bytes]) -> bytes:
-        """Return the content with this tag; ``write`` makes it if it is not here."""
+    def find(self, tag: str) -> bytes | None:
+        """Return the content with this tag, None if it is not here."""
         with self._lock:
             content = self._contents.get(tag)
             if content is not None:
                 self._contents.move_to_end(tag)
-                return content
+            return content
+
+    def get(self, tag: str, write: Callable[[], bytes]) -> bytes:
+        """Return the content with this tag; ``write`` makes it if it is not here."""
+        content = self.find(tag)
+        if content is not None:
+            return content
         content = write()
         with self._lock:
             if tag not in self._contents:

@@ -3,9 +3,11 @@
 from collections.abc import Iterable, Iterator
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Depends, Request, Response
 
 from service.api.dependencies import Inside
+from service.api.heavy_reads import go_on
+from service.api.middleware.heavy_answers import heavy
 from service.api.queries.analysis import FacetsQuery, StatisticsQuery, read_facets, read_statistics
 from service.api.queries.points import vocabulary_of
 from service.api.queries.queries import Asked, asked_of, query_parameters
@@ -40,7 +42,8 @@ StatisticsAsked = Annotated[Asked[StatisticsQuery], Depends(asked_of(StatisticsQ
     responses=refusals(),
     openapi_extra=query_parameters(FacetsQuery, "by"),
 )
-def get_solution_facets(asked: FacetsAsked, inside: Inside) -> Response:
+@heavy
+def get_solution_facets(request: Request, asked: FacetsAsked, inside: Inside) -> Response:
     """Count how often each value of some facts occurs among the solutions that match."""
     return _facets_of_rows(asked, inside.database, OF_SOLUTION_ROWS)
 
@@ -52,7 +55,8 @@ def get_solution_facets(asked: FacetsAsked, inside: Inside) -> Response:
     responses=refusals(),
     openapi_extra=query_parameters(FacetsQuery, "by"),
 )
-def get_job_facets(asked: FacetsAsked, inside: Inside) -> Response:
+@heavy
+def get_job_facets(request: Request, asked: FacetsAsked, inside: Inside) -> Response:
     """Count how often each value of some facts occurs among the jobs that match."""
     return _facets_of_rows(asked, inside.database, OF_JOB_ROWS)
 
@@ -64,12 +68,15 @@ def get_job_facets(asked: FacetsAsked, inside: Inside) -> Response:
     responses=refusals(404),
     openapi_extra=query_parameters(FacetsQuery, "by"),
 )
-def get_point_facets(sweep_id: SweepId, asked: FacetsAsked, inside: Inside) -> Response:
+@heavy
+def get_point_facets(request: Request, sweep_id: SweepId, asked: FacetsAsked, inside: Inside) -> Response:
     """Count how often each value occurs among the computed points that match."""
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     analysis = read_facets(asked, vocabulary_of(sweep))
-    table = PointTable(PointReader(inside.sweeps, record.id, sweep, with_series=False), analysis.conditions)
+    table = PointTable(
+        PointReader(inside.sweeps, record.id, sweep, with_series=False, go_on=go_on), analysis.conditions
+    )
     return _facets(table.facet(subject.name, asked.parameters.limit) for subject in analysis.by)
 
 
@@ -80,7 +87,8 @@ def get_point_facets(sweep_id: SweepId, asked: FacetsAsked, inside: Inside) -> R
     responses=refusals(),
     openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
-def get_solution_statistics(asked: StatisticsAsked, inside: Inside) -> Response:
+@heavy
+def get_solution_statistics(request: Request, asked: StatisticsAsked, inside: Inside) -> Response:
     """Tell how numbers of the solutions that match are spread: extremes, quartiles, histograms."""
     return _statistics_of_rows(asked, inside.database, OF_SOLUTION_ROWS)
 
@@ -92,7 +100,8 @@ def get_solution_statistics(asked: StatisticsAsked, inside: Inside) -> Response:
     responses=refusals(),
     openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
-def get_job_statistics(asked: StatisticsAsked, inside: Inside) -> Response:
+@heavy
+def get_job_statistics(request: Request, asked: StatisticsAsked, inside: Inside) -> Response:
     """Tell how numbers of the jobs that match are spread: extremes, quartiles, histograms."""
     return _statistics_of_rows(asked, inside.database, OF_JOB_ROWS)
 
@@ -104,12 +113,17 @@ def get_job_statistics(asked: StatisticsAsked, inside: Inside) -> Response:
     responses=refusals(404),
     openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
-def get_point_statistics(sweep_id: SweepId, asked: StatisticsAsked, inside: Inside) -> Response:
+@heavy
+def get_point_statistics(
+    request: Request, sweep_id: SweepId, asked: StatisticsAsked, inside: Inside
+) -> Response:
     """Tell how numbers of the computed points that match are spread."""
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     analysis = read_statistics(asked, vocabulary_of(sweep))
-    table = PointTable(PointReader(inside.sweeps, record.id, sweep, with_series=False), analysis.conditions)
+    table = PointTable(
+        PointReader(inside.sweeps, record.id, sweep, with_series=False, go_on=go_on), analysis.conditions
+    )
     by, query = _name(analysis.by), asked.parameters
     return _statistics(
         statistic

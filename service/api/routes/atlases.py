@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from http import HTTPStatus
 from typing import Annotated
 
@@ -16,6 +17,7 @@ from service.api.formats.atlases import choose_format, media_types
 from service.api.formats.negotiation import Accept
 from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.disconnects import while_connected
+from service.api.middleware.heavy_answers import heavy, made_in_a_place
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import read_listing
 from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
@@ -119,7 +121,9 @@ async def draw_atlas(
         asked = await inside.reading.run(len(content), _checked, content)
         drawing = _drawn(asked, inside, terms, by_job=asked.wants_stability or wants_job(prefer))
         found = await while_connected(request, drawing)
-        return found if isinstance(found, Response) else await run_in_threadpool(write, found)
+        if isinstance(found, Response):
+            return found
+        return await made_in_a_place(request, inside, partial(write, found))
 
     return await inside.idempotency.once(given, work)
 
@@ -192,6 +196,7 @@ async def list_atlases(
     responses={200: _ATLAS, **refusals(404, 406)},
     dependencies=[without_query],
 )
+@heavy
 def get_atlas(request: Request, atlas_id: AtlasId, inside: Inside, accept: Accept = None) -> Response:
     """Show an atlas that a job has drawn; `DELETE` of the job deletes it."""
     write = choose_format(accept)

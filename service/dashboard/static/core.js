@@ -67,7 +67,8 @@ export class Refusal extends Error {
 const KEY = "polhode.key";
 const key = () => sessionStorage.getItem(KEY);
 
-/** Send a request to the API; ask for a key where one is needed. Raises Refusal, or TypeError without a connection. */
+/** Send a request to the API; ask for a key where one is needed, and again where too much is being read.
+ * Raises Refusal, or TypeError without a connection. */
 export async function request(path, { method = "GET", body, headers = {}, signal } = {}) {
   for (;;) {
     const sent = { Accept: "application/json", ...headers };
@@ -81,8 +82,21 @@ export async function request(path, { method = "GET", body, headers = {}, signal
     const problem = await answer.json().catch(() => ({ title: answer.statusText }));
     // A late refusal of what was sent without the key that has been typed meanwhile asks nobody again.
     if (answer.status === 401 && ((key() && key() !== used) || (await askKey(problem.detail)))) continue;
+    if (answer.status === 503 && problem.type?.endsWith(":busy")) {
+      await waitForTurn(Number(answer.headers.get("Retry-After")) || 2);
+      signal?.throwIfAborted();
+      continue;
+    }
     throw new Refusal(problem, answer.status);
   }
+}
+
+/** Wait, and say why nothing is shown yet. */
+async function waitForTurn(seconds) {
+  const notice = h("p", { class: "notice", role: "status" }, `The service is busy with other readers; asking again in ${seconds} s.`);
+  $("content").before(notice);
+  await pause(1000 * seconds);
+  notice.remove();
 }
 
 export const get = async (path, options) => (await request(path, options)).json();

@@ -21,7 +21,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from service.storage.database.faults import chosen_fault
-from service.storage.database.sqlite_file import DatabaseFile, DatabaseFileError, file_of
+from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFile, DatabaseFileError, file_of
 
 if TYPE_CHECKING:  # SQLAlchemy loads the driver of the database that is used, and no other
     from psycopg import Connection as PostgresConnection
@@ -159,6 +159,7 @@ def _configure_sqlite(connection: SqliteConnection, _: ConnectionPoolEntry) -> N
     connection.isolation_level = None
     connection.execute("PRAGMA foreign_keys = ON")
     connection.execute("PRAGMA synchronous = FULL")
+    connection.execute(f"PRAGMA journal_size_limit = {LOG_BYTES}")
 
 
 def _configure_postgres(connection: "PostgresConnection", _: ConnectionPoolEntry) -> None:

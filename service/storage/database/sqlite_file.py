@@ -11,11 +11,16 @@ import os
 import sqlite3
 import stat
 from pathlib import Path
+from urllib.parse import quote
 
 from sqlalchemy import URL
 
 PRIVATE_MODE = 0o600
 """Problems and results are private; SQLite gives the journal files beside a database the same mode."""
+LOG_BYTES = 32 * 2**20
+"""The write-ahead log is cut down to so much when no reader needs what is in it."""
+_LOG_SECONDS = 0.1
+"""How long that may wait for readers, and keep writers waiting."""
 LEAST_FREE_BYTES = 256 * 1024
 """A disk with less room is as good as full: one transaction may need more."""
 
@@ -74,9 +79,30 @@ class DatabaseFile:
             return "the disk of the database is full"
         return None
 
+    def log_bytes(self) -> int:
+        """Return the size of the write-ahead log."""
+        try:
+            return self._beside("-wal").stat().st_size
+        except OSError:
+            return 0
+
+    def shrink_log(self) -> None:
+        """Empty a log that has grown, into the file, unless a reader needs it; hardly wait for that.
+
+        SQLite itself only begins it anew: a reader that stayed open for long leaves a large one for ever.
+        """
+        if self.log_bytes() <= LOG_BYTES:
+            return
+        address = f"file:{quote(str(self.path))}?mode=rw"
+        with contextlib.closing(sqlite3.connect(address, uri=True, timeout=_LOG_SECONDS)) as connection:
+            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+
+    def _beside(self, end: str) -> Path:
+        return self.path.with_name(self.path.name + end)
+
     def mode_warning(self) -> str | None:
         """Return which of its files others than the owner may use, and the remedy; None if there is none."""
-        for path in (self.path, *(self.path.with_name(self.path.name + end) for end in ("-wal", "-shm"))):
+        for path in (self.path, self._beside("-wal"), self._beside("-shm")):
             with contextlib.suppress(FileNotFoundError):
                 mode = stat.S_IMODE(path.stat().st_mode)
                 if mode & ~PRIVATE_MODE:

@@ -86,6 +86,7 @@ class ServicePresence:
         self._began_at = self._clock()
         try:
             self._see()
+            self._shrink_log()
         except SQLAlchemyError as fault:
             reason = _reason(fault)
             if self._fault is None:
@@ -110,6 +111,12 @@ class ServicePresence:
             self._stopping.wait(self._seconds if self._fault is None else min(self._seconds, _RETRY_SECONDS))
         with contextlib.suppress(SQLAlchemyError), self._database.write_rows(is_work=False) as connection:
             connection.execute(delete(_workers).where(_workers.c.name == self._name))
+
+    def _shrink_log(self) -> None:
+        if self._database.file is not None:
+            # That it is in use, or gone, is seen elsewhere.
+            with contextlib.suppress(sqlite3.Error):
+                self._database.file.shrink_log()
 
     def _see(self) -> None:
         with self._database.write_rows(is_work=False) as connection:

@@ -93,6 +93,8 @@ class Figures:
     ended: Ended
     """Since the start."""
     database_bytes: int
+    log_bytes: int
+    """Of SQLite's write-ahead log; 0 elsewhere."""
     measured_at: float
     """By this process's monotonic clock."""
     seconds: float
@@ -150,8 +152,12 @@ class Statistics:
             sweeps = self._sweeps.look(session)
             size = _database_bytes(session)
         points = self._sweeps.done, self._sweeps.refused
+        file = self._database.file
+        log_size = 0 if file is None else file.log_bytes()
         took = time.monotonic() - began
-        return Figures(live, oldest, workers, missing, sweeps, points, ended, size, began + took, took)
+        return Figures(
+            live, oldest, workers, missing, sweeps, points, ended, size, log_size, began + took, took
+        )
 
     def _ended(self, session: Session, now: float) -> Ended:
         """Keep the counts that can no longer change, and count the recent rest anew each time."""

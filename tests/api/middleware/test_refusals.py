@@ -255,3 +255,15 @@ def test_an_unforeseen_error_tells_nothing_of_the_inside(client, app: FastAPI, m
 
 def test_a_half_of_a_surrogate_pair_in_a_message_can_still_be_sent():
     assert refusal_of(KeyError("\ud800")).response().status_code == 500
+
+
+@pytest.mark.parametrize("length", ["1000001", "1" + 20 * "0", "9" * 5000])
+def test_a_body_that_is_said_to_be_too_long_is_refused_before_it_is_read(client, length):
+    def never_sent():
+        raise AssertionError("it was read")
+        yield
+
+    headers = {**JSON, "Content-Length": length}
+    response = client.post("/v1/jobs", content=never_sent(), headers=headers)
+    refusal(response, 413, "body_too_large")
+    assert response.headers["connection"] == "close"

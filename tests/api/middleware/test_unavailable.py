@@ -99,6 +99,19 @@ def engine_of(app) -> Engine:
     return app.state.resources.database.engine
 
 
+def test_an_outage_is_one_line_of_the_log_however_many_ask(url, app, client, caplog):
+    outage = Outage(url)
+    outage.begin(engine_of(app))
+    try:
+        for _ in range(20):
+            come_again(client.get("/v1/jobs"))
+    finally:
+        outage.end()
+    (line,) = [record for record in caplog.records if record.name.endswith("error_handlers")]
+    assert line.getMessage().startswith("unavailable: OperationalError")
+    assert line.exc_info is not None
+
+
 def test_every_route_asks_to_come_again_while_the_database_is_away(url, app, client, monkeypatch):
     assert client.post("/v1/jobs", json=STATE).status_code == 202
     # Whether there are keys is known for two seconds, which a busy machine may need for all the routes.

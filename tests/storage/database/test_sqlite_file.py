@@ -12,12 +12,14 @@ from sqlalchemy import event, exc, make_url, text
 
 from service.app import create_app
 from service.settings import Settings
+from service.storage.database import sqlite_file
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.database.sqlite_file import LEAST_FREE_BYTES, DatabaseFile
 from service.storage.inspection.inspect import inspect
 from service.storage.upkeep.backup import back_up, restore
+from service.storage.upkeep.presence import ServicePresence
 from tests.support.api import STATE, TestClient
 from tests.support.databases import url_of
 from tests.support.postgres import binaries
@@ -199,3 +201,30 @@ def test_a_file_that_others_may_read_is_told_and_left_alone(sqlite_url, file):
     assert mode_of(file) == 0o640
     file.chmod(0o600)
     assert told().broken == 0
+
+
+def test_a_log_that_a_reader_has_kept_is_cut_down_when_the_reader_has_gone(tmp_path, monkeypatch):
+    monkeypatch.setattr(sqlite_file, "LOG_BYTES", 100_000)
+    url = url_of(tmp_path / "polhode.db")
+    migrate(url)
+    database = Database(url)
+    presence = ServicePresence(database)
+    with database.read() as session:
+        session.execute(text("SELECT count(*) FROM jobs")).all()
+        for number in range(200):
+            with database.write() as writing:
+                writing.execute(text("UPDATE jobs SET note = 'x'"))
+                writing.execute(
+                    text("INSERT INTO workers (name, host, engine, slots, started_at, seen_at)"
+                    " VALUES (:name, 'h', 'local', 1, 0, 0)"), {"name": f"{number} {'x' * 100}"},
+                )  # fmt: skip
+        grown = database.file.log_bytes()
+        assert grown > 200_000
+        presence.write()  # the reader still needs it, and the write is not kept waiting
+        assert database.file.log_bytes() >= grown
+        assert presence.fault() is None
+    presence.write()
+    assert database.file.log_bytes() <= 100_000
+    with database.read() as session:
+        assert session.execute(text("SELECT count(*) FROM workers")).scalar_one() == 201
+    database.close()

@@ -1,6 +1,7 @@
 """What becomes of jobs in a real worker: limits, cancelling, stopping, waking."""
 
 import os
+import signal
 
 import pytest
 
@@ -127,6 +128,19 @@ def test_after_the_grace_a_job_is_given_back(jobs, start_worker, log):
     worker = start_worker(grace_seconds=0.1)
     wait_until(lambda: started(log))
     assert worker.terminate() == 0
+    assert jobs.get(job.id).state is JobState.QUEUED
+    assert [a.outcome for a in jobs.attempts(job.id)] == [AttemptOutcome.RETURNED]
+    wait_until(lambda: not worker.session())
+
+
+def test_a_second_signal_returns_jobs_at_once(jobs, start_worker, log):
+    job = jobs.submit({"chore": "spin", "log": str(log)}, "digest")
+    worker = start_worker(grace_seconds=3600)
+    wait_until(lambda: started(log))
+    worker.process.send_signal(signal.SIGINT)
+    # Both may arrive as one, if the first was not handled yet.
+    wait_until(lambda: worker.process.poll() is not None or worker.process.send_signal(signal.SIGINT))
+    assert worker.process.wait(timeout=PATIENCE) == 0
     assert jobs.get(job.id).state is JobState.QUEUED
     assert [a.outcome for a in jobs.attempts(job.id)] == [AttemptOutcome.RETURNED]
     wait_until(lambda: not worker.session())

@@ -7,6 +7,7 @@ from pathlib import Path
 from fastapi import APIRouter, Response
 
 from service.api.queries.queries import without_query
+from service.api.replies.conditional import tag_of_content
 from service.dashboard.headers import HEADERS
 
 router = APIRouter(prefix="/docs", include_in_schema=False)
@@ -49,7 +50,12 @@ async def show_icon() -> Response:
 
 
 def _answer(content: bytes, media_type: str) -> Response:
-    return Response(content, media_type=media_type, headers=_HEADERS)
+    return Response(content, media_type=media_type, headers={**_HEADERS, "ETag": _tag(content)})
+
+
+@cache
+def _tag(content: bytes) -> str:
+    return tag_of_content(content)
 
 
 @cache

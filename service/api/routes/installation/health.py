@@ -4,7 +4,6 @@ from concurrent.futures import CancelledError
 from contextlib import suppress
 from http import HTTPStatus
 
-from anyio import to_thread
 from fastapi import APIRouter, Response
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -16,7 +15,7 @@ from service.jobs.kernels import most_missing
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.replies.solution import HealthOut, ReadinessOut
 from service.storage.database.revisions import fault_of, stored_revision
-from service.storage.database.sqlite_file import DatabaseFileError
+from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFileError
 from service.storage.jobs.worker_registry import WorkerRegistry, WorkersState
 from service.verdicts.examination import answer_ping
 
@@ -40,11 +39,14 @@ async def get_readiness(inside: Inside) -> Response:
     So are workers that still start: `workers` says whether a job would be computed now; and so is a task that
     compiles kernels, with how far it is: until it ends jobs are solved without them.
     """
-    checks, workers = await to_thread.run_sync(_checks, inside, limiter=inside.checking)
+    told, workers = await inside.checks.get()
+    checks = dict(told)
     kernels = checks.pop("kernels", None)
     bad = [f"{name}: {said}" for name, said in checks.items() if said != OK]
     if bad:
         raise ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "not_ready", "; ".join(bad), extras={"checks": checks})
+    if log := _log_of(inside):
+        checks["write_ahead_log"] = log
     if inside.local_worker is not None:
         checks["worker"] = str(inside.local_worker())
     if kernels is not None:
@@ -52,7 +54,8 @@ async def get_readiness(inside: Inside) -> Response:
     return json_response(ReadinessOut(status="ok", checks=checks, workers=workers))
 
 
-def _checks(inside: Resources) -> tuple[dict[str, str], WorkersState]:
+def checks_of(inside: Resources) -> tuple[dict[str, str], WorkersState]:
+    """Look whether everything works; return what is wrong by part, and the state of the workers."""
     checks = {"database": _database(inside), "sandbox": _sandbox(inside)}
     if checks["database"] != OK:
         return checks, "none"
@@ -61,6 +64,13 @@ def _checks(inside: Resources) -> tuple[dict[str, str], WorkersState]:
         if (slowest := most_missing(registry.kernels())) is not None:
             checks["kernels"] = str(slowest)
     return checks, _workers(inside)
+
+
+def _log_of(inside: Resources) -> str | None:
+    """Return how large SQLite's write-ahead log is, None if it is not larger than usual."""
+    file = inside.database.file
+    size = 0 if file is None else file.log_bytes()
+    return None if size <= 2 * LOG_BYTES else f"{size / 1e6:.0f} MB, kept by a reader that stays open"
 
 
 def _workers(inside: Resources) -> WorkersState:

@@ -16,6 +16,6 @@ router = APIRouter(tags=["health"])
     responses={200: {"description": "Prometheus text format.", "content": {"text/plain": {}}}, **refusals()},
     dependencies=[without_query],
 )
-def get_metrics(inside: Inside) -> Response:
+async def get_metrics(inside: Inside) -> Response:
     """Report jobs, sweeps, workers and requests to a Prometheus server."""
-    return Response(inside.metrics.text(), media_type=TEXT_FORMAT)
+    return Response(await inside.metrics_text.get(), media_type=TEXT_FORMAT)

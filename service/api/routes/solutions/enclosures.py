@@ -8,6 +8,7 @@ from fastapi import APIRouter, Request, Response
 from numpy.typing import NDArray
 
 from service.api.dependencies import Inside
+from service.api.middleware.heavy_answers import heavy
 from service.api.queries.queries import without_query
 from service.api.replies.errors import ApiError
 from service.api.replies.places import SolutionId
@@ -30,6 +31,7 @@ router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
     responses=refusals(404),
     dependencies=[without_query],
 )
+@heavy
 def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Return the six variables at the exact times that were asked, as decimals with proven radii."""
     told = told_of(request, inside)

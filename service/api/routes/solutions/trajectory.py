@@ -16,6 +16,7 @@ from service.api.formats.functions import write_function
 from service.api.formats.negotiation import PARQUET, Accept, chosen, named_file
 from service.api.formats.trajectories import Trajectory, media_types, write
 from service.api.keys.limits import query_samples_faults
+from service.api.middleware.heavy_answers import heavy
 from service.api.queries.format_names import FORMAT_HELP, FormatName
 from service.api.queries.queries import (
     Asked,
@@ -106,6 +107,7 @@ class TrajectoryQuery(QueryModel):
     },
     openapi_extra=query_parameters(TrajectoryQuery),
 )
+@heavy
 def get_trajectory(
     request: Request,
     solution_id: SolutionId,
@@ -147,6 +149,7 @@ def get_trajectory(
     responses=refusals(404),
     dependencies=[without_query],
 )
+@heavy
 def get_function(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Return the motion as a function of time, which clients evaluate at any times themselves."""
     told = told_of(request, inside)

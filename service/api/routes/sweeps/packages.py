@@ -3,16 +3,18 @@
 from http import HTTPStatus
 
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import StreamingResponse
 
 from service.api.dependencies import Inside
 from service.api.formats.metadata import about_points, errors_of_points, provenance_of_points
 from service.api.formats.packages import ZIP, Package, package
 from service.api.formats.points import kinds_of, parquet
+from service.api.heavy_reads import go_on
+from service.api.middleware.heavy_answers import heavy
 from service.api.middleware.methods import is_head
 from service.api.queries.points import PointsQuery, read_wish
 from service.api.queries.queries import Asked, without_query
 from service.api.replies.errors import ApiError
+from service.api.replies.pieces import PiecedAnswer
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
 from service.api.tagged import told_of
@@ -35,6 +37,7 @@ router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
     },
     dependencies=[without_query],
 )
+@heavy
 def get_package(request: Request, sweep_id: SweepId, inside: Inside) -> Response:
     """Return a finished sweep as a data package: its document, all its points, units, errors, checksums."""
     record = inside.sweeps.get(sweep_id)
@@ -47,7 +50,7 @@ def get_package(request: Request, sweep_id: SweepId, inside: Inside) -> Response
         return Response(media_type=ZIP, headers=told)
     sweep = read_sweep(record.document)
     wish = read_wish(Asked(PointsQuery(), frozenset(), ()), record.id, sweep, has_lists=True)
-    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
+    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series), go_on=go_on)
     about = Package(
         record.id,
         record.document,
@@ -57,4 +60,4 @@ def get_package(request: Request, sweep_id: SweepId, inside: Inside) -> Response
         provenance_of_points(record),
     )
     points = parquet(wish, reader.blocks(wish.query), about_points(record, wish.columns, wish.series))
-    return StreamingResponse(package(about, points), media_type=ZIP, headers=told)
+    return PiecedAnswer(package(about, points), held=reader.held(wish.query), media_type=ZIP, headers=told)

@@ -9,12 +9,13 @@ from typing import Annotated
 
 import orjson
 from fastapi import APIRouter, Depends, Request, Response
-from fastapi.responses import StreamingResponse
 
 from service.api.dependencies import Inside
 from service.api.formats.metadata import about_points
 from service.api.formats.negotiation import CSV, JSON, NPZ, PARQUET, Accept, chosen, named_file
 from service.api.formats.points import STREAMS, rows
+from service.api.heavy_reads import go_on
+from service.api.middleware.heavy_answers import heavy
 from service.api.middleware.methods import is_head
 from service.api.queries.cursors import cursor_of
 from service.api.queries.lists import link_to, next_page
@@ -29,6 +30,7 @@ from service.api.queries.points import (
 )
 from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any
 from service.api.replies.errors import invalid_request
+from service.api.replies.pieces import PiecedAnswer
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
 from service.api.tagged import told_of
@@ -62,6 +64,7 @@ POINTS_HEADER, DONE_HEADER = "Polhode-Points", "Polhode-Points-Done"
     },
     openapi_extra=query_parameters(PointsQuery),
 )
+@heavy
 def get_points(
     request: Request,
     sweep_id: SweepId,
@@ -74,15 +77,17 @@ def get_points(
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     wish = read_wish(asked, record.id, sweep, has_lists=media_type != CSV)
-    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
+    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series), go_on=go_on)
     is_page = media_type == JSON
     refuse_if_any([*wish.faults, *(_faults_of_page(wish.query.limit, reader) if is_page else ())])
     told = told_of(request, inside, standing_in(record)) | named_file(f"points-{record.id}", media_type)
     if is_page:
         return _page(request, asked.parameters, record, wish, reader, told)
     _check_size_of_sort(wish, reader)
+    held = reader.held(wish.query)
     if media_type == NPZ:
-        _check_size_of_arrays(wish, reader)
+        # The arrays, and the file with them.
+        held = 2 * 8 * len(wish.columns) * _checked_size_of_arrays(wish, reader)
     told |= {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
     if is_head(request):
         return Response(media_type=media_type, headers=told)
@@ -93,7 +98,7 @@ def get_points(
     if media_type == PARQUET:
         about = about_points(record, wish.columns, wish.series)
     content = STREAMS[media_type](wish, chain(first, blocks), about)
-    return StreamingResponse(content, media_type=media_type, headers=told)
+    return PiecedAnswer(content, held=held, media_type=media_type, headers=told)
 
 
 def _page(
@@ -153,13 +158,17 @@ def _faults_of_page(asked: int | None, reader: PointReader) -> Iterator[Fault]:
         yield Fault("?limit", "out_of_range", message)
 
 
-def _check_size_of_arrays(wish: Wish, reader: PointReader) -> None:
-    """Refuse arrays that would take much memory: unlike the other formats they are made at once."""
+def _checked_size_of_arrays(wish: Wish, reader: PointReader) -> int:
+    """Return how many points there are.
+
+    Arrays that would take much memory are refused: unlike the other formats they are made at once.
+    """
     points = min(reader.count(wish.query), wish.query.limit or sys.maxsize)
     if points * reader.row_numbers > MOST_ARRAY_NUMBERS:
         most = MOST_ARRAY_NUMBERS // reader.row_numbers
         message = f"{points} points as npz; at most {most} are accepted. Arrow and Parquet have no limit"
         raise invalid_request([Fault("?limit", "out_of_range", message)])
+    return points
 
 
 def _check_size_of_sort(wish: Wish, reader: PointReader) -> None:

@@ -1,0 +1,79 @@
+"""Has the answers of some endpoints made in the places of heavy reads, and counted until they are sent."""
+
+from collections.abc import Awaitable, Callable
+from functools import partial, wraps
+from typing import ParamSpec
+
+from fastapi import Request, Response
+from starlette.types import Receive, Scope, Send
+
+from service.api.dependencies import Resources
+from service.api.heavy_reads import Reader
+from service.api.middleware.disconnects import while_connected
+from service.api.middleware.methods import is_head
+from service.api.middleware.security import holder_of
+from service.api.replies.pieces import PART_BYTES, PiecedAnswer, size_of
+
+P = ParamSpec("P")
+
+
+def heavy(endpoint: Callable[P, Response]) -> Callable[P, Awaitable[Response]]:
+    """Return an endpoint that computes or builds much, made to wait for its place.
+
+    It needs the parameters ``request`` and ``inside``.
+    """
+
+    @wraps(endpoint)
+    async def in_its_place(*args: P.args, **kwargs: P.kwargs) -> Response:
+        request, inside = kwargs["request"], kwargs["inside"]
+        assert isinstance(request, Request)
+        assert isinstance(inside, Resources)
+        return await made_in_a_place(request, inside, partial(endpoint, *args, **kwargs))
+
+    return in_its_place
+
+
+async def made_in_a_place(request: Request, inside: Resources, make: Callable[[], Response]) -> Response:
+    """Return the answer that ``make`` makes, once it is its turn.
+
+    Raises
+    ------
+    ApiError
+        503: too many wait, or too much waits to be sent.
+    ClientDisconnect
+        The client has gone.
+    """
+    reads, key = inside.heavy, holder_of(request)
+    reader = Reader(None, request.client) if key is None else Reader(key.id)
+    answer = await while_connected(request, reads.begin(reader, make))
+    if isinstance(answer, PiecedAnswer):
+        if is_head(request):
+            return _head_of(answer)
+        answer.compute = partial(reads.go_on, reader)
+    if size_of(answer) <= PART_BYTES:
+        return answer
+    return _Counted(answer, await while_connected(request, reads.hold(reader, size_of(answer))))
+
+
+class _Counted(Response):
+    """An answer that is counted until it has been sent, or cannot be."""
+
+    def __init__(self, answer: Response, release: Callable[[], None]) -> None:
+        super().__init__(status_code=answer.status_code)
+        self.raw_headers = answer.raw_headers
+        if not isinstance(answer, PiecedAnswer):
+            self.body = answer.body
+        self._answer, self._release = answer, release
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it."""
+        try:
+            await self._answer(scope, receive, send)
+        finally:
+            self._release()
+
+
+def _head_of(answer: PiecedAnswer) -> Response:
+    head = Response(status_code=answer.status_code)
+    head.raw_headers = answer.raw_headers
+    return head

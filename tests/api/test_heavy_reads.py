@@ -1,0 +1,254 @@
+"""Places of heavy reads: few, fair, bounded, and free again whatever becomes of their clients."""
+
+import asyncio
+import threading
+
+import pytest
+from anyio import CapacityLimiter
+
+from service.api.heavy_reads import WAITING, GoneError, HeavyReads, Reader, go_on
+from service.api.reading_threads import SharedAnswer
+from service.api.replies.errors import ApiError
+from service.settings import Settings
+
+MB = 10**6
+ANN, BOB = Reader("ann"), Reader("bob")
+
+
+def reads_of(**settings):
+    make_room = settings.pop("make_room", lambda: False)
+    return HeavyReads(Settings(**{"reading_places": 1, **settings}), make_room=make_room)
+
+
+class Blocked:
+    """A read that goes on when it is told, and notes that it was made."""
+
+    def __init__(self, log=None, name=None):
+        self.begun, self.goes_on = threading.Event(), threading.Event()
+        self._log, self._name = log, name
+
+    def __call__(self):
+        self.begun.set()
+        assert self.goes_on.wait(60)
+        if self._log is not None:
+            self._log.append(self._name)
+        return self._name
+
+
+async def begun(blocked):
+    await asyncio.to_thread(blocked.begun.wait, 60)
+
+
+async def settle():
+    """Let every task come as far as it can."""
+    for _ in range(5):
+        await asyncio.sleep(0)
+
+
+def running(test):
+    reads = []
+
+    async def run():
+        try:
+            await test(lambda **settings: reads.append(reads_of(**settings)) or reads[-1])
+        finally:
+            for each in reads:
+                await asyncio.to_thread(each.close)
+
+    asyncio.run(run())
+
+
+def test_keys_take_turns_whoever_asks_most():
+    async def test(make):
+        reads, log, first = make(), [], Blocked()
+        holding = asyncio.create_task(reads.begin(ANN, first))
+        await begun(first)
+        asked = [(ANN, "a1"), (ANN, "a2"), (ANN, "a3"), (BOB, "b1"), (BOB, "b2")]
+        tasks = []
+        for reader, name in asked:
+            tasks.append(asyncio.create_task(reads.begin(reader, lambda name=name: log.append(name))))
+            await settle()
+        assert reads.waiting == len(asked)
+        first.goes_on.set()
+        await asyncio.gather(holding, *tasks)
+        assert log == ["a1", "b1", "a2", "b2", "a3"]
+
+    running(test)
+
+
+def test_a_part_of_an_answer_waits_for_its_turn_too_and_is_never_refused():
+    async def test(make):
+        reads, log, first = make(), [], Blocked()
+        holding = asyncio.create_task(reads.begin(ANN, first))
+        await begun(first)
+        parts = [asyncio.create_task(reads.go_on(ANN, lambda: log.append("a"))) for _ in range(WAITING + 1)]
+        await settle()
+        new = asyncio.create_task(reads.begin(BOB, lambda: log.append("b")))
+        await settle()
+        assert reads.waiting == 1
+        first.goes_on.set()
+        await asyncio.gather(holding, new, *parts)
+        assert log.index("b") <= 1
+        assert log.count("a") == WAITING + 1
+
+    running(test)
+
+
+@pytest.mark.parametrize(("reader", "most"), [(ANN, WAITING // 2), (Reader(None, "a connection"), WAITING)])
+def test_so_many_wait_and_no_more(reader, most):
+    async def test(make):
+        reads, first = make(), Blocked()
+        holding = asyncio.create_task(reads.begin(BOB, first))
+        await begun(first)
+        tasks = [asyncio.create_task(reads.begin(reader, lambda: None)) for _ in range(most)]
+        await settle()
+        with pytest.raises(ApiError) as refusal:
+            await reads.begin(reader, lambda: None)
+        assert (refusal.value.status, refusal.value.code) == (503, "busy")
+        assert int(refusal.value.headers["Retry-After"]) >= 1
+        first.goes_on.set()
+        await asyncio.gather(holding, *tasks)
+        assert reads.waiting == 0
+
+    running(test)
+
+
+def test_a_turn_that_does_not_come_in_time_is_a_refusal(monkeypatch):
+    monkeypatch.setattr("service.api.heavy_reads.WAIT_SECONDS", 0.01)
+
+    async def test(make):
+        reads, first = make(), Blocked()
+        holding = asyncio.create_task(reads.begin(ANN, first))
+        await begun(first)
+        with pytest.raises(ApiError, match="no turn in time"):
+            await reads.begin(BOB, lambda: None)
+        first.goes_on.set()
+        await holding
+        assert await reads.begin(BOB, lambda: "made") == "made"
+
+    running(test)
+
+
+def test_whoever_leaves_the_line_takes_no_place_with_him():
+    async def test(make):
+        reads, first = make(), Blocked()
+        holding = asyncio.create_task(reads.begin(ANN, first))
+        await begun(first)
+        waiting = [asyncio.create_task(reads.begin(BOB, lambda: None)) for _ in range(3)]
+        await settle()
+        waiting[0].cancel()
+        first.goes_on.set()
+        await holding
+        waiting[1].cancel()  # perhaps in the moment in which it is given the place
+        await asyncio.gather(*waiting, return_exceptions=True)
+        assert await reads.begin(ANN, lambda: "made") == "made"
+        assert reads.waiting == 0
+
+    running(test)
+
+
+def test_what_nobody_waits_for_stops_and_holds_its_place_until_then():
+    async def test(make):
+        reads, first, ends = make(), Blocked(), []
+
+        def long():
+            first()
+            try:
+                go_on()
+            except GoneError:
+                ends.append("stopped")
+                raise
+
+        reading = asyncio.create_task(reads.begin(ANN, long))
+        await begun(first)
+        reading.cancel()
+        await asyncio.gather(reading, return_exceptions=True)
+        next_one = asyncio.create_task(reads.begin(BOB, lambda: ends.append("next")))
+        await settle()
+        assert ends == []
+        first.goes_on.set()
+        await next_one
+        assert ends == ["stopped", "next"]
+        go_on()  # outside of a read it does nothing
+
+    running(test)
+
+
+def test_what_waits_to_be_sent_has_a_budget_of_which_a_key_gets_half():
+    async def test(make):
+        reads = make(reading_mb=10)
+        of_ann = await reads.hold(ANN, 4 * MB)
+        with pytest.raises(ApiError, match="waits to be sent"):
+            await reads.hold(ANN, 2 * MB)
+        of_bob = await reads.hold(BOB, 5 * MB)
+        with pytest.raises(ApiError):
+            await reads.hold(Reader("carl"), 2 * MB)
+        assert reads.held == 9 * MB
+        of_bob()
+        of_bob()  # once is enough
+        assert reads.held == 4 * MB
+        of_ann()
+        # Whatever is large is accepted if nothing else waits.
+        (await reads.hold(ANN, 1000 * MB))()
+        assert reads.held == 0
+
+    running(test)
+
+
+def test_those_who_do_not_read_make_room_in_the_budget():
+    async def test(make):
+        held = []
+
+        def close_one():
+            if held:
+                held.pop()()
+                return True
+            return False
+
+        reads, one = make(reading_mb=10, make_room=close_one), Reader(None, "a connection")
+        held += [await reads.hold(one, 5 * MB) for _ in range(2)]
+        kept = await reads.hold(one, 6 * MB)
+        assert (len(held), reads.held) == (0, 6 * MB)
+        with pytest.raises(ApiError):
+            await reads.hold(one, 6 * MB)
+        kept()
+
+    running(test)
+
+
+def test_a_fault_of_a_read_is_that_of_its_request_and_frees_the_place():
+    async def test(make):
+        reads = make()
+
+        def fail():
+            raise ValueError("a fault of ours")
+
+        with pytest.raises(ValueError, match="a fault of ours"):
+            await reads.begin(ANN, fail)
+        assert await reads.begin(ANN, lambda: "made") == "made"
+
+    running(test)
+
+
+def test_what_monitors_ask_for_is_made_once_for_all_who_ask_together():
+    made, first = [], Blocked()
+
+    def make():
+        first()
+        made.append(len(made))
+        if len(made) == 2:
+            raise ValueError("a fault of ours")
+        return made[-1]
+
+    async def test(_):
+        shared = SharedAnswer(make, CapacityLimiter(2))
+        asking = [asyncio.create_task(shared.get()) for _ in range(10)]
+        await begun(first)
+        asking[0].cancel()  # the others still wait for it
+        first.goes_on.set()
+        assert await asyncio.gather(*asking[1:]) == [0] * 9
+        with pytest.raises(ValueError, match="a fault of ours"):
+            await shared.get()
+        assert await shared.get() == 2
+
+    running(test)
