@@ -28,6 +28,7 @@ from workers.solvers.planar.start import with_enough_bits
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
 from workers.solvers.stability.monodromy import StabilityUndefinedError
+from workers.solvers.units import Units
 
 LAME_BITS = 128
 DOUBLES = ("draft", "standard")
@@ -60,8 +61,21 @@ class Findings:
     """Largest departure from each relation of a classical case, by its name."""
 
 
-def find_out(problem: Problem, motion: Motion) -> Findings:
-    """Return what the problem's outputs ask for; raises what the solvers of its parts raise."""
+@dataclass(frozen=True, slots=True)
+class InUnits:
+    """A problem and its motion in the units in which it was solved."""
+
+    units: Units
+    problem: Problem
+    motion: Motion
+
+
+def find_out(problem: Problem, motion: Motion, solved: InUnits) -> Findings:
+    """Return what the problem's outputs ask for; raises what the solvers of its parts raise.
+
+    ``solved`` is the same problem and motion in the units of the solver, in which further functions of time
+    are computed, too.
+    """
     notices = list(problem.potential.notices)
     drifts, further, orientation = None, tuple[FurtherDrift, ...](), None
     stability, closed_trace, relations = None, None, dict[str, float]()
@@ -77,11 +91,12 @@ def find_out(problem: Problem, motion: Motion) -> Findings:
         if isinstance(problem.motion, ClassicalMotion):
             relations = relations_of(place_motion(problem)).drifts(motion.samples)
     if "orientation" in problem.outputs:
-        orientation = _orientation(problem, motion)
+        orientation = solved.units.orientation(_orientation(solved.problem, solved.motion))
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
     if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
         try:
-            stability = _stability(problem, problem.motion, motion)
+            stability = _stability(solved.problem, problem.motion, solved.motion)
+            stability = solved.units.stability(stability)
             closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
