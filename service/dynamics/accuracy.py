@@ -1,13 +1,17 @@
 """The tiers: promised errors, measured cost on a machine, and the choice of a tier by tolerance or budget."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from types import MappingProxyType
 from typing import Literal, Self, get_args
 
+from service.dynamics.bounds import is_within
 from service.dynamics.errors import BudgetTooSmallError, InvalidNumberError
+from service.dynamics.problem import (
+    Accuracy,
+)
 from service.dynamics.problem import (
     Tier as Tier,  # defined in service.dynamics.problem; re-exported for users of tiers
 )
@@ -21,10 +25,40 @@ CERTIFIED_BITS = (64, 128, 333)
 TIER_TOLERANCES: Mapping[Tier, float] = MappingProxyType(
     {"draft": 1e-6, "standard": 1e-10, "high": 1e-13, "certified": 2.0 ** (8 - CERTIFIED_BITS[0])}
 )
-"""Largest error of any of the six variables, absolute, and relative where they are above 1."""
+"""Largest error of any of the six variables, relative to the size of its group where that is above 1."""
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = Fraction(1, 10**15), Fraction(1, 100)
 """Tolerances that can be asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroupError:
+    """The error of a group of variables that have one size: ω, γ, the quaternion, or one angle."""
+
+    absolute: float
+    """Bound of the error of any of them at the asked times."""
+    size: float
+    """Largest absolute value of any of them there."""
+
+    @property
+    def relative(self) -> float:
+        """The error relative to the size: that of numbers which are 0 is 0 or infinite."""
+        if self.absolute == 0.0:
+            return 0.0
+        return self.absolute / self.size if self.size != 0.0 else math.inf
+
+
+def keeps(accuracy: Accuracy, groups: Iterable[GroupError]) -> bool:
+    """Tell whether errors are what was asked for: the one comparison of claims with promises by groups."""
+    for group in groups:
+        size = group.size
+        # A size that is not a number is not below 1.
+        if accuracy.measure == "absolute" or (accuracy.measure == "above 1" and size <= 1.0):
+            size = 1.0
+        if not is_within(group.absolute, accuracy.tolerance * size):
+            return False
+    return True
+
 
 MotionKind = Literal[
     "pole to equator", "rest to equator", "pole to rest", "rest to rest", "aperiodic", "any state"

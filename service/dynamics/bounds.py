@@ -5,7 +5,11 @@ out, ``error > limit`` lets NaN pass, and so does ``max(errors)``.
 """
 
 from collections.abc import Iterable
-from math import isfinite, isnan, nan
+from decimal import Context, Decimal
+from math import inf, isfinite, isnan, nan, nextafter
+
+_EXACT = Context(prec=30)
+"""Digits of the difference of two decimals, which is taken exactly and then rounded."""
 
 
 def is_within(error: float, limit: float) -> bool:
@@ -17,3 +21,15 @@ def largest(errors: Iterable[float], default: float = 0.0) -> float:
     """Return the largest of ``errors``, NaN if one of them is; ``default`` if there are none."""
     found = list(errors)
     return nan if any(isnan(error) for error in found) else max(found, default=default)
+
+
+def printed_error(value: float, error: float) -> float:
+    """Return the bound of the error of the decimal that ``value`` is written as, ``error`` being its own.
+
+    A double is written as the shortest decimal that reads back to it, up to half a unit of the double's last
+    place away from it.
+    """
+    if not (isfinite(value) and isfinite(error)):
+        return error
+    apart = _EXACT.subtract(Decimal(repr(value)), Decimal(value))
+    return nextafter(error + abs(float(apart)), inf) if apart else error

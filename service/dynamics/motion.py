@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from service.dynamics.accuracy import GroupError
 from service.dynamics.methods import SolvedBy
 from service.dynamics.reduction.window import Window
 from service.dynamics.solution.dense_output import DenseOutput, FloatArray
@@ -90,3 +93,20 @@ class Motion:
     """The least |t| at which a pole is passed by one of the ``conventions``; None if none is passed so."""
     enclosed_by: EnclosureMethod | None = None
     """How the samples were enclosed that doubles alone did not have to the tolerance; None if they had."""
+    unit: float = 1.0
+    """So many times those of g1, g2, g3 are the errors of p, q, r: a power of 2, other than 1 for a motion
+    that was solved in units of its own."""
+
+    @property
+    def group_errors(self) -> dict[str, GroupError]:
+        """The errors of omega and gamma over ``times``, beside their sizes there."""
+        return group_errors(self.samples, self.error, self.unit)
+
+
+def group_errors(samples: FloatArray, error: float, unit: float) -> dict[str, GroupError]:
+    """Return the errors of omega and gamma at ``samples``, shape (n, 6); see :attr:`Motion.unit`."""
+    omega, gamma = (float(np.abs(part).max(initial=0.0)) for part in (samples[:, :3], samples[:, 3:]))
+    return {
+        "omega": GroupError(error * min(1.0, unit), omega),
+        "gamma": GroupError(error / max(1.0, unit), gamma),
+    }

@@ -128,17 +128,23 @@ class TimeList:
 Times = TimeSpan | TimePeriods | TimeList
 
 
+Measure = Literal["absolute", "above 1", "relative"]
+"""What a tolerance is compared with: an absolute error; one relative to the size of the variable's group
+where that is above 1; one relative to it everywhere."""
+
+
 @dataclass(frozen=True, slots=True)
 class Accuracy:
     """The requested accuracy of the six variables."""
 
     tolerance: float
-    """Largest absolute error allowed over the requested times."""
+    """Largest error allowed over the requested times, as ``measure`` says."""
     tier: Tier = "standard"
     bits: int = 64
     """Of the tier ``certified``: radii are at most 2^(8 − bits)."""
     budget_seconds: float | None = None
     """A budget that has not been turned into a tier yet."""
+    measure: Measure = "absolute"
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,5 +167,5 @@ class Problem:
 
     @property
     def tolerance(self) -> float:
-        """The largest absolute error allowed in any of the six variables over the requested times."""
+        """The largest error allowed over the requested times; absolute for solvers: see :class:`Accuracy`."""
         return self.accuracy.tolerance

@@ -12,6 +12,7 @@ from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.bands import Band, Measured, WindowSeries
 from service.dynamics.atlas.changes import Change
 from service.dynamics.atlas.parts import Atlas, AtlasPart, Proof
+from service.dynamics.bounds import printed_error
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.atlas.reading import AtlasQuestion, read_atlas
@@ -155,10 +156,10 @@ def _enclosed(lower: arb, upper: arb) -> Document:
     middle = float(both.mid())
     # The distance from the double that is told to either end.
     error = max(abs(float((end - arb(middle)).abs_upper())) for end in (lower, upper))
-    return {"value": middle, "error": error * (1.0 + 2.0**-50)}
+    return {"value": middle, "error": printed_error(middle, error * (1.0 + 2.0**-50))}
 
 
 def _measured(value: Measured | None) -> Document | None:
     if value is None or not isfinite(float(value.value)) or not isfinite(float(value.error)):
         return None
-    return {"value": float(value.value), "error": float(value.error)}
+    return {"value": float(value.value), "error": printed_error(float(value.value), float(value.error))}

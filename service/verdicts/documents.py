@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from flint import arb
 
 from service.dynamics.body import RigidBody
+from service.dynamics.bounds import printed_error
 from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.decomposition import Decomposition, decompose
 from service.dynamics.inverse.enclosures import Values
@@ -226,7 +227,10 @@ def _values(found: Decomposition, quadrant: Quadrant, points: Points) -> Documen
 def _rows(at: Sequence[float], values: Values) -> list[tuple[float, float | None, float | None]]:
     """Return argument, value and error; nulls where there is no value."""
     rows = zip(at, values.value.tolist(), values.error.tolist(), strict=True)
-    return [(x, value, error) if abs(value) < float("inf") else (x, None, None) for x, value, error in rows]
+    return [
+        (x, value, printed_error(value, error)) if abs(value) < float("inf") else (x, None, None)
+        for x, value, error in rows
+    ]
 
 
 def existence_document(existence: Existence) -> Document:

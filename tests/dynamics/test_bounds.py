@@ -2,15 +2,18 @@
 
 import ast
 from collections.abc import Iterator
+from fractions import Fraction
 from itertools import permutations
-from math import inf, isnan, nan
+from math import inf, isnan, nan, ulp
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import service
 import workers
-from service.dynamics.bounds import is_within, largest
+from service.dynamics.bounds import is_within, largest, printed_error
 
 ERRORS = {
     *("error", "claim", "defect", "drift", "departure", "disagreement", "distance"),
@@ -132,3 +135,23 @@ def _is_an_error(expression: ast.expr) -> bool:
         case ast.Name(id=name) | ast.Attribute(attr=name):
             return not name.isupper() and any(word.rstrip("s") in ERRORS for word in name.lower().split("_"))
     return False
+
+
+@given(
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.floats(min_value=0.0, max_value=1e300),
+    st.fractions(min_value=-1, max_value=1),
+)
+def test_the_error_that_is_printed_is_that_of_the_decimal(value, error, share):
+    exact = Fraction(value) + share * Fraction(error)
+    printed = printed_error(value, error)
+    assert abs(Fraction(repr(value)) - exact) <= Fraction(printed)
+    # The shortest decimal is nearer than half a unit of the last place; two roundings upwards.
+    assert printed <= error + 0.5 * ulp(value) + 2.0 * ulp(error + ulp(value))
+
+
+def test_decimals_that_are_doubles_keep_their_errors():
+    assert [printed_error(0.5, 1e-20), printed_error(0.0, 0.0), printed_error(-2.0, 0.0)] == [1e-20, 0.0, 0.0]
+    assert printed_error(0.1, 0.0) > 5e-18  # 0.1 is 5.55e-18 less than its double
+    assert isnan(printed_error(1.0, nan))
+    assert printed_error(nan, 1.0) == 1.0

@@ -1,6 +1,7 @@
 """Computes motions sampled from proven enclosures: the certified tier, and motions that fall back on it."""
 
 from dataclasses import replace
+from math import inf, nextafter, ulp
 
 import numpy as np
 from flint import arb, ctx
@@ -140,5 +141,5 @@ def _times(found: Certified, motion: Motion, parts: int) -> dict[str, FloatArray
 
 
 def _error(ball: arb, double: float) -> float:
-    """Return a bound of the distance of ``double`` from the true number."""
-    return float(abs(ball - arb(double)).abs_upper())
+    """Return a bound of the distance of the decimal that ``double`` is written as from the true number."""
+    return nextafter(float(abs(ball - arb(double)).abs_upper()) + 0.5 * ulp(double), inf)

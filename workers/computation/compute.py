@@ -38,11 +38,13 @@ from workers.computation.compiled_code import (
     way_for,
     why_no_folder,
 )
-from workers.computation.outputs import find_out
+from workers.computation.outputs import InUnits, find_out
+from workers.computation.promises import errors_of, in_units, require_promise
 from workers.computation.summary import Document, summarise
 from workers.solvers.cross_check import compare
 from workers.solvers.errors import AccuracyNotMetError, require_error_within, require_period_known
 from workers.solvers.planar.choose import choose_enclosures, find_motion
+from workers.solvers.units import Units
 from workers.solvers.ways import NotReadyError, Way, on_way
 
 FloatArray = NDArray[np.float64]
@@ -129,22 +131,35 @@ def _solve_on_way(document: Document, problem: Problem, began: float, *, waits: 
     What is wrong with the problem itself is final on any way.
     """
     try:
-        motion, certified, enclosures = solve(problem), None, dict[str, FloatArray]()
-        if problem.accuracy.tier == "certified":
-            motion, certified, enclosures = certified_samples(problem, motion)
-        motion = _require_finite(motion, problem.tolerance)
-        findings = find_out(problem, motion)
-        summary = summarise(document, problem, motion, findings, certified)
+        summary, dense, columns = in_units(problem, lambda units: _solve_in(document, problem, units))
     except DynamicsError as fault:
         if waits and type(fault).__module__.startswith(solvers.__name__):
             raise NeedsKernelsError(WAITS) from fault
         return _refused(document, fault)
-    # The orientation is more columns on the same pieces.
-    dense = motion.dense if findings.orientation is None else findings.orientation.dense
     summary["cost"] = {"compute_seconds": time.perf_counter() - began}
+    return Solved(summary, encode_dense(dense), encode_arrays(columns))
+
+
+def _solve_in(
+    document: Document, problem: Problem, units: Units
+) -> tuple[Document, DenseOutput, dict[str, FloatArray]]:
+    """Return the summary of the solution, its function of time and its columns, solved in ``units``."""
+    posed, certified, enclosures = units.pose(problem), None, dict[str, FloatArray]()
+    solved = solve(posed)
+    if problem.accuracy.tier == "certified":
+        solved, proven, enclosures = certified_samples(posed, solved)
+        certified, enclosures = units.certified(proven), units.enclosures(enclosures)
+    motion = _require_finite(units.motion(solved), problem.tolerance)
+    findings = find_out(problem, motion, InUnits(units, posed, solved))
+    # The orientation is more columns on the same pieces.
+    attitude = None if findings.orientation is None else findings.orientation.dense
+    errors = errors_of(motion, attitude)
+    require_promise(problem.accuracy, errors)
+    summary = summarise(document, problem, motion, findings, certified, errors)
+    dense = motion.dense if attitude is None else attitude
     columns = _columns(problem, motion, dense)
     columns |= {name: part for name, part in enclosures.items() if name.partition(".")[0] in columns}
-    return Solved(summary, encode_dense(dense), encode_arrays(columns))
+    return summary, dense, columns
 
 
 def _refused(document: object, fault: DynamicsError) -> Refused:

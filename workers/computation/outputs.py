@@ -6,11 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import ctx
 
-from service.dynamics.accuracy import SMALLEST_TOLERANCE
-from service.dynamics.bounds import is_within, largest
+from service.dynamics.accuracy import SMALLEST_TOLERANCE, GroupError, keeps
 from service.dynamics.classical.relations import relations_of
 from service.dynamics.equations.euler_poisson import areas_integral
-from service.dynamics.equations.orientation import orientation_columns, orientation_errors
 from service.dynamics.errors import DynamicsError
 from service.dynamics.further_integrals import (
     FurtherIntegral,
@@ -22,6 +20,7 @@ from service.dynamics.potentials.warning import Notice
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem
 from service.dynamics.solution.dense_output import DenseOutput
 from service.storage.codecs.summary import PROVEN_SAMPLES
+from workers.computation.promises import errors_of_attitude
 from workers.solvers.assembly.place import Place
 from workers.solvers.classical.solve import place_motion
 from workers.solvers.closed_form.lame import transverse_stability
@@ -34,6 +33,7 @@ from workers.solvers.planar.start import with_enough_bits
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
 from workers.solvers.stability.monodromy import StabilityUndefinedError
+from workers.solvers.units import Units
 from workers.solvers.ways import is_plain
 
 LAME_BITS = 128
@@ -41,7 +41,6 @@ DOUBLES = ("draft", "standard")
 """Compiled tiers whose promise doubles keep for the outputs too."""
 FINER = 0.5
 """Share of the error that a motion may have for its attitude, which is asked of a second one."""
-ATTITUDE = "error of the orientation"
 ZERO_AREAS = 1e-12
 """|I3| below this share of the angular momentum counts as zero: that is its rounding."""
 
@@ -70,8 +69,21 @@ class Findings:
     """Largest departure from each relation of a classical case, by its name."""
 
 
-def find_out(problem: Problem, motion: Motion) -> Findings:
-    """Return what the problem's outputs ask for; raises what the solvers of its parts raise."""
+@dataclass(frozen=True, slots=True)
+class InUnits:
+    """A problem and its motion in the units in which it was solved."""
+
+    units: Units
+    problem: Problem
+    motion: Motion
+
+
+def find_out(problem: Problem, motion: Motion, solved: InUnits) -> Findings:
+    """Return what the problem's outputs ask for; raises what the solvers of its parts raise.
+
+    ``solved`` is the same problem and motion in the units of the solver, in which further functions of time
+    are computed, too.
+    """
     notices = list(problem.potential.notices)
     drifts, further, orientation = None, tuple[FurtherDrift, ...](), None
     stability, closed_trace, relations = None, None, dict[str, float]()
@@ -87,11 +99,12 @@ def find_out(problem: Problem, motion: Motion) -> Findings:
         if isinstance(problem.motion, ClassicalMotion):
             relations = relations_of(place_motion(problem)).drifts(motion.samples)
     if "orientation" in problem.outputs:
-        orientation = _orientation(problem, motion)
+        orientation = solved.units.orientation(_orientation(solved.problem, solved.motion))
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
     if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
         try:
-            stability = _stability(problem, problem.motion, motion)
+            stability = _stability(solved.problem, problem.motion, solved.motion)
+            stability = solved.units.stability(stability)
             closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
@@ -114,21 +127,32 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
         That of a finer motion does not keep it either.
     """
     found = _attitude(problem, motion)
-    reached = 0.0 if problem.accuracy.tier == "certified" else _largest_error(found.dense, motion)
-    if is_within(reached, problem.tolerance):
+    missed = _missed(problem, motion, found.dense)
+    if missed is None:
         return found
     # What the attitude makes of the errors of the variables is known by now.
-    finer = FINER * motion.dense.error * problem.tolerance / reached
+    group = missed[1]
+    finer = FINER * motion.dense.error * problem.tolerance * max(1.0, group.size) / group.absolute
     finer = min(max(finer, float(SMALLEST_TOLERANCE)), problem.tolerance)
+    refusal = AccuracyNotMetError(group.absolute, problem.tolerance, group=missed)
     try:
         other = find_motion(replace(problem, accuracy=replace(problem.accuracy, tolerance=finer)))
         found = _attitude(problem, other)
     except DynamicsError:
-        raise AccuracyNotMetError(reached, problem.tolerance, of=ATTITUDE) from None
-    reached = _largest_error(found.dense, motion)
-    if not is_within(reached, problem.tolerance):
-        raise AccuracyNotMetError(reached, problem.tolerance, of=ATTITUDE)
+        raise refusal from None
+    missed = _missed(problem, motion, found.dense)
+    if missed is not None:
+        raise AccuracyNotMetError(missed[1].absolute, problem.tolerance, group=missed)
     return found
+
+
+def _missed(problem: Problem, motion: Motion, attitude: DenseOutput) -> tuple[str, GroupError] | None:
+    """Return the group of an attitude that misses the tolerance, which is relative for angles above 1."""
+    if problem.accuracy.tier == "certified":
+        return None
+    above_1 = replace(problem.accuracy, measure="above 1")
+    groups = errors_of_attitude(motion, attitude)
+    return next(((name, group) for name, group in groups.items() if not keeps(above_1, [group])), None)
 
 
 def _attitude(problem: Problem, motion: Motion) -> Orientation:
@@ -139,14 +163,6 @@ def _attitude(problem: Problem, motion: Motion) -> Orientation:
 
         return with_orientation(motion, advances_on(problem.body, problem.motion))
     return with_orientation(motion)
-
-
-def _largest_error(dense: DenseOutput, motion: Motion) -> float:
-    """Return the largest error of the attitude over the asked times, of angles above 1 the relative one."""
-    errors = orientation_errors(dense, motion.times)
-    columns = orientation_columns(dense, motion.times, motion.rests)
-    sizes = {name: max(1.0, float(np.abs(column).max(initial=0.0))) for name, column in columns.items()}
-    return largest(error / sizes[name] for name, error in errors.items())
 
 
 def _stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stability:

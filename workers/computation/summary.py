@@ -1,13 +1,18 @@
 """Writes the solution document that a client reads, without ids and arrays."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
+from math import isfinite
 
 import numpy as np
 from flint import arb
 
+from service.dynamics.accuracy import GroupError
+from service.dynamics.bounds import printed_error
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.motion import CrossCheck, Estimate, Motion
+from service.dynamics.motion import Asymptote, CrossCheck, Estimate, Motion
 from service.dynamics.numerics import NUMERICS
+from service.dynamics.potentials.warning import Notice
 from service.dynamics.problem import Problem
 from service.dynamics.solution.ball_columns import as_decimals
 from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL, is_simplified
@@ -24,11 +29,17 @@ Document = dict[str, object]
 
 
 def summarise(
-    document: Document, problem: Problem, motion: Motion, findings: Findings, certified: Certified | None
+    document: Document,
+    problem: Problem,
+    motion: Motion,
+    findings: Findings,
+    certified: Certified | None,
+    errors: Mapping[str, GroupError],
 ) -> Document:
     """Return the solution resource of the problem ``document`` without its ids and cost."""
     window, orientation = motion.window, findings.orientation
     precession = None if orientation is None else orientation.precession
+    invariants, beyond = _invariants(findings)
     return {
         "problem": document,
         "method": motion.method,
@@ -37,23 +48,30 @@ def summarise(
         "aperiodic": motion.aperiodic,
         "asymptotes": None
         if motion.past is None or motion.future is None
-        else {"past": asdict(motion.past), "future": asdict(motion.future)},
+        else {"past": _limit(motion.past), "future": _limit(motion.future)},
         "energy": _estimate(motion.energy) if certified is None else _enclosure(certified.energy),
         "window": None
         if window is None
         else {"index": window.index, "ends": window.ends, "g1": window.g1, "g2": window.g2},
-        "invariants": _invariants(findings),
+        "invariants": invariants,
         "error": motion.error,
+        "errors": {name: _group(error) for name, error in errors.items()},
         "cross_check": None if motion.cross_check is None else _cross_check(motion.cross_check),
         "stability": None
         if findings.stability is None
         else _stability(findings.stability, findings.closed_trace),
         "precession": None if precession is None else _precession(precession),
         "conventions": motion.conventions,
-        "warnings": [asdict(notice) for notice in findings.notices],
+        "warnings": [asdict(notice) for notice in (*findings.notices, *beyond)],
         "evidence": _evidence(problem, motion),
         "provenance": provenance(),
     }
+
+
+def _group(error: GroupError) -> Document:
+    """Return an error; variables that are all 0, and are not known to be, have no relative one."""
+    relative = error.relative
+    return {"absolute": error.absolute, "relative": relative if isfinite(relative) else None}
 
 
 def _cross_check(check: CrossCheck) -> Document:
@@ -89,11 +107,19 @@ def _period(motion: Motion) -> Document | None:
     period = motion.dense.period
     if period is None:
         return None
-    return {"value": period.hi, "error": float(np.nextafter(abs(period.lo) + period.error, np.inf))}
+    error = float(np.nextafter(abs(period.lo) + period.error, np.inf))
+    return _estimate(Estimate(period.hi, error))
 
 
 def _estimate(number: Estimate) -> Document:
-    return {"value": number.value, "error": number.error}
+    """Return a number with the bound of the error of the decimal that it is written as."""
+    return {"value": number.value, "error": printed_error(number.value, number.error)}
+
+
+def _limit(limit: Asymptote) -> Document:
+    estimates = {"time": limit.time, "rate": limit.rate}
+    known = {name: None if number is None else _estimate(number) for name, number in estimates.items()}
+    return {**asdict(limit), **known}
 
 
 def _enclosure(ball: arb) -> Document:
@@ -101,22 +127,34 @@ def _enclosure(ball: arb) -> Document:
     return {"value": value, "radius": radius}
 
 
-def _invariants(findings: Findings) -> Document | None:
+def _invariants(findings: Findings) -> tuple[Document | None, list[Notice]]:
+    """Return the integrals, and a warning that tells those whose numbers are beyond doubles."""
     if findings.drifts is None:
-        return None
-    drifts: Document = {name: {"drift": drift} for name, drift in asdict(findings.drifts).items()}
-    for found in findings.further:
-        kind = found.integral.kind
-        drifts[found.integral.name] = {"value": found.value, "drift": found.drift, "kind": kind}
-    drifts |= {f"relation: {name}": {"drift": drift} for name, drift in findings.relations.items()}
-    return drifts
+        return None, []
+    found: dict[str, Document] = {name: {"drift": drift} for name, drift in asdict(findings.drifts).items()}
+    for each in findings.further:
+        kind = each.integral.kind
+        found[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}
+    found |= {f"relation: {name}": {"drift": drift} for name, drift in findings.relations.items()}
+    beyond = [name for name, numbers in found.items() if not _are_finite(numbers)]
+    told: Document = {name: numbers for name, numbers in found.items() if name not in beyond}
+    text = f"left out, since doubles do not reach so far: {', '.join(beyond)}"
+    return told, [Notice("invariants_not_finite", text, "/outputs")] if beyond else []
+
+
+def _are_finite(numbers: Document) -> bool:
+    return all(isfinite(number) for number in numbers.values() if isinstance(number, float))
 
 
 def _precession(precession: Precession) -> Document:
-    return {"psi1": asdict(precession.psi1), "psi3": asdict(precession.psi3)}
+    return {"psi1": _estimate(precession.psi1), "psi3": _estimate(precession.psi3)}
 
 
 def _stability(stability: Stability, closed_trace: Estimate | None) -> Document:
     pairs = [[multiplier.real, multiplier.imag] for multiplier in stability.multipliers]
-    closed = None if closed_trace is None else asdict(closed_trace)
-    return {**asdict(stability), "multipliers": pairs, "closed_form_trace": closed}
+    errors = {
+        "error": printed_error(stability.trace, stability.error),
+        "exponent_error": printed_error(stability.exponent, stability.exponent_error),
+    }
+    closed = None if closed_trace is None else _estimate(closed_trace)
+    return {**asdict(stability), **errors, "multipliers": pairs, "closed_form_trace": closed}

@@ -45,6 +45,10 @@ def _numbers(summary: Summary) -> Iterator[str]:
         (lower, upper), (first, last) = window["ends"], window["g1"]
         yield f"window      {lower} to {upper}, g1 from {first:.12g} to {last:.12g}"
     yield f"error       ≤ {summary['error']:.1e} in every variable at the sampled times"
+    groups = {name: error["relative"] for name, error in summary["errors"].items()}
+    if groups:
+        told = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
+        yield f"relative    ≤ {', '.join(told)}"
     for name, integral in (summary["invariants"] or {}).items():
         value = f" of {integral['value']!r} ({integral['kind']})" if "value" in integral else ""
         yield f"{name + ' drift':<18}{integral['drift']:.1e}{value}"

@@ -1,11 +1,17 @@
 """Errors that all solvers share."""
 
-from math import floor, isfinite, log10
+from math import floor, inf, isfinite, log10
 
-from service.dynamics.accuracy import LARGEST_TOLERANCE, SMALLEST_TOLERANCE
+from service.dynamics.accuracy import LARGEST_TOLERANCE, SMALLEST_TOLERANCE, GroupError
 from service.dynamics.bounds import is_within
 from service.dynamics.errors import DynamicsError
 from service.dynamics.solution.dense_output import Period
+
+_NAMES = {
+    "omega": "angular velocity",
+    "gamma": "Poisson variable",
+    "quaternion": "component of the quaternion",
+}
 
 
 class PrecisionLostError(DynamicsError):
@@ -19,15 +25,39 @@ class AccuracyNotMetError(DynamicsError):
 
     code = "accuracy_not_met"
 
-    def __init__(self, reached: float, tolerance: float, *, of: str = "error") -> None:
+    def __init__(
+        self,
+        reached: float,
+        tolerance: float,
+        *,
+        group: tuple[str, GroupError] | None = None,
+        is_relative: bool = False,
+    ) -> None:
+        """Say what was reached; ``group`` is that of variables whose error is the largest, by its name."""
         found = f"is estimated as {reached:.1e}" if isfinite(reached) else "cannot be told"
+        relative, measured, of_what = inf, "", ""
+        if group is not None and isfinite(reached):
+            name, error = group
+            relative = error.relative
+            largest = f"the largest {_NAMES.get(name, name)}, {error.size:.1e}"
+            measured = f" of {largest}" if is_relative else ""
+            of_what = f"; it is {relative:.1e} of {'that' if is_relative else largest}"
         super().__init__(
-            f"the largest {of} over the asked times {found}, and the tolerance is {tolerance:.1e}; "
-            f"{_advice(reached)}",
+            f"the largest error over the asked times {found}, and the tolerance is {tolerance:.1e}{measured}"
+            f"{of_what}; {_advice(reached, relative, is_relative=is_relative)}",
             pointer="/accuracy",
         )
         self.reached = reached
         self.tolerance = tolerance
+        self.group = group
+
+
+class OwnUnitsNeededError(AccuracyNotMetError):
+    """The motion is so quick that doubles keep no absolute tolerance; they may keep a relative one."""
+
+    def __init__(self, reached: float, tolerance: float, speed: float) -> None:
+        super().__init__(reached, tolerance)
+        self.speed = speed
 
 
 class PeriodNotKnownError(AccuracyNotMetError):
@@ -88,17 +118,24 @@ def require_period_known(period: Period | None, tolerance: float) -> None:
         raise PeriodNotKnownError(period.hi, period.error, tolerance)
 
 
-def _advice(reached: float) -> str:
+def _advice(reached: float, relative: float, *, is_relative: bool) -> str:
     """Return what would have been met, among what is accepted."""
-    needed = 2.0 * reached
     smallest, largest = float(SMALLEST_TOLERANCE), float(LARGEST_TOLERANCE)
-    if not needed <= largest:
+
+    def accepted(name: str, error: float) -> list[str]:
+        if not 2.0 * error <= largest:
+            return []
+        return [f'{{"{name}": {_rounded_up(max(2.0 * error, smallest))}}}']
+
+    asked = [] if is_relative else accepted("tolerance", reached)
+    if is_relative or is_within(2.0 * relative, reached):
+        asked += accepted("relative", relative)
+    if not asked:
         return (
             f"no tolerance that is accepted, {smallest:.0e} to {largest:.0e}, is as large as that; "
             "times nearer to 0 may have smaller errors"
         )
-    text = _rounded_up(max(needed, smallest))
-    return f'ask for {{"tolerance": {text}}} or more, or for times nearer to 0'
+    return f"ask for {' or '.join(asked)} or more, or for times nearer to 0"
 
 
 def _rounded_up(number: float) -> str:

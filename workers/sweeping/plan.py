@@ -125,7 +125,7 @@ def are_states(sweep: Sweep) -> bool:
     """Tell whether a sweep's points are motions from any state that :mod:`.states` takes.
 
     It varies nothing but states, moments and the potential's numbers, and asks for no outputs but period,
-    gamma and omega, by a tolerance or a tier of doubles.
+    gamma and omega, by an absolute tolerance or a tier of doubles.
     """
     problem = sweep.first_problem
     return (
@@ -133,6 +133,7 @@ def are_states(sweep: Sweep) -> bool:
         and not isinstance(problem.time, TimePeriods)
         and problem.accuracy.tier != "certified"
         and problem.accuracy.budget_seconds is None
+        and problem.accuracy.measure != "relative"
         and set(problem.outputs) <= _PLAIN_OUTPUTS - {"invariants"}
         and all(place_in_state(axis.path) is not None or _is_of_potential(axis) for axis in sweep.axes)
     )
@@ -272,6 +273,8 @@ def plan_moving(sweep: Sweep) -> "Moving | None":
     problem, potential = sweep.first_problem, sweep.base["potential"]
     motion, tier = problem.motion, compiled_tier(problem)
     if not isinstance(motion, PlanarMotion) or not isinstance(potential, dict) or tier in (None, "high"):
+        return None
+    if problem.accuracy.measure == "relative":
         return None
     moments = {axis.path[1]: k for k, axis in enumerate(sweep.axes) if axis.path[0] == "body"}
     keeps_integrals = any(name.startswith("invariants.") for name in sweep.keep)

@@ -31,11 +31,12 @@ from workers.solvers.integration.compiled import CompiledIntegrator, held_twins,
 from workers.solvers.integration.errors import CollisionError
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.solve import quest_of, tolerances
+from workers.solvers.planar.choose import QUICK
 from workers.sweeping.moving.state_models import PointConstants, SharedModels
 from workers.sweeping.parameters.family import has_symbol
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.plan import place_in_state
-from workers.sweeping.planar.solved import SolvedBlock
+from workers.sweeping.planar.solved import SolvedBlock, printed_errors
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -108,6 +109,8 @@ class StateSolver:
                 ]
         if self._moves_gamma:
             is_usable &= [self._is_unit(points, place) for place in range(points.count)]
+        # Quick motions are solved in units of their own.
+        is_usable &= np.abs(states[:, :3]).max(axis=1) < QUICK
         return states, neighbours, is_usable
 
     def _is_unit(self, points: SweptPoints, place: int) -> bool:
@@ -172,9 +175,11 @@ class StateSolver:
             is_held = found.endings == HELD
             places = group.places[left[is_held]]
             block.solved[places] = True
+            numbers = {name: found.numbers[is_held, column] for name, column in _TOLD.items()}
+            numbers |= printed_errors(numbers, block.numbers)
             for name, column in block.numbers.items():
                 if name in _TOLD:
-                    column[places] = found.numbers[is_held, _TOLD[name]]
+                    column[places] = numbers[name]
             if series:
                 series["t"][places] = times
                 for name, variable in zip(self._names, self._columns, strict=True):
@@ -183,7 +188,9 @@ class StateSolver:
             left = left[found.endings == INACCURATE]
             if not len(left):
                 break
-        block.refused[AccuracyNotMetError.code][group.places[left]] = True
+        if self._problem.accuracy.measure == "absolute":
+            # Others may keep it in units of their own.
+            block.refused[AccuracyNotMetError.code][group.places[left]] = True
 
     def _integrator_at(self, points: SweptPoints, first: int, place: int) -> CompiledIntegrator | None:
         """Return that of a point's body and potential; None if there is none."""

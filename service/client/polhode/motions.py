@@ -72,6 +72,15 @@ class Motion(Generic[CarrierT]):
         return float(str(self.document["error"]))
 
     @property
+    def errors(self) -> Mapping[str, Mapping[str, float | None]]:
+        """The same of ``omega`` and ``gamma`` alone, ``absolute`` and ``relative`` to their largest values.
+
+        With the orientation also of ``quaternion``, ``psi1`` and ``psi3``; empty where nothing is told.
+        """
+        told = self.document.get("errors")
+        return told if isinstance(told, Mapping) else {}
+
+    @property
     def aperiodic(self) -> str | None:
         """Why it has no period: ``separatrix``, ``equilibrium``, ``collision`` or ``pole``."""
         told = self.document.get("aperiodic")
@@ -150,6 +159,7 @@ class Motion(Generic[CarrierT]):
         *,
         tier: str | None = None,
         tolerance: Exact | None = None,
+        relative: Exact | None = None,
         method: str | None = None,
         seconds: float | None = None,
     ) -> Operation[Audit]:
@@ -162,9 +172,10 @@ class Motion(Generic[CarrierT]):
         UnfinishedError
             It took longer than ``seconds``; it goes on.
         WrongArgumentError
-            Both a tier and a tolerance.
+            Two of a tier, a tolerance and a relative one.
         """
-        return (yield from audited(self.carrier.terms, self.id, audit_of(tier, tolerance, method), seconds))
+        asked = audit_of(tier, tolerance, relative, method)
+        return (yield from audited(self.carrier.terms, self.id, asked, seconds))
 
     @operation
     def plot(

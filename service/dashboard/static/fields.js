@@ -67,7 +67,8 @@ export function problemOf() {
     if (name === undefined) problem[part] = value;
     else problem[part][name] = value;
   }
-  problem.accuracy = { tier: document.querySelector("input[name=tier]:checked")?.value ?? wanted };
+  const relative = $("relative").value.trim();
+  problem.accuracy = relative ? { relative: plain(relative) } : { tier: document.querySelector("input[name=tier]:checked")?.value ?? wanted };
   const further = [...document.querySelectorAll("input[name=outputs]:checked")].map((box) => box.value);
   problem.outputs = ["gamma", "omega", ...further];
   return problem;
@@ -86,6 +87,7 @@ export function fillForm(problem) {
     control.value = value === undefined || value === null ? "" : written(value, control.dataset.kind);
   }
   wanted = problem.accuracy?.tier ?? "standard";
+  $("relative").value = problem.accuracy?.relative ?? "";
   const tier = document.querySelector(`input[name=tier][value="${CSS.escape(wanted)}"]`);
   if (tier) tier.checked = true;
   for (const box of document.querySelectorAll("input[name=outputs]")) box.checked = (problem.outputs ?? []).includes(box.value);

@@ -22,7 +22,7 @@ function factsOf(solution) {
   return [
     period ? fact("Period", measured(period)) : fact("Period", aperiodic ? `none, ${ENDLESS[aperiodic] ?? aperiodic}` : "none is known"),
     energy ? fact("Energy", measured(energy)) : null,
-    fact("Error of a sample", h("span", { class: "value" }, `≤ ${number(solution.error, 2)}`)),
+    fact("Error of a sample", h("span", { class: "value" }, `≤ ${number(solution.error, 2)}`), relative(solution.errors)),
     range ? fact("Fills", `from ${ENDS[range.ends[0]] ?? range.ends[0]} to ${ENDS[range.ends[1]] ?? range.ends[1]}`,
       h("span", { class: "error" }, ` γ₁ in [${range.g1.map((x) => number(x, 5)).join(", ")}]`)) : null,
     drift.length ? fact("Drift", drift.map(([name, value], k) => [k ? ", " : "", `${name} `, h("span", { class: "value" }, number(value.drift, 2))]).flat()) : null,
@@ -33,6 +33,12 @@ function factsOf(solution) {
     check ? fact("Second method", `${check.method} ${check.agrees ? "agrees" : "disagrees"}`, h("span", { class: "error" }, ` within ${number(check.disagreement, 2)}`)) : null,
     fact("How", `${solution.method}, tier ${solution.tier}`, h("span", { class: "error" }, ` ${number(solution.cost.compute_seconds, 2)} s`)),
   ].filter(Boolean);
+}
+
+/** The errors of ω and γ relative to their size, which tell more where that is far from 1. */
+function relative(errors) {
+  const told = [["ω", errors?.omega], ["γ", errors?.gamma]].filter(([, error]) => error?.relative);
+  return told.length ? h("span", { class: "error" }, ` relative ${told.map(([name, error]) => `${number(error.relative, 2)} (${name})`).join(", ")}`) : "";
 }
 
 function curves({ columns }) {

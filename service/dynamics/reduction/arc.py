@@ -11,7 +11,7 @@ from service.dynamics.reduction.root_finding.gap import NearRest
 
 ArcEnd = Literal["rest", "double", "standstill", "flat", "collision", "pole", "edge"]
 """A simple zero of P; a zero of order two or more; one of an order between these; one of no order that is
-known; P → ∞, at a pole or elsewhere; a pole that is not passed; the edge of where the potential is defined."""
+known; P → ∞, at a pole or elsewhere; a pole that is not passed; the edge of the potential's domain."""
 
 
 QUARTER = 0.5 * math.pi

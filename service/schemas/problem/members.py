@@ -10,7 +10,7 @@ from service.schemas.problem.motions import (
 )
 from service.schemas.problem.potentials import MODELS
 from service.schemas.problem.sections import TimeListIn, TimePeriodsIn, TimeSpanIn
-from service.schemas.problem.tiers import BudgetIn, TierIn, ToleranceIn
+from service.schemas.problem.tiers import BudgetIn, RelativeIn, TierIn, ToleranceIn
 
 MEMBERS: dict[str, type[BaseModel]] = {
     **MODELS,
@@ -22,6 +22,7 @@ MEMBERS: dict[str, type[BaseModel]] = {
     "periods": TimePeriodsIn,
     "times": TimeListIn,
     "tolerance": ToleranceIn,
+    "relative": RelativeIn,
     "tier": TierIn,
     "budget_seconds": BudgetIn,
 }

@@ -24,7 +24,7 @@ from service.schemas.reading.faults import Fault, InvalidProblemError, first_of
 from service.schemas.reading.parts import read_parts
 
 ACCURACY_POINTER = "/accuracy"
-ACCURACY_FIELDS = ("tolerance", "tier", "budget_seconds")
+ACCURACY_FIELDS = ("tolerance", "relative", "tier", "budget_seconds")
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from service.schemas.problem.sections import (
     TimePeriodsIn,
     TimeSpanIn,
 )
-from service.schemas.problem.tiers import BudgetIn, TierIn, ToleranceIn
+from service.schemas.problem.tiers import BudgetIn, RelativeIn, TierIn, ToleranceIn
 from service.schemas.reading.faults import Fault
 
 
@@ -59,7 +59,7 @@ class Reading:
                     "potential": PotentialModel() as potential_in,
                     "motion": (PlanarMotionIn() | StateMotionIn() | ClassicalMotionIn()) as motion_in,
                     "time": (TimeSpanIn() | TimePeriodsIn() | TimeListIn()) as time_in,
-                    "accuracy": (ToleranceIn() | TierIn() | BudgetIn()) as accuracy_in,
+                    "accuracy": (ToleranceIn() | RelativeIn() | TierIn() | BudgetIn()) as accuracy_in,
                     "method": ("auto" | "quadrature" | "integration" | "both") as method,
                     "outputs": list(wanted),
                     "accept": ("proved" | "undecided") as accept,

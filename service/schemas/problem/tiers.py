@@ -1,4 +1,4 @@
-"""The `accuracy` of a problem document: a tolerance, a tier, or a time budget."""
+"""The `accuracy` of a problem document: a tolerance, absolute or relative, a tier, or a time budget."""
 
 from fractions import Fraction
 from typing import Annotated, Literal, Self
@@ -13,14 +13,14 @@ from service.dynamics.accuracy import (
     TIERS,
     cheapest_tier,
 )
-from service.dynamics.problem import Accuracy, Tier
+from service.dynamics.problem import Accuracy, Measure, Tier
 from service.schemas.reading.choices import TAG_MARK, WireModel, require_one, tag_by_field
 from service.schemas.reading.numbers import Positive, read_positive, refuse
 
 LONGEST_BUDGET = Fraction(3600)
 
 _ACCEPTED = (
-    'accepted are {"tolerance": e}, {"tier": t} with t one of '
+    'accepted are {"tolerance": e}, {"relative": e}, {"tier": t} with t one of '
     f'{", ".join(TIERS)}, and {{"budget_seconds": s}}'
 )
 
@@ -38,37 +38,70 @@ Tolerance = Annotated[Positive, PlainValidator(_read_tolerance)]
 Budget = Annotated[Positive, PlainValidator(_read_budget)]
 
 
+def _attainable(tolerance: Fraction, name: str) -> None:
+    if not SMALLEST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
+        message = f"a tolerance of {float(tolerance):.6g}; 1e-15 to 1e-2 are accepted"
+        raise refuse("out_of_range", message, below=name)
+
+
+def _cheapest(tolerance: float, measure: Measure) -> Accuracy:
+    """Return the cheapest tier that keeps a tolerance, if possible one without proofs."""
+    tier = cheapest_tier(tolerance)
+    return Accuracy(tolerance, "high" if tier == "certified" else tier, measure=measure)
+
+
 class ToleranceIn(WireModel):
     """Largest absolute error allowed in any of the six variables over the asked times."""
 
     tolerance: Tolerance = Field(
-        description="1e-15 to 1e-2; relative where a variable is above 1.",
+        description="1e-15 to 1e-2; absolute, however large the variables are.",
         json_schema_extra={"minimum": 1e-15, "maximum": 1e-2},
     )
 
     @model_validator(mode="after")
-    def _attainable(self) -> Self:
-        if not SMALLEST_TOLERANCE <= self.tolerance <= LARGEST_TOLERANCE:
-            raise refuse(
-                "out_of_range",
-                f"a tolerance of {float(self.tolerance):.6g}; 1e-15 to 1e-2 are accepted",
-                below="tolerance",
-            )
+    def _in_range(self) -> Self:
+        _attainable(self.tolerance, "tolerance")
         return self
 
     def to_domain(self) -> Accuracy:
         """Return the cheapest tier that keeps the tolerance, if possible one without proofs."""
-        tolerance = float(self.tolerance)
-        tier = cheapest_tier(tolerance)
-        return Accuracy(tolerance, "high" if tier == "certified" else tier)
+        return _cheapest(float(self.tolerance), "absolute")
 
     def canonical(self) -> dict[str, object]:
         """Return the document."""
         return {"tolerance": str(self.tolerance)}
 
 
+class RelativeIn(WireModel):
+    """Largest error allowed, relative to the largest size of the variable's group over the asked times.
+
+    The groups are p, q, r; g1, g2, g3; the quaternion; each angle.
+    """
+
+    relative: Tolerance = Field(
+        description="1e-15 to 1e-2, of the largest absolute value in the group.",
+        json_schema_extra={"minimum": 1e-15, "maximum": 1e-2},
+    )
+
+    @model_validator(mode="after")
+    def _in_range(self) -> Self:
+        _attainable(self.relative, "relative")
+        return self
+
+    def to_domain(self) -> Accuracy:
+        """Return the cheapest tier that keeps as many digits, if possible one without proofs."""
+        return _cheapest(float(self.relative), "relative")
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {"relative": str(self.relative)}
+
+
 class TierIn(WireModel):
-    """A named accuracy: draft 1e-6, standard 1e-10, high 1e-13, certified with proven radii."""
+    """A named accuracy: draft 1e-6, standard 1e-10, high 1e-13, certified with proven radii.
+
+    Relative to the largest size of the variable's group over the asked times where that is above 1.
+    """
 
     tier: Tier = Field(description="Its name.")
     bits: Literal[64, 128, 333] | None = Field(
@@ -83,7 +116,8 @@ class TierIn(WireModel):
 
     def to_domain(self) -> Accuracy:
         """Return what the tier promises."""
-        return Accuracy(TIER_TOLERANCES[self.tier], self.tier, self.bits or CERTIFIED_BITS[0])
+        bits = self.bits or CERTIFIED_BITS[0]
+        return Accuracy(TIER_TOLERANCES[self.tier], self.tier, bits, measure="above 1")
 
     def canonical(self) -> dict[str, object]:
         """Return the canonical document, with bits for the tier certified only."""
@@ -105,7 +139,8 @@ class BudgetIn(WireModel):
 
     def to_domain(self) -> Accuracy:
         """Return the accuracy before the budget has been turned into a tier."""
-        return Accuracy(TIER_TOLERANCES["standard"], "standard", budget_seconds=float(self.budget_seconds))
+        budget = float(self.budget_seconds)
+        return Accuracy(TIER_TOLERANCES["standard"], "standard", budget_seconds=budget, measure="above 1")
 
     def canonical(self) -> dict[str, object]:
         """Return the document."""
@@ -114,13 +149,14 @@ class BudgetIn(WireModel):
 
 AccuracyIn = Annotated[
     Annotated[ToleranceIn, Tag(f"{TAG_MARK}tolerance")]
+    | Annotated[RelativeIn, Tag(f"{TAG_MARK}relative")]
     | Annotated[BudgetIn, Tag(f"{TAG_MARK}budget_seconds")]
     | Annotated[TierIn, Tag(f"{TAG_MARK}tier")],
-    Discriminator(tag_by_field(("tolerance", "budget_seconds"), "tier")),
+    Discriminator(tag_by_field(("tolerance", "relative", "budget_seconds"), "tier")),
     BeforeValidator(
         require_one(
-            ("tolerance", "tier", "budget_seconds"),
-            models=(ToleranceIn, TierIn, BudgetIn),
+            ("tolerance", "relative", "tier", "budget_seconds"),
+            models=(ToleranceIn, RelativeIn, TierIn, BudgetIn),
             accepted=_ACCEPTED,
             may_be_none=False,
         )

@@ -13,7 +13,9 @@ class EstimateOut(ResponseModel):
     """A number and the bound of its absolute error."""
 
     value: float = Field(description="The number.")
-    error: float = Field(description="Bound of its absolute error, in the same unit.")
+    error: float = Field(
+        description="Bound of the absolute error of the decimal that is written here, in the same unit."
+    )
 
 
 class EnclosureOut(ResponseModel):
@@ -110,6 +112,15 @@ class CrossCheckOut(ResponseModel):
     agrees: bool = Field(description="Whether the difference is within the errors that both claim.")
 
 
+class GroupErrorOut(ResponseModel):
+    """The error of variables that have one size."""
+
+    absolute: float = Field(description="Largest absolute error of any of them over the asked times.")
+    relative: float | None = Field(
+        description="The same relative to their largest absolute value there; null where all of them are 0."
+    )
+
+
 class CostOut(ResponseModel):
     """Cost of the computation."""
 
@@ -172,6 +183,12 @@ class SolutionOut(ResponseModel):
         description="If the outputs ask for them."
     )
     error: float = Field(description="Largest absolute error of any variable over the asked times.")
+    errors: dict[str, GroupErrorOut] | None = Field(
+        default=None,
+        description="The errors of `omega` (p, q, r) and `gamma` (g1, g2, g3), with the orientation also of"
+        " `quaternion`, `psi1` and `psi3`; empty without samples. Null for solutions that were stored before"
+        " they were told.",
+    )
     cross_check: CrossCheckOut | None = Field(description="With the method `both`.")
     stability: StabilityOut | None = Field(
         description="If the outputs ask for it and the motion is periodic."

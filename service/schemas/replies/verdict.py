@@ -205,7 +205,10 @@ class PlanOut(ResponseModel):
     tier: Literal["draft", "standard", "high", "certified"] = Field(
         description="The tier that was asked for, that keeps the tolerance, or that is chosen for the budget."
     )
-    tolerance: float = Field(description="Largest error of any variable that is allowed.")
+    tolerance: float = Field(
+        description="Largest error of any variable that is allowed: absolute; of a tier relative to the size"
+        " of the variable's group where that is above 1; always relative to it if that was asked."
+    )
     samples: int = Field(description="Times at which the solution is stored.")
     window: MotionWindowOut | None = Field(description="Of a planar motion.")
     expected_seconds: float | None = Field(

@@ -78,8 +78,9 @@ def rates(phase: LibrationPhase | RotationPhase, count: int) -> FloatArray:
         v = lower + (upper - lower) * np.sin(theta / 2.0) ** 2
         product = (0.5 * (upper - lower) * np.sin(theta)) ** 2
     at = make_places(np.sin(v), np.cos(v))
-    ratio = float(loop.A / loop.C) * (float(loop.G) / float(loop.Z)) ** 2
     with np.errstate(all="ignore"):
+        # What is beyond doubles is infinite, and so are the rates that nobody takes for known then.
+        ratio = float(loop.A / loop.C) * np.square(np.float64(loop.G) / np.float64(loop.Z))
         N, c_squared = room(loop, curve.tape, curve.h, at)
         steep = 1.0 + ratio * np.exp((2.0 * float(loop.alpha) - 2.0) * at.log_sine)
         return np.asarray(np.sqrt(steep * product / (c_squared * N)))

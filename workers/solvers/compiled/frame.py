@@ -16,6 +16,8 @@ from workers.solvers.compiled.windows.arcs import AUTOMATIC, EQUATOR, POINT, RES
 
 FloatArray = NDArray[np.float64]
 
+NORMAL_BITS = 1020
+"""Quotients of integers whose lengths differ by less are normal doubles."""
 REST_BITS = 160
 """Of logarithms, whose doubles and rests have 106."""
 
@@ -117,8 +119,16 @@ def _rest(numerator: int, denominator: int) -> float:
 
 def logarithm_of(square: fmpq) -> float:
     """Return log λ of λ²."""
-    # Python divides integers of any size with one rounding, as a Fraction is turned into a double.
-    return 0.5 * math.log(int(square.p) / int(square.q))
+    return _half_logarithm(int(square.p), int(square.q))
+
+
+def _half_logarithm(numerator: int, denominator: int) -> float:
+    """Return half the logarithm of a quotient of integers, also of one that is no double."""
+    if -NORMAL_BITS < numerator.bit_length() - denominator.bit_length() < NORMAL_BITS:
+        # Python divides integers of any size with one rounding.
+        return 0.5 * math.log(numerator / denominator)
+    with ctx.workprec(REST_BITS):
+        return float(arb(fmpq(numerator, denominator)).log() / 2)
 
 
 def make_frame(body: RigidBody, motion: PlanarMotion) -> Frame | None:
@@ -131,7 +141,7 @@ def make_frame(body: RigidBody, motion: PlanarMotion) -> Frame | None:
     if window < -1 or start is None:
         return None
     signs = motion.sign_of_g1, motion.g3_sign
-    logarithm = 0.5 * math.log(square)
+    logarithm = _half_logarithm(square.numerator, square.denominator)
     asked = (*signs, window, *start)
     template = known.templates.get(asked)
     if template is None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from fractions import Fraction
+from math import inf, isfinite
 
 from service.dynamics.body import RigidBody
 from service.dynamics.motion import EnclosureMethod, Motion
@@ -12,7 +13,7 @@ from workers.solvers.assembly.place import Declined, Place, periodic_place
 from workers.solvers.certified.certify import Certified, certify
 from workers.solvers.classical.solve import solve_classical
 from workers.solvers.compiled.family import CompiledTier, arc_in_doubles
-from workers.solvers.errors import AccuracyNotMetError
+from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError
 from workers.solvers.integration.solve import integrate_state
 from workers.solvers.planar.start import planar_start, with_enough_bits
 from workers.solvers.planar.table import (
@@ -24,6 +25,10 @@ from workers.solvers.planar.table import (
     grade_of,
     row_for,
 )
+
+QUICK = 1024.0
+"""Angular velocity from which on who misses an absolute tolerance is asked for a relative one at once: proven
+digits, rounded to doubles, keep 1e-13 up to about here."""
 
 
 def choose(problem: Problem, kind: Kind) -> Row:
@@ -52,6 +57,8 @@ def find_motion(problem: Problem) -> Motion:
     ------
     NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError
         The motion asked for is not there, or not the only one.
+    OwnUnitsNeededError
+        The motion is quick, and a relative tolerance is allowed.
     AccuracyNotMetError
         What the last one found contradicts its own claim, or the integration is worse than the tolerance.
     DynamicsError
@@ -91,16 +98,32 @@ def enclose(
     )
 
 
+def speed_in_doubles(problem: Problem) -> float | None:
+    """Return about the largest |ω| of a planar motion; None if compiled doubles do not decide which it is."""
+    # The compiler is loaded only where it is needed.
+    from workers.solvers.compiled.solve import solve_spectral  # noqa: PLC0415
+
+    assert isinstance(problem.motion, PlanarMotion)
+    found = solve_spectral(problem.body, problem.potential, problem.motion, tier="draft")
+    speed = inf if found is None else float(found.bounds.largest)
+    return speed if isfinite(speed) else None
+
+
 def _ask_in_turn(problem: Problem, found: Place) -> Motion:
     is_periodic = found.window.kind == "periodic"
     place = periodic_place(found) if is_periodic else found
-    reached = float("inf")
+    reached = inf
     for family in choose(problem, "periodic" if is_periodic else "not periodic").families:
         if not family.takes(problem, place):
             continue
         motion = family.solve(problem, place)
         if not isinstance(motion, Declined):
             return motion
+        if problem.accuracy.measure == "above 1" and isfinite(motion.reached) and reached == inf:
+            speed = speed_in_doubles(problem)
+            # Whoever has the motion in units of its own need not ask more precise solvers in vain.
+            if speed is not None and speed >= QUICK:
+                raise OwnUnitsNeededError(motion.reached, problem.tolerance, speed)
         reached = motion.reached
     raise AccuracyNotMetError(reached, problem.tolerance)
 

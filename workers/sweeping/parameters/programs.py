@@ -9,7 +9,7 @@ such points are compiled one by one.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -177,6 +177,11 @@ class Group:
     """The places of those constants in a row."""
     rests: FloatArray | None = None
     """What the rows leave out of the constants; None where nobody asked for it."""
+
+    def part(self, members: NDArray[np.bool_]) -> "Group":
+        """Return those of the points that are ``members``, shape (points,)."""
+        rests = None if self.rests is None else self.rests[members]
+        return replace(self, rows=self.rows[members], places=self.places[members], rests=rests)
 
     def tape_of_all(self) -> Tape:
         """Return the tape that has the varying constants as further variables."""

@@ -1,20 +1,23 @@
 """Computes a block of points at once by compiled doubles with bounds; doubtful points are left out."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 from flint import fmpq
 from numpy.typing import NDArray
 
-from service.dynamics.motion import COLUMNS
+from service.dynamics.accuracy import keeps
+from service.dynamics.motion import COLUMNS, group_errors
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Times
 from service.schemas.reading.pointers import with_values
 from service.schemas.sweep.sweep import Sweep, json_number
+from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import ALL
-from workers.solvers.planar.choose import compiled_tier
+from workers.solvers.planar.choose import QUICK, compiled_tier
+from workers.solvers.units import Units
 from workers.sweeping.parameters.family import potential_of
 from workers.sweeping.parameters.points import (
     Parameters,
@@ -49,6 +52,7 @@ class BlockSolver:
         self._sweep = sweep
         self._quick = quick
         problem = quick.problem
+        self._is_relative = problem.accuracy.measure == "relative"
         grade = compiled_tier(problem)
         assert grade is not None
         self._grade = grade
@@ -97,22 +101,62 @@ class BlockSolver:
         squares: Sequence[fmpq],
         times: Sequence[Times | None],
     ) -> None:
-        problem, places = self._quick.problem, group.places
-        chosen = [squares[place] for place in places.tolist()]
-        swept = self._swept(points, parameters, side, group, chosen, times)
-        if swept is None:
+        """Solve in the client's units, and what needs units of its own in these."""
+        here = _Here(points, parameters, side, [squares[place] for place in group.places.tolist()], times)
+        if self._is_relative:
+            own = self._speeds(here, group)
+            self._refuse_empty(found, here, group, np.flatnonzero(np.isnan(own)))
+        else:
+            missed = self._solve_in(found, here, group, Units())
+            own = np.zeros(len(group.places))
+            if self._quick.problem.accuracy.measure == "above 1" and missed.any():
+                # As a job does: who misses a tier is asked in its own units if it is quick.
+                speeds = self._speeds(here, group)
+                own[missed & (speeds >= QUICK)] = speeds[missed & (speeds >= QUICK)]
+        if self._outputs.are_any:
             return
-        numbers = numbers_of_motions(swept, self._sampling.has_times)
-        rows = parameters.doubles[places]
+        units = [Units.of(speed, self._quick.problem.body) for speed in own.tolist()]
+        for each in sorted({unit for unit, speed in zip(units, own, strict=True) if speed > 0.0}, key=_k):
+            members = np.array([unit == each for unit in units]) & (own > 0.0)
+            part = replace(here, squares=[here.squares[n] for n in np.flatnonzero(members).tolist()])
+            self._solve_in(found, part, group.part(members), each, is_own=True)
+
+    def _speeds(self, here: "_Here", group: Group) -> FloatArray:
+        """Return about the largest |ω| of each point, as a job has it; NaN where that is not known here."""
+        sampling = Sampling(self._sampling.time, np.zeros(0, dtype=np.int64), has_times=False)
+        swept = self._swept(here, group, Units(), sampling, "draft")
+        return np.full(len(group.places), np.nan) if swept is None else swept.speeds
+
+    def _solve_in(
+        self, found: FoundPoints, here: "_Here", group: Group, units: Units, *, is_own: bool = False
+    ) -> BoolArray:
+        """Solve the points of a group in ``units``; say which have a motion that misses what is asked."""
+        quick, places, chosen = self._quick, group.places, here.squares
+        problem, side = units.pose(quick.problem), here.side
+        sampling = self._sampling
+        if is_own and sampling.has_times:
+            # What is promised depends on the sizes of the variables.
+            sampling = replace(sampling, columns=ALL)
+        swept = self._swept(here, group, units, sampling, self._grade)
+        if swept is None:
+            return np.zeros(len(places), dtype=np.bool_)
         decided = np.isfinite(swept.errors) & (swept.errors <= problem.tolerance)
         # If only the period is asked for, its own error alone decides whether it is accurate enough.
         decided &= swept.period_errors <= problem.tolerance * swept.periods
+        missed, swept = np.isfinite(swept.errors) & ~decided, swept.in_units(units)
         decided &= np.isfinite(swept.samples).all(axis=(1, 2))
+        if is_own and sampling.has_times:
+            accuracy = quick.problem.accuracy
+            for n in np.flatnonzero(decided).tolist():
+                groups = group_errors(swept.samples[n], float(swept.errors[n]), units.quick)
+                decided[n] = keeps(accuracy, groups.values())
+        numbers = numbers_of_motions(swept, sampling.has_times)
+        rows = here.parameters.doubles[places]
         decided &= ~swept.passes_pole | self._are_plain(rows)
         if swept.approaches is not None:
             decided &= keep_their_sign(group.program, group.rows, swept.approaches)
         if self._keeps_energy and side.energies is not None:
-            exact = [parameters.exact(place) for place in places.tolist()]
+            exact = [here.parameters.exact(place) for place in places.tolist()]
             energies = np.array(side.energies.rounded(exact, chosen)).reshape(-1, 2)
             numbers |= {"energy": energies[:, 0], "energy.error": energies[:, 1]}
             # A drift is one from the energy, too.
@@ -121,43 +165,44 @@ class BlockSolver:
                 decided &= np.isfinite(numbers["energy.error"])
         if self._integrals.names:
             known = numbers.get("energy", np.zeros(len(places)))
-            numbers |= self._along(points, group, decided, side, known, swept.samples)
+            numbers |= self._along(here.points, group, decided, side, known, swept.samples)
+            # What is beyond doubles a job does not tell.
+            decided &= ~np.any([np.isinf(numbers[name]) for name in self._integrals.names], axis=0)
         if self._outputs.are_any:
-            numbers |= self._outputs_along(points, side, group, chosen, decided)
+            numbers |= self._outputs_along(here.points, side, group, chosen, decided)
         found.add(places, decided, numbers, swept)
-        rest = np.flatnonzero(~decided)
-        curves = [chosen[place] for place in rest.tolist()]
-        empty = have_no_motion_at(problem.body, side.motion, group, rest, curves)
-        found.refuse(NO_MOTION, places[rest[empty]])
+        self._refuse_empty(found, here, group, np.flatnonzero(~decided))
+        return missed
+
+    def _refuse_empty(self, found: FoundPoints, here: "_Here", group: Group, rest: IntArray) -> None:
+        """Refuse those among the ``rest`` of a group that certainly have no motion."""
+        curves = [here.squares[place] for place in rest.tolist()]
+        empty = have_no_motion_at(self._quick.problem.body, here.side.motion, group, rest, curves)
+        found.refuse(NO_MOTION, group.places[rest[empty]])
 
     def _swept(
-        self,
-        points: SweptPoints,
-        parameters: Parameters,
-        side: Side,
-        group: Group,
-        chosen: Sequence[fmpq],
-        times: Sequence[Times | None],
+        self, here: "_Here", group: Group, units: Units, sampling: Sampling, tier: Tier
     ) -> Swept | None:
-        body, at, places = self._quick.problem.body, self._quick.start_place, group.places
-        sizes = None if at is None else np.abs(points.doubles[at, places])
+        quick, side, places = self._quick, here.side, group.places
+        body, at = units.body(quick.problem.body), quick.start_place
+        sizes = None if at is None else np.abs(here.points.doubles[at, places])
+        sampling = replace(sampling, time=units.times(sampling.time))
         own = None
-        if self._quick.time_places:
-            own = [each for place in places.tolist() if (each := times[place]) is not None]
-        rests = group.rests if self._grade == "high" else None
-        rows, sampling = group.rows, self._sampling
+        if quick.time_places and sampling.has_times:
+            own = [units.times(each) for place in places.tolist() if (each := here.times[place]) is not None]
+        rests = group.rests if tier == "high" else None
         swept = sweep_sets(
-            body, side.motion, group.program, rows, chosen, sampling, self._grade, sizes, own, rests
+            body, side.motion, group.program, group.rows, here.squares, sampling, tier, sizes, own, rests
         )
-        if swept is None or side.rational is None:
+        if swept is None or side.rational is None or tier != "high":
             return swept
         left = np.flatnonzero(~swept.is_kept)
         numbers = places[left].tolist()
-        exact = [parameters.exact(place) for place in numbers]
-        starts = None if at is None else [points.exact(at, place) for place in numbers]
+        exact = [here.parameters.exact(place) for place in numbers]
+        starts = None if at is None else [here.points.exact(at, place) for place in numbers]
         begun = None if starts is None else [abs(_fraction(start)) for start in starts]
-        curves = [chosen[place] for place in left.tolist()]
-        by_roots = sweep_by_roots(side.rational, exact, curves, self._sampling, begun)
+        curves = [here.squares[place] for place in left.tolist()]
+        by_roots = sweep_by_roots(replace(side.rational, body=body), exact, curves, sampling, begun)
         return swept.with_others(left, by_roots)
 
     def _along(
@@ -249,6 +294,23 @@ class BlockSolver:
             for path, axis in zip(self._quick.paths, self._quick.places, strict=True)
         }
         return with_values(dict(self._quick.potential), dict(values))
+
+
+@dataclass(frozen=True, slots=True)
+class _Here:
+    """The points of a block, the side of those that are solved together, and what each of these has."""
+
+    points: SweptPoints
+    parameters: Parameters
+    side: Side
+    squares: Sequence[fmpq]
+    """Their λ²."""
+    times: Sequence[Times | None]
+    """Of all points of the block."""
+
+
+def _k(units: Units) -> int:
+    return units.k
 
 
 def _fraction(value: fmpq) -> Fraction:

@@ -146,6 +146,7 @@ class _Found:
             pass_a_pole(self._loops, self._about),
             is_solved,
             None,
+            self._about["largest"],
         )
 
     def _asked(self, period: Period) -> SampleTimes:

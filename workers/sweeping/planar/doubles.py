@@ -9,6 +9,7 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimeList, TimePeriods, Times
 from service.dynamics.sampling import SampleTimes, sample_times, sample_times_of_each
 from service.dynamics.solution.dense_output import EPSILON, Period
@@ -20,6 +21,7 @@ from workers.solvers.compiled.motion import ALL
 from workers.solvers.compiled.records import FOUND, Found, Records, copied, new_records
 from workers.solvers.compiled.solve import START_ULPS, is_kept
 from workers.solvers.compiled.time_map.sampling import sample_one
+from workers.solvers.units import Units
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -47,6 +49,23 @@ class Swept:
 
     None where nobody needs to look there.
     """
+    speeds: FloatArray
+    """Largest |p| or |r| of each, about."""
+
+    def in_units(self, units: Units) -> "Swept":
+        """Return what was solved in these units in the client's; nothing changes in the client's own."""
+        if not units.k:
+            return self
+        samples = self.samples * units.of_columns(COLUMNS) if self.samples.shape[2] else self.samples
+        return replace(
+            self,
+            periods=self.periods * units.slow,
+            period_errors=self.period_errors * units.slow,
+            errors=self.errors * max(1.0, units.quick),
+            times=self.times * units.slow,
+            samples=samples,
+            speeds=self.speeds * units.quick,
+        )
 
     def with_others(self, places: IntArray, others: "Swept") -> "Swept":
         """Return these motions with ``others`` at ``places`` (others,), where another way has solved them."""
@@ -69,6 +88,7 @@ class Swept:
             samples=put(self.samples, others.samples) if self.samples.shape[2] else self.samples,
             passes_pole=passes_pole,
             is_kept=kept,
+            speeds=put(self.speeds, others.speeds),
         )
 
 
@@ -216,6 +236,7 @@ def _swept(
         pass_a_pole(loops, found),
         is_solved & is_kept(bounds, found["period"], found["period_error"]),
         _approaches(loops),
+        found["largest"],
     )
 
 

@@ -10,6 +10,7 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.bounds import printed_error
 from service.dynamics.motion import Estimate
 from service.dynamics.problem import Problem
 from service.schemas.sweep.kept_numbers import NUMBERS
@@ -80,7 +81,8 @@ class OutputsOfGroup:
             if numbers is None:
                 return None
             found |= numbers
-        return found
+        errors = {f"{name}.error": value for name, value in found.items() if f"{name}.error" in found}
+        return {**found, **{name: printed_error(value, found[name]) for name, value in errors.items()}}
 
     def _stability(self, constants: FloatArray, loop: Records, B: Fraction | None) -> dict[str, float] | None:
         body: RigidBody = self.problem.body

@@ -1,11 +1,12 @@
 """What is found of a block of neighbouring points."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.bounds import printed_error
 from service.dynamics.motion import COLUMNS
 from service.dynamics.reduction.windows import NoMotionError
 from service.schemas.sweep.sweep import Sweep
@@ -62,6 +63,7 @@ class FoundPoints:
     ) -> None:
         """Fill in the points of a group."""
         self.solved[places] = solved
+        numbers = {**numbers, **printed_errors(numbers, self.numbers)}
         for name, column in self.numbers.items():
             if name in numbers:
                 column[places] = numbers[name]
@@ -70,6 +72,17 @@ class FoundPoints:
             self.series[name][places] = swept.samples[:, :, at]
         if "t" in self.series:
             self.series["t"][places] = swept.times
+
+
+def printed_errors(numbers: Mapping[str, FloatArray], kept: Container[str]) -> dict[str, FloatArray]:
+    """Return the ``kept`` errors of period and energy, as those of the decimals that a job writes."""
+    return {
+        f"{name}.error": np.array(
+            list(map(printed_error, numbers[name].tolist(), numbers[f"{name}.error"].tolist()))
+        )
+        for name in ("period", "energy")
+        if f"{name}.error" in kept and f"{name}.error" in numbers
+    }
 
 
 def numbers_of_motions(swept: Swept, has_times: bool) -> dict[str, FloatArray]:

@@ -174,8 +174,8 @@ class _Samples:
     columns: Mapping[str, FloatArray]
     error: float
     """The error bound of the six variables."""
-    orientation: Mapping[str, float]
-    """The error bound of each column of the orientation."""
+    own: Mapping[str, float]
+    """The error bounds of columns that have one of their own, such as those of the orientation."""
     source: Literal["stored", "evaluated"]
 
 
@@ -186,10 +186,18 @@ def _stored(inside: Resources, solution_id: str, packet: bytes) -> _Samples:
     _require_series(columns)
     error = summary["error"]
     assert isinstance(error, int | float)
-    own: Mapping[str, float] = {}
+    own = _own_errors(summary.get("errors"))
     if QUATERNION[0] in columns:
-        own = orientation_errors(decode_dense(inside.solutions.dense(solution_id)), columns["t"])
+        own |= orientation_errors(decode_dense(inside.solutions.dense(solution_id)), columns["t"])
     return _Samples(columns, float(error), own, "stored")
+
+
+def _own_errors(told: object) -> dict[str, float]:
+    """Return the bounds of p, q, r and of g1, g2, g3, where the solution tells them apart."""
+    match told:
+        case {"omega": {"absolute": float(omega)}, "gamma": {"absolute": float(gamma)}}:
+            return {**dict.fromkeys(COLUMNS[:3], omega), **dict.fromkeys(COLUMNS[3:], gamma)}
+    return {}
 
 
 def _remade(inside: Resources, solution_id: str) -> _Samples:
@@ -290,6 +298,6 @@ def _selected(samples: _Samples, names: str | None) -> Trajectory:
     """Return the columns asked for, with the largest of their errors."""
     wanted = list(samples.columns) if names is None else _names(names)
     refuse_if_any(_unknown_columns(wanted, list(samples.columns)))
-    errors = {**samples.orientation, **dict.fromkeys(COLUMNS, samples.error), "t": 0.0}
+    errors = {**dict.fromkeys(COLUMNS, samples.error), **samples.own, "t": 0.0}
     own = {name: errors.get(name, samples.error) for name in wanted}
     return Trajectory({name: samples.columns[name] for name in wanted}, max(own.values()), own)

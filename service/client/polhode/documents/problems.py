@@ -19,11 +19,12 @@ Body = Sequence[Exact] | Mapping[str, object]
 DEFAULT_TIME: Mapping[str, object] = {"stop": 10, "samples": 101}
 _OPTIONS = (
     *("body", "potential", "motion", "lam", "nu", "time", "start", "stop", "samples", "periods", "times"),
-    *("accuracy", "tolerance", "tier", "method", "outputs", "parameters", "labels", "note"),
+    *("accuracy", "tolerance", "relative", "tier", "method", "outputs", "parameters", "labels", "note"),
 )
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _SHORT = {"lam": "/motion/lambda", "nu": "/motion/nu", "A": "/body/A", "B": "/body/B", "C": "/body/C"}
-_SHORT |= {"stop": "/time/stop", "periods": "/time/periods", "tolerance": "/accuracy/tolerance"}
+_SHORT |= {"stop": "/time/stop", "periods": "/time/periods"}
+_SHORT |= {"tolerance": "/accuracy/tolerance", "relative": "/accuracy/relative"}
 
 
 def problem(
@@ -42,6 +43,7 @@ def problem(
     times: Sequence[Exact] | None = None,
     accuracy: Mapping[str, object] | None = None,
     tolerance: Exact | None = None,
+    relative: Exact | None = None,
     tier: str | None = None,
     method: str | None = None,
     outputs: Sequence[str] | None = None,
@@ -66,8 +68,9 @@ def problem(
     stop, samples, periods, times, time
         Which samples are stored; without them and without ``base`` 101 up to t = 10. Any others can be
         asked for later.
-    tolerance, tier, accuracy
-        Largest error of any of the six variables, or a tier; or the section of the document.
+    tolerance, relative, tier, accuracy
+        Largest error of any of the six variables, the same relative to the size of the variable's group, or a
+        tier; or the section of the document.
     method, outputs
         As in the document.
     labels, note
@@ -96,16 +99,18 @@ def problem(
     # A whole document says itself what it asks for.
     if base is None or any(each is not None for each in times_given):
         found["time"] = _time(found.get("time"), time, samples, stop=stop, periods=periods, times=times)
-    found |= _how(accuracy, tolerance, tier, method, outputs)
+    found |= _how(accuracy, tolerance, relative, tier, method, outputs)
     for section, given in (("labels", labels), ("note", note)):
         if given is not None:
             found[section] = written(given)
     return found
 
 
-def audit_of(tier: str | None, tolerance: Exact | None, method: str | None) -> Document:
+def audit_of(
+    tier: str | None, tolerance: Exact | None, relative: Exact | None, method: str | None
+) -> Document:
     """Return the document that asks for an audit; what is None is left out."""
-    return _how(None, tolerance, tier, method, None)
+    return _how(None, tolerance, relative, tier, method, None)
 
 
 def question(
@@ -261,15 +266,17 @@ def _time(known: object, time: object, samples: int | None, **spans: object) -> 
 def _how(
     accuracy: Mapping[str, object] | None,
     tolerance: Exact | None,
+    relative: Exact | None,
     tier: str | None,
     method: str | None,
     outputs: Sequence[str] | None,
 ) -> Document:
     """Return the sections that say how a problem is solved, as far as they are given."""
-    _one_of("accuracy", accuracy=accuracy, tolerance=tolerance, tier=tier)
+    _one_of("accuracy", accuracy=accuracy, tolerance=tolerance, relative=relative, tier=tier)
     sections: Sequence[tuple[str, object]] = (
         ("accuracy", accuracy),
         ("accuracy", None if tolerance is None else {"tolerance": tolerance}),
+        ("accuracy", None if relative is None else {"relative": relative}),
         ("accuracy", None if tier is None else {"tier": tier}),
         ("method", method),
         ("outputs", outputs),

@@ -2,7 +2,7 @@
 
 import math
 
-from flint import arb, ctx
+from flint import arb, ctx, fmpq
 
 from service.dynamics.problem import PlanarMotion, StartAtPoint
 from service.dynamics.solution.dense_output import Period
@@ -160,7 +160,7 @@ def _set_roots(stretch: Stretch, loop: Loop, kind: int) -> None:
     polynomial = stretch.radicand.polynomial
     leading = polynomial[polynomial.degree()]
     loop.by_roots, loop.ends = True, kind
-    loop.leading, loop.mu = abs(int(leading.p) / int(leading.q)), float(stretch.radicand.power)
+    loop.leading, loop.mu = _quotient(leading), float(stretch.radicand.power)
     loop.reals, loop.pairs = len(stretch.reals), len(stretch.pairs)
     for k, root in enumerate(stretch.reals):
         is_below = root < stretch.hi
@@ -168,6 +168,14 @@ def _set_roots(stretch: Stretch, loop: Loop, kind: int) -> None:
         loop.roots[k] = (-1.0 if is_below else 1.0), _double(distance)
     for k, (real, imaginary) in enumerate(stretch.pairs, start=len(stretch.reals)):
         loop.roots[k] = _double(real), _double(imaginary)
+
+
+def _quotient(value: fmpq) -> float:
+    """Return |value|, rounded once; beyond doubles it is infinite, of which kernels decide nothing."""
+    try:
+        return abs(int(value.p) / int(value.q))
+    except OverflowError:
+        return math.inf
 
 
 def _double(value: arb) -> float:
