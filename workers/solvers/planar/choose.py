@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from fractions import Fraction
+from math import isfinite
 
 from service.dynamics.body import RigidBody
 from service.dynamics.motion import EnclosureMethod, Motion
@@ -94,14 +95,17 @@ def enclose(
 def _ask_in_turn(problem: Problem, found: Place) -> Motion:
     is_periodic = found.window.kind == "periodic"
     place = periodic_place(found) if is_periodic else found
-    reached = float("inf")
+    reached, last = float("inf"), None
     for family in choose(problem, "periodic" if is_periodic else "not periodic").families:
         if not family.takes(problem, place):
             continue
         motion = family.solve(problem, place)
         if not isinstance(motion, Declined):
             return motion
-        reached = motion.reached
+        reached, last = motion.reached, motion.found
+    if last is not None and isfinite(reached) and choose_enclosures(problem).when == "where needed":
+        # Its samples will be enclosures, next to a function of time with the error that it showed.
+        return last
     raise AccuracyNotMetError(reached, problem.tolerance)
 
 
