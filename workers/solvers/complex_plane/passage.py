@@ -4,7 +4,7 @@ About the pole v = πk, with u = |v − πk| and a whole number n, the unit,
 
 .. math:: \tan\frac u2 = \tan^n\frac\varphi2,\qquad \frac{du}{d\varphi} = n\,\frac{\sin u}{\sin\varphi},
 
-.. math:: |\sin v| = \frac{2 s^n c^n}{s^{2n}+c^{2n}},\quad s = \sin\frac\varphi2,\ c = \cos\frac\varphi2 .
+.. math:: |\sin v| = \frac{2X}{1+X^2},\quad X = \tan^n\frac\varphi2 .
 
 So |sin v|^(1/n) is holomorphic about φ = 0 as well as between the poles, and with it |g1| = G |sin v|^α and
 all powers of it if n is a multiple of their denominators: then V, p and time are. From a pole to the equator
@@ -26,6 +26,8 @@ from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace
 
 GENERIC = Fraction(2, 3)
 """A value of |sin v|^(1/unit) at which a formula is asked for its powers."""
+FAR = 0.75
+"""sin²v up to which nothing is lost in 1 − sin²v."""
 
 
 def unit_at_poles(loop: Loop, tape: Tape) -> int:
@@ -59,30 +61,44 @@ class Passage:
         """Return the place at φ, and du/dφ; not finite if ``analytic`` and not holomorphic on the ball."""
         curve, loop = self.curve, self.curve.loop
         n, side = curve.unit, curve.side
-        sine, cosine = (phi / 2).sin_cos()
-        product = sine * cosine
-        even, odd = sine ** (2 * n), cosine ** (2 * n)
-        total = even + odd
-        root = product * (2 / total).pow(acb(1) / n, analytic=analytic)
+        cosine, tangent = (phi / 2).cos(), (phi / 2).tan()
+        below = _raised(tangent, n - 1, analytic=analytic)
+        X = below * tangent
+        square = X * X
+        total = 1 + square
+        root = tangent * (2 / total).pow(acb(1) / n, analytic=analytic)
         whole = loop.alpha * n
-        steepness = (loop.alpha - 1) * n
-        quotient = _geometric(root * root, whole.numerator) / _geometric(root * root, n)
+        quotient = _quotient(root * root, whole.numerator, n, analytic=analytic)
         c_squared = loop.Z * loop.Z + loop.G * loop.G * quotient
         at = ComplexPlace(
-            sine=side * 2 * product**n / total,
-            cosine=(-1) ** self.pole * (odd - even) / total,
-            power=root**steepness.numerator,
+            sine=side * 2 * X / total,
+            cosine=(-1) ** self.pole * (1 - square) / total,
+            power=_raised(root, whole.numerator - n, analytic=analytic),
             turn=acb(side),
             c_squared=c_squared,
             c=c_squared.sqrt(analytic),
             root=root,
         )
-        return at, n * product ** (n - 1) / total
+        return at, n * below / (cosine * cosine * total)
 
     def phase(self, v: arb) -> arb:
         """Return φ at a real v on this side; not finite elsewhere."""
         tangent = ((v - arb.pi() * self.pole) * self.way / 2).tan()
         return 2 * (tangent.log() / self.curve.unit).exp().atan() if tangent > 0 else arb.nan()
+
+
+def _raised(base: acb, exponent: int, *, analytic: bool) -> acb:
+    """Return a whole power; by logarithms, which keep wide balls narrower, where there are any."""
+    logarithm = base.log(analytic)
+    return (exponent * logarithm).exp() if logarithm.is_finite() else base**exponent
+
+
+def _quotient(ratio: acb, count: int, other: int, *, analytic: bool) -> acb:
+    """Return (1 − x^count) / (1 − x^other)."""
+    power = _raised(ratio, other, analytic=analytic)
+    if power.abs_upper() < FAR:
+        return (1 - _raised(ratio, count, analytic=analytic)) / (1 - power)
+    return _geometric(ratio, count) / _geometric(ratio, other)
 
 
 def _geometric(ratio: acb, count: int) -> acb:
