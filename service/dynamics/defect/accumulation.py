@@ -109,7 +109,37 @@ class Blocks:
         rates, integrals = self._evaluate(states.reshape(-1, 6))
         moved = Stretches(found.piece + first, found.middle, found.half, found.tail)
         shape = states.shape[:2]
-        return StretchBatch(moved, halves, states, rates.reshape(*shape, 6), integrals.reshape(*shape, 3))
+        rates = rates.reshape(*shape, 6)
+        if self._bound is None:
+            rates = _with_known_ends(rates)
+        return StretchBatch(moved, halves, states, rates, integrals.reshape(*shape, 3))
+
+
+def _with_known_ends(rates: FloatArray) -> FloatArray:
+    """Return the rates; where they are unknown at one end of a stretch alone, continued from its other nodes.
+
+    A motion through a pole is smooth on either side of it, and at the pole itself F has no value.
+    """
+    for end in (0, -1):
+        others = np.delete(np.arange(rates.shape[1]), end)
+        lost = ~np.isfinite(rates[:, end]).all(axis=1) & np.isfinite(rates[:, others]).all(axis=(1, 2))
+        if lost.any():
+            weights = _continuation(rates.shape[1] - 1)
+            known = rates[lost][:, others if end == 0 else others[::-1]]
+            rates[lost, end] = np.einsum("k,nkc->nc", weights, known)
+    return rates
+
+
+@cache
+def _continuation(intervals: int) -> FloatArray:
+    """Return what makes the value at the first node from the others', by the polynomial through these."""
+    points = chebyshev_points(intervals)
+    away = points[0] - points[1:]
+    apart = points[1:, None] - points[None, 1:]
+    np.fill_diagonal(apart, 1.0)
+    ratios = away[None, :] / apart
+    np.fill_diagonal(ratios, 1.0)
+    return np.asarray(ratios.prod(axis=1))
 
 
 def _are_equal(one: Stretches, other: Stretches) -> bool:
@@ -138,9 +168,19 @@ def defect_within(block: StretchBatch) -> tuple[FloatArray, FloatArray]:
 
 
 @np.errstate(all="ignore")
-def accumulate(dense: DenseOutput, blocks: list[StretchBatch], *, has_bounds: bool) -> Accumulated:
-    """Return D from t = 0 on, both ways; if there are bounds of F, of settled stretches only."""
-    ends, steps, within, settled = [], [], [], []
+def accumulate(
+    dense: DenseOutput,
+    blocks: list[StretchBatch],
+    *,
+    has_bounds: bool,
+    excused: FloatArray | None = None,
+) -> Accumulated:
+    """Return D from t = 0 on, both ways; if there are bounds of F, of settled stretches only.
+
+    From the growth of D on each stretch as much as is ``excused`` is left out, shape (n, 6): all of it where
+    that is not finite.
+    """
+    ends, steps, within, settled, first = [], [], [], [], 0
     for block in blocks:
         states = block.states
         step, extent = defect_within(block)
@@ -150,6 +190,11 @@ def accumulate(dense: DenseOutput, blocks: list[StretchBatch], *, has_bounds: bo
         # depend on the rounding of y_p, and says nothing.
         step[lost] = (states[:, 0] - states[:, -1])[lost]
         extent[lost] = 0.0
+        if excused is not None:
+            free = np.nan_to_num(excused[first : first + len(step)], nan=np.inf)
+            step += np.clip((states[:, 0] - states[:, -1]) - step, -free, free)
+            extent = np.maximum(extent - free, 0.0)
+            first += len(step)
         ends.append(states[:, [-1, 0]])
         steps.append(step)
         within.append(extent)

@@ -17,6 +17,9 @@ from service.dynamics.potentials.potential import NoClosedFormError, Potential
 
 FloatArray = NDArray[np.float64]
 
+POLE = 1e-12
+"""|g1| and |g3| up to which a potential without a formula has no slope for doubles."""
+
 
 @dataclass(frozen=True, slots=True)
 class Equations:
@@ -45,10 +48,11 @@ class Equations:
         algebra, columns = RealAlgebra(), list(states.T)
         gradient: Sequence[FloatArray]
         if self.tape is None:
-            value, gradient = (
-                self.potential.value(states[:, 3:]),
-                list(self.potential.gradient(states[:, 3:]).T),
-            )
+            gamma = states[:, 3:]
+            # Doubles do not tell in which direction from the pole such a place is.
+            at_pole = np.maximum(np.abs(gamma[:, 0]), np.abs(gamma[:, 2])) < POLE
+            slopes = np.where(at_pole[:, None], np.nan, self.potential.gradient(gamma))
+            value, gradient = self.potential.value(gamma), list(slopes.T)
         else:
             value, gradient = value_and_gradient(algebra, self.tape, columns[3:])
         found = integrals_at(algebra, self.body, columns, value)

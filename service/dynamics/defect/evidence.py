@@ -89,7 +89,9 @@ def hold_against_equations(
         defect = float(found.sizes.max())
         if found.truncation <= goal or defect - found.truncation > FAR * claim + COARSE:
             break
-    error = claim if is_within(defect, 2.0 * claim) else _by_defect(equations, blocks, defect, claim)
+    error = claim
+    if not is_within(defect, 2.0 * claim):
+        defect, error = _by_defect(equations, dense, blocks, defect, claim)
     if has_formula and any(hides_something(equations, block).any() for block in blocks):
         error = inf
     drift, raised = _by_integrals(equations, dense, blocks, error, energy, is_planar=is_planar)
@@ -107,27 +109,40 @@ def hold_samples(
     return _raised(equations, samples, drifts, claim, reference, slack)
 
 
-def _by_defect(equations: Equations, blocks: list[StretchBatch], defect: float, claim: float) -> float:
+def _by_defect(
+    equations: Equations, dense: DenseOutput, blocks: list[StretchBatch], defect: float, claim: float
+) -> tuple[float, float]:
+    """Return what of the defect no rounding of the states explains, and the claim raised by it."""
     if equations.tape is None:
         # Without bounds of F its rounding is not known: D counts beyond the claim's own growth only.
-        return claim if is_within(defect, (2.0 + GROWTH) * claim) else defect
-    rounding, growth = (_spread(equations, blocks, radius) for radius in (0.0, claim))
-    # What is not known amplifies nothing: NaN is not larger than anything.
-    amplified = min(growth - rounding, GROWTH * claim) if growth > rounding else 0.0
-    if is_within(defect, 2.0 * claim + amplified + rounding):
-        return claim
-    return defect * (1.0 + amplified / claim) if claim != 0.0 else defect
+        return defect, claim if is_within(defect, (2.0 + GROWTH) * claim) else defect
+    rounding, growth = (_spread(equations, dense, blocks, radius) for radius in (0.0, claim))
+    defect = float(accumulate(dense, blocks, has_bounds=True, excused=rounding).sizes.max())
+    # What is not known amplifies nothing.
+    more = float(np.where(np.isfinite(growth), growth - rounding, 0.0).sum(axis=0).max())
+    amplified = min(more, GROWTH * claim) if more > 0.0 else 0.0
+    if is_within(defect, 2.0 * claim + amplified):
+        return defect, claim
+    return defect, defect * (1.0 + amplified / claim) if claim != 0.0 else defect
 
 
-def _spread(equations: Equations, blocks: list[StretchBatch], radius: float) -> float:
-    """Return what the integral of F differs by, where states differ by ``radius`` and their rounding."""
-    total = np.zeros(6)
+@np.errstate(all="ignore")
+def _spread(
+    equations: Equations, dense: DenseOutput, blocks: list[StretchBatch], radius: float
+) -> FloatArray:
+    """Return what the integral of F over each stretch differs by, where states differ by ``radius``.
+
+    And by their rounding, which is that of the largest in their piece: next to a pole g1 and g3 are small
+    beside it, and F may depend on them without bound. Shape (n, 6); NaN where F has no bound.
+    """
+    sizes = np.abs(dense.coefficients).sum(axis=1)
+    found = []
     for block in blocks:
-        states = block.states.reshape(-1, 6).T
-        radii = radius + ROUNDING * np.abs(states)
-        wide = equations.spread(states, radii).T.reshape(block.states.shape).max(axis=1)
-        total += (2.0 * block.times[:, None] * np.where(np.isfinite(wide), wide, 0.0)).sum(axis=0)
-    return float(total.max())
+        states, radii = block.states, radius + ROUNDING * sizes[block.stretches.piece]
+        each = np.broadcast_to(radii[:, None], states.shape).reshape(-1, 6).T
+        wide = equations.spread(states.reshape(-1, 6).T, each).T.reshape(states.shape).max(axis=1)
+        found.append(2.0 * block.times[:, None] * np.where(np.isfinite(wide), wide, nan))
+    return np.concatenate(found)
 
 
 def _by_integrals(

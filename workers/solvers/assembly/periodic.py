@@ -102,7 +102,7 @@ def make_periodic(problem: Problem, place: PeriodicPlace, found: Sampled) -> Mot
         motion = with_samples_shown(problem.body, problem.potential, motion)
     if is_within(motion.error, claimed) or is_within(motion.error, problem.tolerance):
         return motion
-    return Declined(motion.error)
+    return Declined(motion.error, motion)
 
 
 def _with_claim(problem: Problem, place: PeriodicPlace, found: Sampled) -> tuple[Motion, float]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from flint import arb
 
+from service.dynamics.motion import Motion
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
 from workers.solvers.orbits.near_rest import SlowOrbit, is_slow, slow_orbit
@@ -49,10 +50,12 @@ class PeriodicPlace(Place):
 
 @dataclass(frozen=True, slots=True)
 class Declined:
-    """A family's answer that it leaves the motion to the next one; what it found is worth nothing."""
+    """A family's answer that it leaves the motion to the next one."""
 
     reached: float
     """Largest error that it showed; inf if it did not come so far."""
+    found: Motion | None = None
+    """A motion that is worse than was claimed and asked for, with the error that it showed."""
 
 
 NOT_MINE = Declined(float("inf"))

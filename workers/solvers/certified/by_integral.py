@@ -23,7 +23,9 @@ from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.real_loop import RealLoop
 from workers.solvers.certified.time_model import TimeModel, make_time_model
 from workers.solvers.certified.trapezoid import ProvenStrip, proven_strip, time_of_turn
+from workers.solvers.certified.way import PolarWay, way_of
 from workers.solvers.complex_plane.complex_loop import ComplexLoop
+from workers.solvers.complex_plane.passage import unit_at_poles
 
 FindArc = Callable[[RigidBody, Potential, PlanarMotion], Arc | None]
 """Returns the arc of a motion, whose ends may be in doubt by a few roundings; None if it does not know."""
@@ -39,7 +41,7 @@ NARROWING = 2.0**-8
 class IntegralMotion:
     """A motion from its start on; to be asked at the precision it was made at."""
 
-    phase: LibrationPhase | RotationPhase
+    phase: LibrationPhase | RotationPhase | PolarWay
     start: StartingPoint
     energy: arb
     bits: int
@@ -53,30 +55,31 @@ class IntegralMotion:
     @cached_property
     def strip(self) -> ProvenStrip | None:
         """Return where time is proven to be a holomorphic function of the phase; None if not by one strip."""
-        return proven_strip(self.phase)
+        return None if isinstance(self.phase, PolarWay) else proven_strip(self.phase)
 
     @cached_property
     def period(self) -> arb:
         """Return the period of all six variables."""
-        return self.model.period if self.strip is None else time_of_turn(self.phase, self.strip, self.bits)
+        if self.strip is None or isinstance(self.phase, PolarWay):
+            return self.model.period
+        return time_of_turn(self.phase, self.strip, self.bits)
 
     @cached_property
     def model(self) -> FourierTime | TimeModel:
         """Return time as a function of the phase, which samples need and the period alone does not."""
-        if self.strip is None:
+        if self.strip is None or isinstance(self.phase, PolarWay):
             return make_time_model(self.phase)
         return make_fourier_time(self.phase, self.strip, self.bits)
 
     @cached_property
     def origin(self) -> arb:
         """Return the time of the start since θ = 0."""
-        if isinstance(self.phase, RotationPhase):
+        arc, v, direction = self.start.arc, self.start.v, self.start.direction
+        if arc.is_whole_loop:
             return arb(0)
-        v, direction = self.start.v, self.start.direction
-        below, above = v - self.phase.lower, self.phase.upper - v
         if direction == 0:
-            return arb(0) if abs(below) < abs(above) else self.model.span
-        return direction * self.model.time_at(2 * arb.atan2(below.sqrt(), above.sqrt()))
+            return arb(0) if abs(v - arc.lower) < abs(v - arc.upper) else self.model.span
+        return direction * self.model.time_at(self.phase.phase(v))
 
     def states(self, times: Sequence[arb]) -> tuple[tuple[arb, ...], ...]:
         """Return (p, q, r, g1, g2, g3) in the client's axes."""
@@ -84,7 +87,7 @@ class IntegralMotion:
             return ()
         model = self.model
         phases = model.phases_at([t + self.origin for t in times])
-        if isinstance(model, FourierTime):
+        if isinstance(model, FourierTime) and not isinstance(self.phase, PolarWay):
             return tuple(self.phase.state(theta, model.rate(theta)) for theta in phases)
         return tuple(self.phase.state(theta) for theta in phases)
 
@@ -139,25 +142,21 @@ def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
         The precision does not suffice, as above.
     """
     arc = start.arc
-    loop, side, tape = arc.loop, _side(arc), _tape(arc.loop)
+    loop, tape = arc.loop, _tape(arc.loop)
+    passes = passes_pole(arc)
+    side = 0 if passes else 1 if ((arc.lower + arc.upper) / 2).sin() > 0 else -1
+    unit = unit_at_poles(loop, tape) if passes else 0
     real = RealLoop(loop, tape, side)
-    curve = ComplexLoop(loop, tape, _energy(arc, real), side)
-    if arc.is_whole_loop:
+    curve = ComplexLoop(loop, tape, _energy(arc, real), side, unit)
+    if arc.is_whole_loop and not unit:
         return IntegralMotion(RotationPhase(curve, real, start.v, start.direction), start, curve.h, bits)
-    lower, upper = (_zero(real, curve.h, v) for v in (arc.lower, arc.upper))
-    return IntegralMotion(LibrationPhase(curve, real, lower, upper), start, curve.h, bits)
-
-
-def _side(arc: Arc) -> int:
-    """Return the sign of sin v on the arc, 0 if it passes a pole."""
-    if not passes_pole(arc):
-        return 1 if ((arc.lower + arc.upper) / 2).sin() > 0 else -1
-    if arc.loop.alpha.denominator != 1:
-        raise CertifiedUnavailableError(
-            f"it passes a pole, where time is not an analytic function of g3 for A/C = {arc.loop.alpha}",
-            pointer="/motion",
-        )
-    return 0
+    ends = (
+        (arc.lower, arc.upper)
+        if arc.is_whole_loop
+        else (_zero(real, curve.h, arc.lower), _zero(real, curve.h, arc.upper))
+    )
+    phase = way_of(curve, start, ends) if unit else LibrationPhase(curve, real, *ends)
+    return IntegralMotion(phase, start, curve.h, bits)
 
 
 def _tape(loop: Loop) -> Tape:

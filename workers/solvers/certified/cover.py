@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from flint import acb, arb
 
-from workers.solvers.certified.phase import MotionPhase
+from workers.solvers.certified.phase import TimedPhase
 
 LOOSE = 2.0**30
 """A bound this much larger than the function costs so many bits of a remainder: then it is refined."""
@@ -22,9 +22,10 @@ class Box(NamedTuple):
 
 
 def bound(
-    phase: MotionPhase,
+    phase: TimedPhase,
     boxes: list[Box],
     *,
+    size: arb,
     smallest: float,
     most: int,
     is_needed: Callable[[Box], bool] = lambda _: True,
@@ -32,10 +33,9 @@ def bound(
     """Return a bound of |dt/dθ| on the boxes that are needed, where it is holomorphic.
 
     A box is halved both ways, down to ``smallest``, until its ball tells
-    something. None if that fails, or takes more than ``most`` balls.
+    something. None if that fails, or takes more than ``most`` balls; ``size`` is about the largest rate.
     """
     waiting = list(boxes)
-    size = abs(phase.rate(acb(arb(boxes[0].x)), analytic=False)).upper()
     largest = arb(0)
     for _ in range(most):
         while waiting and not is_needed(waiting[-1]):

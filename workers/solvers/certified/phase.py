@@ -29,22 +29,58 @@ WIDE = 2.0**-36
 """Half the real width of a ball of θ that is a region, not a point."""
 
 
-class MotionPhase(Protocol):
-    """A periodic planar motion as a function of θ; 2π is one period of all six variables."""
-
-    @property
-    def is_even(self) -> bool:
-        """Say whether dt/dθ is even about 0 and π."""
-
-    def rates(self, count: int) -> Iterator[arb]:
-        """Yield dt/dθ at equidistant θ halfway between multiples of 2π/count, up to π if it is even."""
-        ...
+class TimedPhase(Protocol):
+    """A stretch of a planar motion as a function of θ, which grows with time."""
 
     def rate(self, theta: acb, *, analytic: bool) -> acb:
         """Return dt/dθ; not finite if ``analytic`` and it is not holomorphic on the ball."""
 
     def state(self, theta: arb) -> tuple[arb, ...]:
         """Return (p, q, r, g1, g2, g3) in the client's axes."""
+
+    def phase(self, v: arb) -> arb:
+        """Return θ at a place of the stretch."""
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseStretch:
+    """The part first ≤ θ ≤ last of a phase, on which its rate is holomorphic."""
+
+    phase: TimedPhase
+    first: arb
+    last: arb
+    shift: arb
+    """What is added to θ in the phase of the whole motion."""
+
+    @property
+    def begin(self) -> arb:
+        """Return the phase of the whole motion at which the stretch begins."""
+        return self.first + self.shift
+
+    @property
+    def end(self) -> arb:
+        """Return the phase of the whole motion at which the stretch ends."""
+        return self.last + self.shift
+
+
+class MotionPhase(TimedPhase, Protocol):
+    """A periodic planar motion as a function of θ."""
+
+    @property
+    def is_even(self) -> bool:
+        """Say whether it comes back by the same way: dt/dθ is even about 0 and the length."""
+
+    @property
+    def length(self) -> arb:
+        """Return θ after one period of all six variables, half of it if it comes back by the same way."""
+
+    @property
+    def stretches(self) -> tuple[PhaseStretch, ...]:
+        """Return stretches from 0 to the length."""
+
+    def rates(self, count: int) -> Iterator[arb]:
+        """Yield dt/dθ at equidistant θ halfway between multiples of 2π/count, up to π if it is even."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +93,22 @@ class LibrationPhase:
     upper: arb
     is_even: bool = True
 
+    @property
+    def length(self) -> arb:
+        """See MotionPhase.length."""
+        return arb.pi()
+
+    @property
+    def stretches(self) -> tuple[PhaseStretch, ...]:
+        """See MotionPhase.stretches."""
+        return (PhaseStretch(self, arb(0), self.length, arb(0)),)
+
+    def phase(self, v: arb) -> arb:
+        """See TimedPhase.phase."""
+        return 2 * arb.atan2((v - self.lower).sqrt(), (self.upper - v).sqrt())
+
     def rate(self, theta: acb, *, analytic: bool) -> acb:
-        """See Phase.rate."""
+        """See TimedPhase.rate."""
         at, quotient = self._at(theta, analytic=analytic)
         return self.curve.loop.Z * (self.curve.W(at) * quotient).rsqrt(analytic) / at.c
 
@@ -70,7 +120,7 @@ class LibrationPhase:
             yield (real.squared_rate(self.lower + below, h) * below * (width - below)).sqrt()
 
     def state(self, theta: arb, rate: arb | None = None) -> tuple[arb, ...]:
-        """See Phase.state."""
+        """See TimedPhase.state."""
         if rate is not None:
             sine, cosine = (theta / 2).sin_cos()
             v = self.lower + (self.upper - self.lower) * sine * sine
@@ -78,7 +128,7 @@ class LibrationPhase:
                 return self.real.state(v, (self.upper - self.lower) * sine * cosine / rate)
         at, quotient = self._at(acb(theta), analytic=False)
         half = (self.upper - self.lower) / 2
-        return _six_variables(self.curve, at, -half * theta.sin() * (self.curve.W(at) * quotient).sqrt().real)
+        return six_variables(self.curve, at, -half * theta.sin() * (self.curve.W(at) * quotient).sqrt().real)
 
     def _at(self, theta: acb, *, analytic: bool) -> tuple[ComplexPlace, acb]:
         """Return the place and q."""
@@ -127,8 +177,22 @@ class RotationPhase:
     direction: int
     is_even: bool = False
 
+    @property
+    def length(self) -> arb:
+        """See MotionPhase.length."""
+        return 2 * arb.pi()
+
+    @property
+    def stretches(self) -> tuple[PhaseStretch, ...]:
+        """See MotionPhase.stretches."""
+        return (PhaseStretch(self, arb(0), self.length, arb(0)),)
+
+    def phase(self, v: arb) -> arb:
+        """See TimedPhase.phase."""
+        return self.direction * (v - self.origin)
+
     def rate(self, theta: acb, *, analytic: bool) -> acb:
-        """See Phase.rate."""
+        """See TimedPhase.rate."""
         at, P = self._at(theta, analytic=analytic)
         return self.curve.loop.Z * P.rsqrt(analytic) / at.c
 
@@ -139,12 +203,12 @@ class RotationPhase:
             yield real.squared_rate(self.origin + j * step, h).sqrt()
 
     def state(self, theta: arb, rate: arb | None = None) -> tuple[arb, ...]:
-        """See Phase.state."""
+        """See TimedPhase.state."""
         v = self.origin + self.direction * theta
         if rate is not None and not self.real.loses_digits(v):
             return self.real.state(v, self.direction / rate)
         at, P = self._at(acb(theta), analytic=False)
-        return _six_variables(self.curve, at, -self.direction * P.sqrt().real)
+        return six_variables(self.curve, at, -self.direction * P.sqrt().real)
 
     def _at(self, theta: acb, *, analytic: bool) -> tuple[ComplexPlace, acb]:
         v = self.origin + self.direction * theta
@@ -162,7 +226,8 @@ def _shares(count: int, precision: int) -> tuple[arb, ...]:
         return tuple((arb(2 * j + 1) / (2 * count)).sin_pi() ** 2 for j in range(count // 2))
 
 
-def _six_variables(curve: ComplexLoop, at: ComplexPlace, p: arb) -> tuple[arb, ...]:
+def six_variables(curve: ComplexLoop, at: ComplexPlace, p: arb) -> tuple[arb, ...]:
+    """Return (p, q, r, g1, g2, g3) in the client's axes from a real place and p."""
     g1, g2, g3 = (value.real for value in curve.gamma(at))
     r = curve.r_over_p(at).real * p
     if curve.loop.mirrored:

@@ -12,21 +12,22 @@ are at most
 """
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from math import hypot, pi
 
 from flint import acb, arb, arb_poly, ctx
 
-from workers.solvers.certified.cover import Box, bound
+from workers.solvers.certified.cover import LOOSE, Box, bound
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
-from workers.solvers.certified.phase import MotionPhase
+from workers.solvers.certified.phase import MotionPhase, PhaseStretch, TimedPhase
 
 SLACK = 1.0625
 """ρ in half lengths of a piece: pieces overlap, so that a ball at an edge is inside one of them."""
 FIRST_PIECES = 4
-"""For half a turn."""
+"""For a phase that grows by π."""
 MAX_PIECES = 600
 SHORTEST = 2.0**-36
 """Of a piece: its ends are doubles."""
@@ -34,6 +35,9 @@ MAX_BOXES = 24
 SMALLEST_BOX = 0.2
 """Half the side of a box, in radii of the disc."""
 NEWTON_STEPS = 60
+SHARES = (1 / 16, 1 / 4, 1 / 2, 3 / 4, 15 / 16)
+"""Places of a stretch at which its rate is looked at."""
+NO_BOUND = "no bound of its time as an analytic function was found"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +63,7 @@ class TimePiece:
 
     def phase_at(self, t: arb) -> arb:
         """Return the enclosure of θ where the time is ``t``."""
-        y = self._approximation(t)
+        y = self.approximation(t)
         late = self.time(y) - t
         radius = 2 * (late / self.slope(y)).abs_upper() + arb(2) ** -ctx.prec
         for _ in range(4):
@@ -70,7 +74,7 @@ class TimePiece:
             radius = 8 * radius
         raise PrecisionNeededError("the inverse of time")
 
-    def _approximation(self, t: arb) -> arb:
+    def approximation(self, t: arb) -> arb:
         """Return y to about the current precision, by Newton's method from the chord."""
         lowest, highest = self.time(arb(-1)).mid(), self.time(arb(1)).mid()
         y = (2 * (t - lowest) / (highest - lowest) - 1).mid()
@@ -94,8 +98,10 @@ class TimeModel:
     phases: tuple[float, ...]
     """Phases at which the pieces begin."""
     is_even: bool
+    length: arb
+    """θ at the end."""
     span: arb
-    """Time of the whole turn, or of half of it if dt/dθ is even."""
+    """The time there."""
 
     @property
     def period(self) -> arb:
@@ -103,9 +109,9 @@ class TimeModel:
         return 2 * self.span if self.is_even else self.span
 
     def time_at(self, theta: arb) -> arb:
-        """Return t for 0 ≤ θ ≤ 2π."""
-        if self.is_even and theta.mid() > arb.pi():
-            return self.period - self.time_at(2 * arb.pi() - theta)
+        """Return t for θ from 0 to the end, and back to 0 where dt/dθ is even."""
+        if self.is_even and theta.mid() > self.length.mid():
+            return self.period - self.time_at(2 * self.length - theta)
         return self._piece(self.phases, theta).time_at(theta)
 
     def phases_at(self, times: Sequence[arb]) -> list[arb]:
@@ -117,8 +123,24 @@ class TimeModel:
         turns = (t / self.period).mid().floor().mid()
         t = t - turns * self.period
         if self.is_even and t.mid() > self.span.mid():
-            return 2 * arb.pi() - self.phase_at(self.period - t)
-        return self._piece(self.starts, t).phase_at(t)
+            return 2 * self.length - self.phase_at(self.period - t)
+        piece = self._piece(self.starts, t)
+        try:
+            return piece.phase_at(t)
+        except PrecisionNeededError:
+            return self._between(t, piece)
+
+    def _between(self, t: arb, piece: TimePiece) -> arb:
+        """Return θ next to a pole, where dt/dθ may vanish: time grows with it all the same."""
+        guess = (piece.centre + piece.radius * piece.approximation(t)).mid()
+        off = arb(2) ** -ctx.prec
+        while off < 1:
+            low, high = (guess - off).mid(), (guess + off).mid()
+            is_after = not low > 0 or self.time_at(low) < t
+            if is_after and (not high < self.length or self.time_at(high) > t):
+                return low.union(high)
+            off = 2 * off
+        raise PrecisionNeededError("the inverse of time")
 
     def _piece(self, begins: tuple[float, ...], value: arb) -> TimePiece:
         return self.pieces[max(0, bisect_right(begins, float(value)) - 1)]
@@ -132,31 +154,49 @@ def make_time_model(phase: MotionPhase) -> TimeModel:
     CertifiedUnavailableError
         dt/dθ is not enclosed on pieces of any size that is tried.
     """
-    turn = pi if phase.is_even else 2.0 * pi
-    count = FIRST_PIECES * (1 if phase.is_even else 2)
-    waiting = [(turn * k / count, turn * (k + 1) / count) for k in reversed(range(count))]
     pieces: list[TimePiece] = []
     starts, phases = [], []
     t = arb(0)
+    for stretch in phase.stretches:
+        for left, right, size, largest in _cut(stretch):
+            piece = _piece(stretch, left, right, t, size, largest)
+            pieces.append(piece)
+            starts.append(float(t))
+            phases.append(float(left + stretch.shift))
+            t = piece.time_at(right + stretch.shift)
+            if len(pieces) > MAX_PIECES:
+                raise CertifiedUnavailableError(NO_BOUND)
+    return TimeModel(tuple(pieces), tuple(starts), tuple(phases), phase.is_even, phase.length, t)
+
+
+def _cut(stretch: PhaseStretch) -> Iterator[tuple[arb, arb, arb, arb]]:
+    """Yield the ends of pieces of the stretch in order, about how large dt/dθ is there, and its bound M."""
+    first, last = float(stretch.first), float(stretch.last)
+
+    def size_at(place: float) -> arb:
+        return abs(stretch.phase.rate(acb(place), analytic=False)).upper()
+
+    # Next to a pole dt/dθ may vanish, and what is next to nothing need not be known relative to itself.
+    least = max(size_at(first + (last - first) * share) for share in SHARES) / LOOSE
+    count = max(1, round(FIRST_PIECES * (last - first) / pi))
+    cuts = [first + (last - first) * k / count for k in range(count)] + [last]
+    waiting = list(pairwise(cuts))[::-1]
     while waiting:
         left, right = waiting.pop()
-        largest = _bound(phase, left, right)
+        size = size_at(0.5 * (left + right)).max(least)
+        largest = _bound(stretch.phase, left, right, size)
         if largest is None:
             middle = 0.5 * (left + right)
             waiting += [(middle, right), (left, middle)]
-            if len(waiting) + len(pieces) > MAX_PIECES or right - left < SHORTEST:
-                raise CertifiedUnavailableError("no bound of its time as an analytic function was found")
+            if len(waiting) > MAX_PIECES or right - left < SHORTEST * (last - first):
+                raise CertifiedUnavailableError(NO_BOUND)
             continue
-        piece = _piece(phase, left, right, t, largest)
-        pieces.append(piece)
-        starts.append(float(t))
-        phases.append(left)
-        t = piece.time_at(arb(right))
-    span = pieces[-1].time_at(arb.pi() if phase.is_even else 2 * arb.pi())
-    return TimeModel(tuple(pieces), tuple(starts), tuple(phases), phase.is_even, span)
+        # The ends themselves need not be doubles.
+        begin = stretch.first if left == first else arb(left)
+        yield begin, stretch.last if right == last else arb(right), size, largest
 
 
-def _bound(phase: MotionPhase, left: float, right: float) -> arb | None:
+def _bound(phase: TimedPhase, left: float, right: float, size: arb) -> arb | None:
     """Return M, the bound of |dt/dθ| on the disc of 2ρ, where it is holomorphic; None if not proven."""
     centre, reach = 0.5 * (left + right), SLACK * (right - left)
     half = 0.5 * reach
@@ -166,12 +206,14 @@ def _bound(phase: MotionPhase, left: float, right: float) -> arb | None:
     def meets_disc(box: Box) -> bool:
         return hypot(max(abs(box.x - centre) - box.half, 0.0), box.y - box.half) < 1.001 * reach
 
-    return bound(phase, boxes, smallest=SMALLEST_BOX * reach, most=MAX_BOXES, is_needed=meets_disc)
+    smallest = SMALLEST_BOX * reach
+    return bound(phase, boxes, size=size, smallest=smallest, most=MAX_BOXES, is_needed=meets_disc)
 
 
-def _piece(phase: MotionPhase, left: float, right: float, begin: arb, largest: arb) -> TimePiece:
-    centre, radius = arb(0.5 * (left + right)), arb(SLACK * 0.5 * (right - left))
-    size = abs(phase.rate(acb(centre), analytic=False)).upper()
+def _piece(stretch: PhaseStretch, left: arb, right: arb, begin: arb, size: arb, largest: arb) -> TimePiece:
+    phase = stretch.phase
+    centre = ((left + right) / 2).mid()
+    radius = (SLACK * (right - left) / 2).mid()
     # Even, and such that 5 M 2^-n is a few ulp of the function.
     count = 2 * (1 + (ctx.prec + max(0, round(float((largest / size).log() / arb(2).log())))) // 2)
     upper = [phase.rate(centre + radius * y, analytic=False) for y in _circle(count, ctx.prec)]
@@ -181,8 +223,8 @@ def _piece(phase: MotionPhase, left: float, right: float, begin: arb, largest: a
     coefficients[0] += remainder
     slope = arb_poly([radius * value for value in coefficients])
     time = slope.integral()
-    time = time + (begin - time((arb(left) - centre) / radius))
-    return TimePiece(centre, radius, slope, time)
+    time = time + (begin - time((left - centre) / radius))
+    return TimePiece(centre + stretch.shift, radius, slope, time)
 
 
 @lru_cache(maxsize=64)

@@ -19,7 +19,6 @@ lies in the convex hull of the integrand.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cache, partial
 from typing import NamedTuple, TypeVar
 
@@ -27,11 +26,11 @@ from flint import acb, arb
 
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
+from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
 from service.dynamics.formula.programs import Kind, Way
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.reduction.geometry.loop import Loop, ball
-from workers.solvers.complex_plane.loop_algebra import LoopAlgebra, Monomial
 from workers.solvers.complex_plane.questions import BEND, SLOPE, VALUE, PlaneQuestion
 
 T = TypeVar("T")
@@ -54,6 +53,8 @@ class ComplexPlace(NamedTuple):
     """|sin v|^α / (power · sin v): ±1."""
     c_squared: acb
     c: acb
+    root: acb
+    """sin v, or |sin v|^(1/unit) next to a pole (:mod:`service.dynamics.formula.algebras.power_sums`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +63,14 @@ class ComplexLoop:
 
     ``side`` is the sign of sin v on the half that is meant, 0 for a motion that
     passes poles: α is an integer then, and where it is odd g1 alone is not holomorphic.
+    ``unit`` is that of a half that reaches a pole (:mod:`.passage`), else 0.
     """
 
     loop: Loop
     tape: Tape
     h: arb
     side: int
+    unit: int = 0
 
     def place(self, v: acb, *, analytic: bool) -> ComplexPlace:
         """Return the place; not finite if ``analytic`` and the curve is not holomorphic on the ball."""
@@ -92,7 +95,7 @@ class ComplexLoop:
         else:
             quotient = self._quotient(sine, u, analytic=analytic)
         c_squared = loop.Z * loop.Z + loop.G * loop.G * quotient
-        return ComplexPlace(sine, cosine, power, turn, c_squared, c_squared.sqrt(analytic))
+        return ComplexPlace(sine, cosine, power, turn, c_squared, c_squared.sqrt(analytic), sine)
 
     def gamma(self, at: ComplexPlace) -> tuple[acb, acb, acb]:
         """Return g1, g2, g3 in the client's axes."""
@@ -169,35 +172,41 @@ class ComplexLoop:
         self, question: PlaneQuestion, at: ComplexPlace, beside: Sequence[acb], *, analytic: bool
     ) -> tuple[acb, ...]:
         """Return the answers at a place."""
-        gamma = self.gamma(at)
-        # About a pole formulas use sin v, G and Z, too.
-        known = () if self.side else (at.sine, acb(self.loop.G), acb(self.loop.Z))
+        loop, second = self.loop, at.c * at.cosine
         kind: Kind = "analytic" if analytic else "complex"
-        about = () if self.side else (self.loop.alpha, self.loop.mirrored, self.loop.g1_sign)
+        # About a pole formulas have sin v, G and Z for g1 and g3.
+        inputs = (at.root, second, acb(loop.G), acb(loop.Z)) if self._has_poles else self.gamma(at)
+        about = (loop.alpha, loop.mirrored, loop.g1_sign, self.side, self.unit) if self._has_poles else ()
         name = (question.name, kind, *about)
         run = self.tape.program(name, Way(kind, partial(self._traced, question)))
         if run is not None:
-            return run(*gamma, *known, *beside)
-        return question.answer(self.tape, self._algebra(_plain(analytic), gamma, known), gamma, beside)
+            return run(*inputs, *beside)
+        return self._answer(question, self.tape, _plain(analytic), inputs, beside)
+
+    @property
+    def _has_poles(self) -> bool:
+        return self.side == 0 or self.unit > 0
 
     def _traced(
         self, question: PlaneQuestion, tape: Tape, tracer: Tracer
     ) -> tuple[Sequence[Traced], Sequence[Traced]]:
-        gamma = [tracer.variable(name) for name in ("g1", "g2", "g3")]
-        known = [] if self.side else [tracer.variable(name) for name in ("sine", "G", "Z")]
+        names = ("root", "g2", "G", "Z") if self._has_poles else ("g1", "g2", "g3")
+        inputs = [tracer.variable(name) for name in names]
         beside = [tracer.variable(f"beside {k}") for k in range(question.beside)]
-        answers = question.answer(tape, self._algebra(tracer, gamma, known), gamma, beside)
-        return (*gamma, *known, *beside), answers
+        return (*inputs, *beside), self._answer(question, tape, tracer, inputs, beside)
 
-    def _algebra(self, base: Algebra[T], gamma: Sequence[T], known: Sequence[T]) -> Algebra[T]:
-        """Return the algebra at a place with these g1, g2, g3, and sin v, G and Z if it may be a pole."""
-        if self.side:
-            return base
-        loop, (sine, G, Z) = self.loop, known
-        g1, _, g3 = reversed(gamma) if loop.mirrored else gamma
-        # In primed axes, as powers of |sin v|.
-        monomials = Monomial(g1, G, loop.alpha, loop.g1_sign), Monomial(g3, Z, Fraction(1), None)
-        return LoopAlgebra(base, sine, monomials)
+    def _answer(
+        self, question: PlaneQuestion, tape: Tape, base: Algebra[T], inputs: Sequence[T], beside: Sequence[T]
+    ) -> tuple[T, ...]:
+        if not self._has_poles:
+            return question.answer(tape, base, inputs, beside)
+        root, second, G, Z = inputs
+        algebra = PowerAlgebra(base, Small(root, max(1, self.unit), self.side))
+        g1, g3 = algebra.loop(G, Z, self.loop.alpha, self.loop.g1_sign)
+        g2 = algebra.of(second)
+        gamma = (g3, g2, g1) if self.loop.mirrored else (g1, g2, g3)
+        answers = question.answer(tape, algebra, gamma, [algebra.of(value) for value in beside])
+        return tuple(algebra.value(answer) for answer in answers)
 
     def _quotient(self, sine: acb, u: acb, *, analytic: bool) -> acb:
         """Return (1 − w^α) / u for sin v of the sign ``side``."""

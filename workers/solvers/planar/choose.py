@@ -25,6 +25,7 @@ from workers.solvers.planar.table import (
     grade_of,
     row_for,
 )
+from workers.solvers.ways import is_plain
 
 QUICK = 1024.0
 """Angular velocity from which on who misses an absolute tolerance is asked for a relative one at once: proven
@@ -100,6 +101,8 @@ def enclose(
 
 def speed_in_doubles(problem: Problem) -> float | None:
     """Return about the largest |ω| of a planar motion; None if compiled doubles do not decide which it is."""
+    if is_plain():
+        return None
     # The compiler is loaded only where it is needed.
     from workers.solvers.compiled.solve import solve_spectral  # noqa: PLC0415
 
@@ -112,7 +115,7 @@ def speed_in_doubles(problem: Problem) -> float | None:
 def _ask_in_turn(problem: Problem, found: Place) -> Motion:
     is_periodic = found.window.kind == "periodic"
     place = periodic_place(found) if is_periodic else found
-    reached = inf
+    reached, last = inf, None
     for family in choose(problem, "periodic" if is_periodic else "not periodic").families:
         if not family.takes(problem, place):
             continue
@@ -124,7 +127,10 @@ def _ask_in_turn(problem: Problem, found: Place) -> Motion:
             # Whoever has the motion in units of its own need not ask more precise solvers in vain.
             if speed is not None and speed >= QUICK:
                 raise OwnUnitsNeededError(motion.reached, problem.tolerance, speed)
-        reached = motion.reached
+        reached, last = motion.reached, motion.found
+    if last is not None and isfinite(reached) and choose_enclosures(problem).when == "where needed":
+        # Its samples will be enclosures, next to a function of time with the error that it showed.
+        return last
     raise AccuracyNotMetError(reached, problem.tolerance)
 
 

@@ -9,6 +9,7 @@ from flint import acb, arb, ctx, fmpq
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.angular_part.curve_function import CurveFunction
 from service.dynamics.potentials.angular_part.curve_kinks import curve_pieces
+from service.dynamics.potentials.angular_part.powers import angular_of_power, powers_of
 
 EVALUATIONS_PER_BIT = 200
 """Limit of the integrator. Smooth functions need some 10; what is not reached is honestly wide."""
@@ -32,6 +33,14 @@ def angular_balls(
     scale = ((_ball(abs(body.A - body.C)) * rho).log() * (alpha - 1)).exp()
     T = (alpha * squares[0] + squares[1]) / rho
     start = reference_angle.tan() ** 2
+    powers = powers_of(function.tape, body.alpha)
+    if powers is not None:
+        parts = {m: angular_of_power(m, body.alpha, scale, start, zeta) for m in powers}
+        # θ multiplies w^m by m.
+        return tuple(
+            sum((powers[m] * _ball(m**k) * part for m, part in parts.items()), arb(0))
+            for k in range(order + 1)
+        )
     paths = [_Path(function, k, alpha, 1 - alpha, scale, start, zeta) for k in range(order + 1)]
     at_point = function.ball(curve_ball(body, g1, g3), order)
     at_start = [path.real(start.log()) for path in paths]

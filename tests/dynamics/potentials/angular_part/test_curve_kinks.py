@@ -58,10 +58,10 @@ def test_a_kink_costs_no_more_than_some_evaluations(monkeypatch):
 
     monkeypatch.setattr(angular_ball._Path, "__call__", counted)
     with ctx.workprec(192):
-        V1("w - 1/2", 2, ("0.4", "0.6"), order=0)
+        V1("(w - 1/2)*exp(w)", 2, ("0.4", "0.6"), order=0)
         smooth = len(calls)
         calls.clear()
-        V1("abs(w - 1/2)", 2, ("0.4", "0.6"), order=0)
+        V1("abs(w - 1/2)*exp(w)", 2, ("0.4", "0.6"), order=0)
     # Two pieces for one; an integrator that halves its way to the kink needs 40 times as many.
     assert len(calls) < 5 * smooth
 

@@ -23,12 +23,12 @@ from math import cosh, exp, factorial, sinh
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
 from service.dynamics.reduction.geometry.loop import ball
 from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.strips.algebra import Strip
 from workers.solvers.certified.strips.series import INFLATED, LEAST_REACH, ULP, Series
 from workers.solvers.complex_plane.complex_loop import ComplexLoop
-from workers.solvers.complex_plane.loop_algebra import LoopAlgebra, Monomial
 
 FloatArray = NDArray[np.float64]
 
@@ -76,8 +76,7 @@ class _Curve:
         power = strip.power(root, Fraction(m - n))
         self._steepness = power * power
         """w^(α−1)."""
-        # Where a pole is passed, |sin v|^α is holomorphic for even α.
-        self._size = power * size if curve.side or m % 2 == 0 else strip.unknown
+        self._size = power * size
         quotient = strip.geometric(root * root, m)
         if n > 1:
             quotient = quotient * strip.inverse(strip.geometric(root * root, n))
@@ -88,13 +87,17 @@ class _Curve:
         """Return h − V."""
         curve, strip = self._curve, self._strip
         loop = curve.loop
-        g1, g2, g3 = self._G * self._size, self._c * self._cosine, self._Z * self._sine
-        if loop.g1_sign < 0:
-            g1 = strip.negate(g1)
-        known = Monomial(g1, self._G, loop.alpha, loop.g1_sign), Monomial(g3, self._Z, Fraction(1), None)
-        gamma = (g3, g2, g1) if loop.mirrored else (g1, g2, g3)
-        algebra = strip if curve.side else LoopAlgebra(strip, self._sine, known)
-        return strip.ball(curve.h) - curve.tape.evaluate(algebra, gamma)
+        second = self._c * self._cosine
+        if curve.side:
+            g1, g3 = self._G * self._size, self._Z * self._sine
+            g1 = g1 if loop.g1_sign > 0 else strip.negate(g1)
+            gamma = (g3, second, g1) if loop.mirrored else (g1, second, g3)
+            return strip.ball(curve.h) - curve.tape.evaluate(strip, gamma)
+        algebra = PowerAlgebra(strip, Small(self._sine, 1, 0))
+        first, third = algebra.loop(self._G, self._Z, loop.alpha, loop.g1_sign)
+        around = algebra.of(second)
+        powers = (third, around, first) if loop.mirrored else (first, around, third)
+        return strip.ball(curve.h) - algebra.value(curve.tape.evaluate(algebra, powers))
 
     def bound_of_rate(self, K: Series) -> float:
         """Return the norm of dt/dθ from K, which is q of a libration, N of a rotation."""

@@ -1,0 +1,160 @@
+"""The way of a motion through poles, by phases of its own between poles, rest points and the equator.
+
+Where |g1| and V are no functions of sin v at a pole, time is a holomorphic function of the coordinate φ there
+(:mod:`workers.solvers.complex_plane.passage`) on one side and another one on the other side. About a rest
+point it is one of the phase of the libration.
+"""
+
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from flint import acb, arb
+
+from service.dynamics.reduction.start import StartingPoint
+from workers.solvers.certified.phase import LibrationPhase, PhaseStretch, TimedPhase, six_variables
+from workers.solvers.certified.real_loop import RealLoop
+from workers.solvers.complex_plane.complex_loop import ComplexLoop
+from workers.solvers.complex_plane.passage import Passage
+
+
+@dataclass(frozen=True, slots=True)
+class PassagePhase:
+    """Motion on one side of a pole: φ = ±θ, θ growing with time and being 0 at the pole."""
+
+    passage: Passage
+    direction: int
+    """Sign of dv/dt."""
+
+    def rate(self, theta: acb, *, analytic: bool) -> acb:
+        """See MotionPhase.rate."""
+        curve = self.passage.curve
+        at, slope = self.passage.place(self._sign * theta, analytic=analytic)
+        P = at.c_squared * curve.W(at) * curve.N(at, analytic=analytic)
+        return curve.loop.Z * slope * P.rsqrt(analytic)
+
+    def state(self, theta: arb) -> tuple[arb, ...]:
+        """See MotionPhase.state."""
+        curve = self.passage.curve
+        at, _ = self.passage.place(acb(self._sign * theta), analytic=False)
+        P = curve.W(at) * curve.N(at, analytic=False)
+        return six_variables(curve, at, -self.direction * P.sqrt().real)
+
+    def phase(self, v: arb) -> arb:
+        """Return θ at v."""
+        return self._sign * self.passage.phase(v)
+
+    @property
+    def _sign(self) -> int:
+        return self.passage.way * self.direction
+
+
+@dataclass(frozen=True, slots=True)
+class PolarWay:
+    """A libration from its lower rest point to the upper one, or a rotation from its start."""
+
+    curve: ComplexLoop
+    stretches: tuple[PhaseStretch, ...]
+    is_even: bool
+
+    @property
+    def length(self) -> arb:
+        """See MotionPhase.length."""
+        return self.stretches[-1].end
+
+    def rates(self, count: int) -> Iterator[arb]:
+        """Yield nothing: there is no strip."""
+        yield from ()
+
+    def rate(self, theta: acb, *, analytic: bool) -> acb:
+        """See MotionPhase.rate."""
+        stretch = self.stretches[self._number(theta.real)]
+        return stretch.phase.rate(theta - stretch.shift, analytic=analytic)
+
+    def state(self, theta: arb) -> tuple[arb, ...]:
+        """See MotionPhase.state; on the way back of a libration θ is beyond the length."""
+        if self.is_even and theta.mid() > self.length.mid():
+            there = self.state(2 * self.length - theta)
+            return (*(-rate for rate in there[:3]), *there[3:])
+        number = self._number(theta)
+        stretch = self.stretches[number]
+        found = [stretch.phase.state(theta - stretch.shift)]
+        # What is not known to be on one side of a pole may be on either.
+        for k, near in ((number - 1, stretch.begin), (number + 1, stretch.end)):
+            if 0 <= k < len(self.stretches) and theta.overlaps(near):
+                found.append(self.stretches[k].phase.state(theta - self.stretches[k].shift))
+        return found[0] if len(found) == 1 else tuple(_hull(values) for values in zip(*found, strict=True))
+
+    def phase(self, v: arb) -> arb:
+        """Return θ at v, on the way there of a libration."""
+        for stretch in self.stretches:
+            found = stretch.phase.phase(v) + stretch.shift
+            if stretch.begin.mid() <= found.mid() <= stretch.end.mid():
+                return found
+        raise ValueError("no place of the way")
+
+    def _number(self, theta: arb) -> int:
+        return max(0, bisect_right([float(each.begin) for each in self.stretches], float(theta)) - 1)
+
+
+def _hull(values: tuple[arb, ...]) -> arb:
+    total = values[0]
+    for value in values[1:]:
+        total = total.union(value)
+    return total
+
+
+def way_of(curve: ComplexLoop, start: StartingPoint, ends: tuple[arb, arb]) -> PolarWay:
+    """Return the way of a motion on a periodic arc with the energy of ``curve``, whose side is 0.
+
+    ``ends`` are the rest points of a libration, proven.
+    """
+    arc, quarter = start.arc, arb.pi() / 2
+    if arc.is_whole_loop:
+        whole = start.v + 4 * quarter * start.direction
+        return PolarWay(curve, _joined(_passages(curve, start.v, whole, start.direction)), is_even=False)
+    poles = [arb.pi() * k for k in range(-2, 3)]
+    inside = [pole for pole in poles if ends[0] < pole and pole < ends[1]]
+    cuts = ((ends[0] + inside[0]) / 2).mid(), ((inside[-1] + ends[1]) / 2).mid()
+    about = [_libration(curve, end, ends) for end in ends]
+    first = about[0], arb(0), about[0].phase(cuts[0])
+    last = about[1], about[1].phase(cuts[1]), arb.pi()
+    return PolarWay(curve, _joined([first, *_passages(curve, *cuts, 1), last]), is_even=True)
+
+
+_Part = tuple[TimedPhase, arb, arb]
+
+
+def _passages(curve: ComplexLoop, v: arb, other: arb, direction: int) -> list[_Part]:
+    """Return the parts of the way from v to the other place, cut at the poles and on the equator."""
+    quarter = arb.pi() / 2
+    marks = [quarter * k for k in range(-8 * direction, 9 * direction, direction)]
+    inside = [
+        mark for mark in marks if direction * mark > direction * v and direction * mark < direction * other
+    ]
+    parts: list[_Part] = []
+    for begin, end in pairwise([v, *inside, other]):
+        middle = (begin + end) / 2
+        pole = round(float(middle / arb.pi()))
+        way = 1 if middle > arb.pi() * pole else -1
+        side = replace(curve, side=-way if pole % 2 else way)
+        phase = PassagePhase(Passage(side, pole, way), direction)
+        first, last = (arb(0) if at.overlaps(arb.pi() * pole) else phase.phase(at) for at in (begin, end))
+        parts.append((phase, first, last))
+    return parts
+
+
+def _libration(curve: ComplexLoop, end: arb, ends: tuple[arb, arb]) -> LibrationPhase:
+    """Return the libration's own phase, to be used about one of its ends."""
+    side = replace(curve, side=1 if end.sin() > 0 else -1, unit=0)
+    return LibrationPhase(side, RealLoop(curve.loop, curve.tape, side.side), *ends)
+
+
+def _joined(parts: Sequence[_Part]) -> tuple[PhaseStretch, ...]:
+    stretches: list[PhaseStretch] = []
+    at = arb(0)
+    for phase, first, last in parts:
+        stretches.append(PhaseStretch(phase, first, last, (at - first).mid()))
+        at = stretches[-1].end
+    return tuple(stretches)

@@ -1,0 +1,110 @@
+r"""The coordinate φ at a pole, in which everything is smooth on one side of it.
+
+About the pole v = πk, with u = |v − πk| and a whole number n, the unit,
+
+.. math:: \tan\frac u2 = \tan^n\frac\varphi2,\qquad \frac{du}{d\varphi} = n\,\frac{\sin u}{\sin\varphi},
+
+.. math:: |\sin v| = \frac{2X}{1+X^2},\quad X = \tan^n\frac\varphi2 .
+
+So |sin v|^(1/n) is holomorphic about φ = 0 as well as between the poles, and with it |g1| = G |sin v|^α and
+all powers of it if n is a multiple of their denominators: then V, p and time are. From a pole to the equator
+φ runs from 0 to π/2, whatever n is, and where n is large the pieces of it that an analytic function takes
+grow in number like log n.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
+
+from flint import acb, arb
+
+from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
+from service.dynamics.formula.tape import Tape
+from service.dynamics.reduction.geometry.loop import Loop
+from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace
+
+GENERIC = Fraction(2, 3)
+"""A value of |sin v|^(1/unit) at which a formula is asked for its powers."""
+FAR = 0.75
+"""sin²v up to which nothing is lost in 1 − sin²v."""
+
+
+def unit_at_poles(loop: Loop, tape: Tape) -> int:
+    """Return the least n in which all powers of |sin v| in V and on the curve are whole powers.
+
+    0 if n = 1 serves on both sides of a pole at once: V is a function of sin v there.
+    """
+    base, denominator = BallAlgebra(), loop.alpha.denominator
+    algebra = PowerAlgebra(base, Small(base.constant(GENERIC), denominator, 1))
+    g1, g3 = algebra.loop(loop.G, loop.Z, loop.alpha, loop.g1_sign)
+    g2 = algebra.of(base.constant(GENERIC))
+    algebra.value(tape.evaluate(algebra, (g3, g2, g1) if loop.mirrored else (g1, g2, g3)))
+    whole = Small(base.constant(GENERIC), 1, 0)
+    if denominator == 1 and all(whole.power_of_root(power) is not None for power in algebra.powers):
+        return 0
+    return lcm(denominator, *(exponent.denominator for exponent, _ in algebra.powers))
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """One side of the pole v = πk."""
+
+    curve: ComplexLoop
+    """Its side is the sign of sin v here, and its unit n."""
+    pole: int
+    """k."""
+    way: int
+    """The sign of v − πk."""
+
+    def place(self, phi: acb, *, analytic: bool) -> tuple[ComplexPlace, acb]:
+        """Return the place at φ, and du/dφ; not finite if ``analytic`` and not holomorphic on the ball."""
+        curve, loop = self.curve, self.curve.loop
+        n, side = curve.unit, curve.side
+        cosine, tangent = (phi / 2).cos(), (phi / 2).tan()
+        below = _raised(tangent, n - 1, analytic=analytic)
+        X = below * tangent
+        square = X * X
+        total = 1 + square
+        root = tangent * (2 / total).pow(acb(1) / n, analytic=analytic)
+        whole = loop.alpha * n
+        quotient = _quotient(root * root, whole.numerator, n, analytic=analytic)
+        c_squared = loop.Z * loop.Z + loop.G * loop.G * quotient
+        at = ComplexPlace(
+            sine=side * 2 * X / total,
+            cosine=(-1) ** self.pole * (1 - square) / total,
+            power=_raised(root, whole.numerator - n, analytic=analytic),
+            turn=acb(side),
+            c_squared=c_squared,
+            c=c_squared.sqrt(analytic),
+            root=root,
+        )
+        return at, n * below / (cosine * cosine * total)
+
+    def phase(self, v: arb) -> arb:
+        """Return φ at a real v on this side; not finite elsewhere."""
+        tangent = ((v - arb.pi() * self.pole) * self.way / 2).tan()
+        return 2 * (tangent.log() / self.curve.unit).exp().atan() if tangent > 0 else arb.nan()
+
+
+def _raised(base: acb, exponent: int, *, analytic: bool) -> acb:
+    """Return a whole power; by logarithms, which keep wide balls narrower, where there are any."""
+    logarithm = base.log(analytic)
+    return (exponent * logarithm).exp() if logarithm.is_finite() else base**exponent
+
+
+def _quotient(ratio: acb, count: int, other: int, *, analytic: bool) -> acb:
+    """Return (1 − x^count) / (1 − x^other)."""
+    power = _raised(ratio, other, analytic=analytic)
+    if power.abs_upper() < FAR:
+        return (1 - _raised(ratio, count, analytic=analytic)) / (1 - power)
+    return _geometric(ratio, count) / _geometric(ratio, other)
+
+
+def _geometric(ratio: acb, count: int) -> acb:
+    """Return 1 + x + … + x^(count − 1)."""
+    if count == 1:
+        return acb(1)
+    half = _geometric(ratio, count // 2)
+    total = half * (1 + ratio ** (count // 2))
+    return total * ratio + 1 if count % 2 else total
