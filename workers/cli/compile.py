@@ -40,8 +40,8 @@ from workers.sweeping.warming import WarmingError, compile_group
 ALONGSIDE: Group = "states"
 """What a second process compiles meanwhile: it shares little with the other groups."""
 _NICENESS = 10
-_ENOUGH_MB = 700
-"""Memory that must be available before a background task begins: one of its processes takes 500."""
+_ENOUGH_MB = 2000
+"""Memory that must be available before a background task begins: its two processes take 1.2 GB and less."""
 _LOOK_SECONDS = 0.5
 
 

@@ -25,7 +25,7 @@ function showStatus(status) {
   const [minute] = status.rates;
   fill($("status"),
     tile("Waiting", String(count("queued"))), tile("Running", String(count("running"))),
-    tile("Workers", String(working.length), `${busy} of ${slots} slots at work`),
+    tile("Workers", String(working.length), [`${busy} of ${slots} slots at work`, ...new Set(working.map((worker) => worker.kernels).filter(Boolean))].join("; ")),
     tile("Solved in a minute", String(minute.succeeded)), tile("Failed in a minute", String(minute.failed)));
   $("status").setAttribute("aria-busy", "false");
   atWork = working.flatMap((worker) => worker.running);

@@ -91,6 +91,9 @@ class WorkerOut(ResponseModel):
     slots: int = Field(description="Jobs that it computes at once; 0 for a service.")
     started_at: datetime = Field(description="When it started, UTC.")
     silent_seconds: float = Field(description="Since its last sign of life.")
+    kernels: str | None = Field(
+        description="How far its kernels are compiled; null if all are. Until then jobs go the plain way."
+    )
     running: list[RunningJobOut] = Field(description="What it does.")
 
 

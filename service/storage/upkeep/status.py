@@ -11,6 +11,7 @@ from datetime import datetime
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from service.jobs.kernels import Kernels
 from service.jobs.states import FINISHED, JobState
 from service.storage.database.clock import database_now, instant
 from service.storage.database.database import Database
@@ -57,6 +58,8 @@ class WorkerStatus:
     slots: int
     started_at: datetime
     silent_seconds: float
+    kernels: str | None
+    """How far they are compiled; None if there is nothing to compile."""
     running: tuple[RunningJob, ...]
 
 
@@ -119,6 +122,7 @@ def _workers(session: Session, now: float, seen_seconds: float) -> Sequence[Work
             row.slots,
             instant(row.started_at),
             max(0.0, now - row.seen_at),
+            None if row.kernels is None else str(Kernels.read(row.kernels)),
             tuple(running.get(row.name, ())),
         )
         for row in session.scalars(seen.limit(MOST_WORKERS))
