@@ -78,9 +78,11 @@ class InUnits:
     motion: Motion
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def find_out(problem: Problem, motion: Motion, solved: InUnits) -> Findings:
     """Return what the problem's outputs ask for; raises what the solvers of its parts raise.
 
+    Integrals of numbers that are large enough are beyond doubles, and not told.
     ``solved`` is the same problem and motion in the units of the solver, in which further functions of time
     are computed, too.
     """

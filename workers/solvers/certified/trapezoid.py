@@ -62,9 +62,10 @@ def time_of_turn(phase: LibrationPhase | RotationPhase, strip: ProvenStrip, bits
 def _shown_height(phase: LibrationPhase | RotationPhase) -> float | None:
     """Return how fast the coefficients of dt/dθ decay, which is proven by nobody; None if they do not."""
     for count in SAMPLES:
-        sizes = np.abs(np.fft.rfft(rates(phase, count)))
-        if not np.all(np.isfinite(sizes)):
+        seen = rates(phase, count)
+        if not np.all(np.isfinite(seen)):
             return None
+        sizes = np.abs(np.fft.rfft(seen))
         # Even and odd ones may differ.
         sizes = np.maximum(sizes[1:-2], sizes[2:-1])
         heard = np.flatnonzero(sizes > AUDIBLE * sizes[0])

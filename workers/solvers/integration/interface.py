@@ -153,7 +153,8 @@ def step_has_collapsed(step: float, longest: float, time: float) -> bool:
 
 def collapse(time: float, start_gradient: FloatArray, end_gradient: FloatArray) -> IntegrationError:
     """Return what a collapsed step means, by how the potential's gradient has grown."""
-    return collapse_by(time, float(np.linalg.norm(start_gradient)), float(np.linalg.norm(end_gradient)))
+    # Their squares may be beyond doubles.
+    return collapse_by(time, math.hypot(*start_gradient.tolist()), math.hypot(*end_gradient.tolist()))
 
 
 def collapse_by(time: float, start: float, end: float) -> IntegrationError:
