@@ -10,6 +10,7 @@ from service.api.heavy_reads import WAITING, GoneError, HeavyReads, Reader, go_o
 from service.api.reading_threads import SharedAnswer
 from service.api.replies.errors import ApiError
 from service.settings import Settings
+from service.storage.database.ids import new_id
 
 MB = 10**6
 ANN, BOB = Reader("ann"), Reader("bob")
@@ -252,3 +253,43 @@ def test_what_monitors_ask_for_is_made_once_for_all_who_ask_together():
         assert await shared.get() == 2
 
     running(test)
+
+
+SOLUTION, SWEEP = f"/v1/solutions/{new_id()}", f"/v1/sweeps/{new_id()}"
+
+
+@pytest.mark.any_database
+@pytest.mark.parametrize(
+    ("path", "is_heavy"),
+    [
+        *((f"{SOLUTION}/{part}", True) for part in ("trajectory", "function", "enclosures")),
+        *((f"{SWEEP}/{part}", True) for part in ("points", "grid?of=period", "package")),
+        *((f"{SWEEP}/points/{part}", True) for part in ("facets?by=outcome", "statistics?of=period")),
+        *((f"/v1/{of}/facets?by=state", True) for of in ("jobs", "solutions")),
+        *((f"/v1/{of}/statistics?of=/body/A", True) for of in ("jobs", "solutions")),
+        (f"/v1/atlases/{new_id()}", True),
+        ("/v1/solutions?where=period<5", True),
+        ("/v1/solutions?sort=period", True),
+        ("/v1/jobs?where=/body/A>1", True),
+        ("/v1/jobs?offset=1000000", True),
+        ("/v1/sweeps?order=points", True),
+        ("/v1/solutions", False),
+        ("/v1/jobs?state=queued&limit=200", False),
+        ("/v1/sweeps?state=running", False),
+        (f"/v1/problems/{64 * 'a'}/solutions", False),
+        (SOLUTION, False),
+        ("/v1/status", False),
+        ("/metrics", False),
+        ("/readyz", False),
+    ],
+)
+def test_what_may_take_long_is_made_in_a_place_and_nothing_else(client, monkeypatch, path, is_heavy):
+    begun, begin = [], HeavyReads.begin
+
+    async def noted(reads, reader, work):
+        begun.append(reader)
+        return await begin(reads, reader, work)
+
+    monkeypatch.setattr(HeavyReads, "begin", noted)
+    assert client.get(path).status_code < 500
+    assert len(begun) == is_heavy

@@ -12,7 +12,9 @@ from dataclasses import dataclass, field
 from http.client import HTTPException
 from pathlib import Path
 
-from sqlalchemy import func, select
+import numpy as np
+from sqlalchemy import Select, func, select
+from sqlalchemy.orm import aliased
 
 from service.jobs.states import FINISHED, AttemptOutcome, JobState
 from service.storage.database.database import Database
@@ -54,16 +56,20 @@ class Figures:
     lost_attempts: int = 0
     points: int = 0
     """Of sweeps, stored."""
+    taken_over: list[float] = field(default_factory=list)
+    """Seconds from the end of each attempt that was lost, or returned, to the next claim of its job."""
     recovery_seconds: float = 0.0
     """From the last kill to the last result."""
     left_processes: int = 0
     doctor: dict = field(default_factory=dict)
 
     def line(self) -> str:
+        over = np.quantile(self.taken_over or [0.0], [0.5, 0.99, 1.0])
         kills = ", ".join(f"{count} {kind}" for kind, count in sorted(self.kills.items()))
         return (
             f"{self.seconds:.0f} s, killed: {kills}; {len(self.acknowledged)} jobs, {self.points} points, "
             f"{self.repeated} requests sent again, {self.lost_attempts} attempts lost; "
+            f"{len(self.taken_over)} taken over in {over[0]:.1f} s, p99 {over[1]:.1f}, most {over[2]:.1f} s; "
             f"jobs unfinished {self.unfinished}, lost {self.lost}, doubled {self.doubled}; "
             f"recovered in {self.recovery_seconds:.1f} s, processes left {self.left_processes}, "
             f"doctor {'clean' if self.doctor['clean'] else 'NOT CLEAN'}"
@@ -220,12 +226,25 @@ def _count(figures: Figures, database: Database) -> None:
         figures.doubled = len(session.scalars(twice.union(again)).all())
         lost = AttemptRow.outcome == AttemptOutcome.LOST.value
         figures.lost_attempts = session.scalar(select(func.count()).select_from(AttemptRow).where(lost)) or 0
+        figures.taken_over = list(session.scalars(_taken_over()))
         sweeps = session.execute(select(SweepRow.state, SweepRow.done)).all()
     ended = sum(states[state.value] for state in FINISHED)
     figures.unfinished = len(figures.acknowledged) - ended
     figures.unfinished += sum(state != JobState.SUCCEEDED.value for state, _ in sweeps)
     figures.lost = len(figures.acknowledged) - states[JobState.SUCCEEDED.value]
     figures.points = sum(done for _, done in sweeps)
+
+
+def _taken_over() -> Select[float]:
+    """Return the statement for the seconds until an attempt that did not end followed another one."""
+    following = aliased(AttemptRow)
+    unended = AttemptOutcome.LOST.value, AttemptOutcome.RETURNED.value
+    return (
+        select(following.started_at - AttemptRow.ended_at)
+        .select_from(AttemptRow)
+        .join(following, following.job_id == AttemptRow.job_id)
+        .where(following.number == AttemptRow.number + 1, AttemptRow.outcome.in_(unended))
+    )
 
 
 def _batches(ids: list[str]) -> Iterator[list[str]]:

@@ -5,6 +5,7 @@ from functools import partial, wraps
 from typing import ParamSpec
 
 from fastapi import Request, Response
+from starlette.concurrency import run_in_threadpool
 from starlette.types import Receive, Scope, Send
 
 from service.api.dependencies import Resources
@@ -12,9 +13,16 @@ from service.api.heavy_reads import Reader
 from service.api.middleware.disconnects import while_connected
 from service.api.middleware.methods import is_head
 from service.api.middleware.security import holder_of
+from service.api.queries.lists import Listing
 from service.api.replies.pieces import PART_BYTES, PiecedAnswer, size_of
 
 P = ParamSpec("P")
+
+_INDEXED = frozenset({"state", "digest"})
+"""Facts by which the newest rows are found at once."""
+_AGE = frozenset({"id", "created_at"})
+_NEAR = 1000
+"""Rows that are left out at once."""
 
 
 def heavy(endpoint: Callable[P, Response]) -> Callable[P, Awaitable[Response]]:
@@ -53,6 +61,18 @@ async def made_in_a_place(request: Request, inside: Resources, make: Callable[[]
     if size_of(answer) <= PART_BYTES:
         return answer
     return _Counted(answer, await while_connected(request, reads.hold(reader, size_of(answer))))
+
+
+async def listed(
+    request: Request, inside: Resources, listing: Listing, make: Callable[[], Response]
+) -> Response:
+    """Return a page of a list: in a place of heavy reads if its conditions or its order may take long."""
+    query = listing.query
+    is_quick = all(each.subject.name in _INDEXED for each in query.conditions)
+    is_by_age = all(key.subject.name in _AGE for key in query.order)
+    if is_quick and is_by_age and query.offset <= _NEAR:
+        return await run_in_threadpool(make)
+    return await made_in_a_place(request, inside, make)
 
 
 class _Counted(Response):

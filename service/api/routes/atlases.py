@@ -17,7 +17,7 @@ from service.api.formats.atlases import choose_format, media_types
 from service.api.formats.negotiation import Accept
 from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.disconnects import while_connected
-from service.api.middleware.heavy_answers import heavy, made_in_a_place
+from service.api.middleware.heavy_answers import heavy, listed, made_in_a_place
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import read_listing
 from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
@@ -187,7 +187,7 @@ async def list_atlases(
 ) -> Response:
     """List the jobs that draw atlases, newest first or as asked; `GET /v1/jobs` lists the others."""
     listing = read_listing(asked, OF_ATLAS_ROWS, conditions=in_state(asked.parameters.state))
-    return await run_in_threadpool(jobs_page, request, listing, inside.atlases.find)
+    return await listed(request, inside, listing, partial(jobs_page, request, listing, inside.atlases.find))
 
 
 @router.get(

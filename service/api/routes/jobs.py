@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from http import HTTPStatus
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.disconnects import while_connected
+from service.api.middleware.heavy_answers import listed
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
@@ -230,7 +232,7 @@ async def list_jobs(
     """List jobs, newest first or as asked."""
     # What is wrong is told without a thread, of which a slow database may leave none.
     listing = read_listing(asked, OF_JOB_ROWS, conditions=in_state(asked.parameters.state))
-    return await run_in_threadpool(jobs_page, request, listing, inside.jobs.find)
+    return await listed(request, inside, listing, partial(jobs_page, request, listing, inside.jobs.find))
 
 
 def jobs_page(request: Request, listing: Listing, find: Callable[[ListQuery], JobPage]) -> Response:

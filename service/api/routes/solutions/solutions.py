@@ -3,13 +3,14 @@
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import Field
-from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import Inside, Resources
+from service.api.middleware.heavy_answers import listed
 from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
 from service.api.replies.places import SolutionId
@@ -69,7 +70,8 @@ async def list_solutions(
     inside: Inside,
 ) -> Response:
     """Find solutions by their numbers; those without the number they are sorted by come last."""
-    return await run_in_threadpool(_page, request, _listing(asked, ()), inside)
+    listing = _listing(asked, ())
+    return await listed(request, inside, listing, partial(_page, request, listing, inside))
 
 
 @by_problem.get(
@@ -88,7 +90,7 @@ async def list_problem_solutions(
     problem = Subject("fact", "digest", Kind.TEXT)
     values = (digest,) if _DIGEST.match(digest) else ()
     listing = _listing(asked, (Condition(problem, "in", values),))
-    return await run_in_threadpool(_page, request, listing, inside)
+    return await listed(request, inside, listing, partial(_page, request, listing, inside))
 
 
 def _listing(asked: Asked[SolutionsQuery], conditions: tuple[Condition, ...]) -> Listing:

@@ -1,6 +1,7 @@
 """/v1/sweeps: submit, list, show and cancel sweeps."""
 
 from collections.abc import Mapping
+from functools import partial
 from http import HTTPStatus
 from typing import Annotated
 
@@ -12,6 +13,7 @@ from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
+from service.api.middleware.heavy_answers import listed
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
 from service.api.queries.queries import Asked, asked_of, query_parameters, without_query
@@ -150,7 +152,7 @@ async def list_sweeps(
 ) -> Response:
     """List sweeps without their documents, newest first or as asked."""
     listing = read_listing(asked, OF_SWEEP_ROWS, conditions=in_state(asked.parameters.state))
-    return await run_in_threadpool(_page, request, listing, inside)
+    return await listed(request, inside, listing, partial(_page, request, listing, inside))
 
 
 def _page(request: Request, listing: Listing, inside: Resources) -> Response:
