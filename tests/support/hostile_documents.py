@@ -232,8 +232,36 @@ def _without_value(draws: np.random.Generator) -> Hostile:
     return Hostile("no value", None, document_of(smooth, text), "undefined", text)
 
 
+def written_with_cancellation(draws: np.random.Generator) -> Hostile:
+    """A smooth potential, or one with a kink, in a formula of which most cancels on the sphere."""
+    known = draw_smooth(draws)
+    if draws.random() < 0.3:
+        feature = replace(draw_feature(known, "kink", draws), argument="g2")
+        known = replace(known, features=(replace(feature, width=Fraction(1), power=1),))
+    text, plain = known.text(), known.text()
+    for kind in draws.choice(9, size=draws.integers(1, 4), replace=False):
+        size = Fraction(f"{10.0 ** draws.uniform(0, 9):.1e}")
+        factor = ("1", "g1", "g3", "g1*g3", "exp(g2)", "abs(g2)")[draws.integers(6)]
+        u = ("g1", "g2", "g3", "g1*g3", "(g1+2*g3)")[draws.integers(5)]
+        place = decimal(draws.uniform(-0.9, 0.9), 2)
+        text = (
+            f"{text} + {size}*{factor}*(g1^2+g2^2+g3^2-1)",
+            f"{text} + {size}*(sin({u})^2+cos({u})^2)*{factor} - {size}*{factor}",
+            f"({text})*sqrt(1-g2^2)/sqrt(g1^2+g3^2)",
+            f"{text} + sqrt(1-g1^2-g3^2)*{factor} - abs(g2)*{factor}",
+            f"({text})*(1+{size}*g3^2) - {size}*g3^2*({plain})",
+            f"{text} + {size}*{factor}*((g1+g2)^2-(1-g3^2)-2*g1*g2)",
+            f"{text} + (A*g1^2+C*g3^2)*(sqrt(g2^2-2*({place})*g2+({place**2}))-abs(g2-({place})))",
+            f"({text})*(g1^2+g2^2+g3^2)^{draws.integers(2, 12)}",
+            f"{text} + {size}*(log(exp({u}))-{u}) + exp(log(2+g1))-2-g1",
+        )[kind]
+    known = replace(known, disguise=text)
+    return Hostile("written with cancellation", known, known.document(), "admissible", ADMISSIBLE)
+
+
 MAKERS = (_narrow,) * 12 + (
     _two,
+    written_with_cancellation,
     _dressed,
     _flat_zero,
     _across,

@@ -48,6 +48,9 @@ class Known:
     dressing: Fraction | None = None
     """Slope m: features are written as functions of g2 + |g1 − m g3|² − (g1 − m g3)², which is g2."""
 
+    disguise: str | None = None
+    """A formula that is equal on the sphere, and is written instead."""
+
     @property
     def is_even(self) -> bool:
         """V is the same for g2 and −g2."""
@@ -58,6 +61,8 @@ class Known:
         )
 
     def text(self) -> str:
+        if self.disguise is not None:
+            return self.disguise
         alpha = self.A / self.C
         g2 = "g2"
         if self.dressing is not None:

@@ -7,8 +7,11 @@ element, it is used where that tells more: where it has fewer functions, or inte
 A formula that is as good as it stands is left as it was typed, to its last digit.
 """
 
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
-from math import inf
+from itertools import product
+from math import inf, log2
 
 from flint import arb, ctx, fmpq
 
@@ -29,6 +32,7 @@ from service.dynamics.verdict.proofs.equality import same_on_sphere
 from service.dynamics.verdict.proofs.proof import Signs, octants_of
 from service.dynamics.verdict.ring_functions.large_enough import in_large_enough_ring
 from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra
+from service.dynamics.verdict.sphere.switches import normalise
 
 SIMPLER_POTENTIAL = "simpler_potential"
 """The code of the warning."""
@@ -36,10 +40,13 @@ WORK = MAX_WORK // 10
 """Products of terms that one search may take: some tenths of a second."""
 NOISE = 2.0**8
 """Roundings of the largest value that a formula may lose at a place, before a simpler one is looked for."""
-NARROWER = 2.0**6
-"""How much narrower intervals of a simpler formula are somewhere, if it has as many functions."""
-WIDER = 2.0
-"""How much wider they may be anywhere."""
+NARROWER = 3.0
+"""Bits by which intervals of a simpler formula are narrower in the mean, if it has as many functions."""
+BETTER = 0.5
+"""Bits that a longer formula has to gain beside a shorter one."""
+MOST_BITS, FAR = 8.0, 12.0
+"""What one place counts at most, and what it counts where one of the formulas has no bound at all: that of
+1/(1 − g2²) next to the pole, where it is written otherwise anyway, is no reason."""
 _BITS = 53
 _WIDTH = arb(0, arb(2) ** -20)
 _PLACES = (
@@ -94,21 +101,31 @@ def _simpler(tape: Tape) -> Tree | None:
     """Return the tree of a simpler formula, None where there is none, or none is needed."""
     if not _may_hide(tape):
         return None
-    work = Work(MAX_WORK - WORK)
-    try:
-        rings, elements, dependent = _read(tape, work)
-    except (NoProofError, UndefinedInOctantError):
-        return None
-    for divisors in (False, True):
-        try:
-            tree = parse(ElementText(rings, dependent, divisors=divisors).of(elements))
+    texts = dict[str, None]()
+    # The first has even powers under roots as absolute values, the other odd ones as they are.
+    for read in dict.fromkeys((normalise(tape), tape)):
+        with suppress(NoProofError, UndefinedInOctantError):
+            texts |= dict.fromkeys(_texts(read))
+    widths = [_bits_of(value) for value in _values(tape, _WIDTH)]
+    best, least = None, 0.0
+    for text in texts:
+        with suppress(FormulaError):
+            tree = parse(text)
             simple = compile_tape(tree)
-            is_better = simple != tape and _tells_more(simple, tape)
-            if is_better and same_on_sphere(tape, simple, Work(MAX_WORK - WORK)):
-                return tree
-        except (NoProofError, NoTextError, FormulaError):
-            continue
-    return None
+            gain = _gain(simple, tape, widths)
+            if gain > least + BETTER * (best is not None):
+                best, least = (tree, simple), gain
+    if best is None or not same_on_sphere(tape, best[1], Work(MAX_WORK - WORK)):
+        return None
+    return best[0]
+
+
+def _texts(tape: Tape) -> Iterator[str]:
+    """Yield formulas of a formula's normal form, the shortest first."""
+    rings, elements, dependent = _read(tape, Work(MAX_WORK - WORK))
+    for divisors, without in product((False, True), (None, 1, 0, 2)):
+        with suppress(NoProofError, NoTextError):
+            yield ElementText(rings, dependent, divisors=divisors, without=without).of(elements)
 
 
 def _read(tape: Tape, work: Work) -> tuple[dict[Signs, Ring], dict[Signs, Element], frozenset[int]]:
@@ -125,7 +142,7 @@ def _read(tape: Tape, work: Work) -> tuple[dict[Signs, Ring], dict[Signs, Elemen
     pending: list[Signs] = [(1, 1, 1)]
     while pending:
         signs = pending.pop()
-        ring, elements[signs] = in_large_enough_ring(layout, signs, compute, work)
+        ring, elements[signs] = in_large_enough_ring(layout, signs, compute, work, keeps_kinks=True)
         rings[signs], dependent = ring, dependent | ring.sign_dependent
         if ring.layout != layout:
             layout = ring.layout
@@ -158,28 +175,38 @@ def _may_hide(tape: Tape) -> bool:
     )
 
 
-def _tells_more(simple: Tape, tape: Tape) -> bool:
-    """Tell whether one formula has fewer functions than another, or much narrower intervals."""
-    widths = [
-        (float(one.rad()) if one.is_finite() else inf, float(other.rad()) if other.is_finite() else inf)
-        for one, other in zip(_values(simple, _WIDTH), _values(tape, _WIDTH), strict=True)
+def _gain(simple: Tape, tape: Tape, widths: Sequence[float]) -> float:
+    """Return how many bits narrower intervals of a formula are, in the mean; 0 where that is not enough.
+
+    Fewer functions are enough where intervals are not twice as wide.
+    """
+    ratios = [
+        0.0 if inf == one == other else max(-FAR, min(other - one, FAR))
+        for one, other in zip(map(_bits_of, _values(simple, _WIDTH)), widths, strict=True)
     ]
-    if any(one > WIDER * other for one, other in widths):
-        return False
-    is_narrower = any(NARROWER * one < other for one, other in widths)
-    return is_narrower or _functions(simple) < _functions(tape)
+    gain = sum(r if abs(r) == FAR else max(-MOST_BITS, min(r, MOST_BITS)) for r in ratios) / len(ratios)
+    has_fewer = _functions(simple) < _functions(tape) and gain > -1.0
+    return 2.0 + gain if has_fewer else gain if gain > NARROWER else 0.0
+
+
+def _bits_of(value: arb) -> float:
+    """Return log2 of the radius; of none that of the least double."""
+    radius = float(value.rad()) if value.is_finite() else inf
+    return log2(radius) if 0.0 < radius < inf else inf if radius else -1074.0
 
 
 def _functions(tape: Tape) -> int:
     """Return the number of functions and roots in a formula but absolute values, and again those of a sum."""
-    count, of_absolute = 0, set[int]()
+    count, absolutes, numbers = 0, set[int](), set[int]()
     for register, made in enumerate(tape.instructions, start=len(tape.variables)):
         if made.name == "abs":
-            of_absolute.add(register)
+            absolutes.add(register)
             continue
+        if made.operation == "constant":
+            numbers.add(register)
         is_root = made.operation == "power" and made.number is not None and made.number.denominator != 1
-        if is_root or made.operation in ("call", "general_power"):
-            count += 1 + ((is_root or made.name == "log") and made.left not in of_absolute)
+        if (is_root or made.operation in ("call", "general_power")) and made.left not in numbers:
+            count += 1 + ((is_root or made.name == "log") and made.left not in absolutes)
     return count
 
 

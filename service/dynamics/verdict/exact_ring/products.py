@@ -54,8 +54,9 @@ class _Product:
 class Splitting:
     """Splits products into factors of known and of unknown sign, in one ring."""
 
-    def __init__(self, ring: Ring) -> None:
+    def __init__(self, ring: Ring, *, keeps_kinks: bool = False) -> None:
         self._ring = ring
+        self._keeps_kinks = keeps_kinks
         self.signs = Signs(ring)
         self._seen: list[fmpq_mpoly] = []
 
@@ -80,7 +81,8 @@ class Splitting:
             power = multiplicity * times
             if not power:
                 continue
-            known = self.signs.of(piece)
+            is_kept = self._keeps_kinks and power % 2 == 0 and not self.signs.is_everywhere(piece)
+            known = 0 if is_kept else self.signs.of(piece)
             if known:
                 found.positive.append((known * piece, power))
                 sign *= known if power % 2 else 1

@@ -58,6 +58,15 @@ class Signs:
             self._known[key] = found
         return found or self._by_layout(factor)
 
+    def is_everywhere(self, factor: fmpq_mpoly) -> bool:
+        """Tell whether the polynomial is proved to have one sign on the whole sphere."""
+        dependent = self._ring.sign_dependent
+        self._ring.sign_dependent = set()
+        try:
+            return self._prove(factor) != 0 and not self._ring.sign_dependent
+        finally:
+            self._ring.sign_dependent = dependent
+
     def leave_undecided(self, factor: fmpq_mpoly) -> None:
         """Note that the factor's unknown sign kept a root or a logarithm from being split."""
         self._undecided.add(str(factor))

@@ -57,11 +57,18 @@ class ElementText:
         only, and there are all of these.
     divisors
         Whether sums are brought to common denominators first.
+    without
+        The coordinate whose square is replaced on the sphere, by its position; None for that of which a
+        polynomial is shortest. Without g1² or g3², the powers of 1 − g2² in the coefficients are written as
+        those of g1² + g3², which are known to all digits next to a pole.
     """
 
-    def __init__(self, rings: Mapping[Signs, Ring], dependent: frozenset[int], *, divisors: bool) -> None:
+    def __init__(
+        self, rings: Mapping[Signs, Ring], dependent: frozenset[int], *, divisors: bool, without: int | None
+    ) -> None:
         self._rings = rings
         self._divisors = divisors
+        self._without = without
         self._dependent = sorted(dependent)
         ring = next(iter(rings.values()))
         self._places = ring.coordinate_index
@@ -92,7 +99,7 @@ class ElementText:
     ) -> list[str]:
         """Return the terms of number · polynomial · factors, as one product where that is shorter."""
         terms = self._shortest(octants)
-        split = self._split(octants) if len(terms) > MOST_TYPED else None
+        split = self._split(octants) if self._without is None and len(terms) > MOST_TYPED else None
         if split is not None:
             coefficient, pieces = split
             written = [(self._shortest(piece), power) for piece, power in pieces]
@@ -149,10 +156,13 @@ class ElementText:
     def _shortest(self, octants: Mapping[Signs, _Polynomial]) -> _Terms:
         """Return the terms of a polynomial, without the square of that coordinate of which it is best."""
         least = tuple(min(each[i] for part in octants.values() for each in part) for i in range(3))
+        if self._without is not None:
+            reduced = {s: self._without_square(part, self._without, least) for s, part in octants.items()}
+            return self._texts(self._merged(reduced), joins=self._without != 1)
         found = list[_Terms]()
         for position in (1, 2, 0):
             reduced = {signs: self._without_square(part, position, least) for signs, part in octants.items()}
-            found.append(self._terms(reduced))
+            found.append(self._texts(self._merged(reduced), joins=False))
         return min(found, key=lambda terms: (len(terms), sum(abs(value) for value, _ in terms)))
 
     def _without_square(self, polynomial: _Polynomial, position: int, least: tuple[int, ...]) -> _Polynomial:
@@ -176,19 +186,43 @@ class ElementText:
                 raise NoTextError
         return {key: value for key, value in total.items() if value}
 
-    def _terms(self, octants: Mapping[Signs, _Polynomial]) -> _Terms:
-        terms: _Terms = []
+    def _merged(self, octants: Mapping[Signs, _Polynomial]) -> dict[tuple[Place, frozenset[int]], Fraction]:
+        """Return the coefficients in all octants, by exponents and by the coordinates that give the sign."""
+        terms = dict[tuple[Place, frozenset[int]], Fraction]()
         for exponents in dict.fromkeys(each for part in octants.values() for each in part):
             for odd in product((False, True), repeat=len(self._dependent)):
-                turned = [k for k, is_odd in zip(self._dependent, odd, strict=True) if is_odd]
+                turned = frozenset(k for k, is_odd in zip(self._dependent, odd, strict=True) if is_odd)
                 value = sum(
                     (part.get(exponents, Fraction(0)) * prod(signs[k] for k in turned))
                     for signs, part in octants.items()
                 ) / Fraction(len(octants))
                 if value:
-                    terms.append((value, [self._power(k, e, k in turned) for k, e in enumerate(exponents)]))
+                    terms[exponents, turned] = value
         if len(terms) > MAX_TERMS:
             raise NoTextError
+        return terms
+
+    def _texts(self, merged: Mapping[tuple[Place, frozenset[int]], Fraction], *, joins: bool) -> _Terms:
+        """Return the terms; ``joins`` those that differ in the power of g2 only to polynomials in g2."""
+        groups = dict[tuple[str, str], dict[int, Fraction]]()
+        terms: _Terms = []
+        for (exponents, turned), value in merged.items():
+            first, second, third = (self._power(k, e, k in turned) for k, e in enumerate(exponents))
+            k = exponents[1]
+            is_plain = self._degrees[1] == 1 and k >= 0 and second == power_text("g2", Fraction(k))
+            if joins and is_plain:
+                groups.setdefault((first, third), {})[k] = value
+            else:
+                terms.append((value, [first, second, third]))
+        for (first, third), polynomial in groups.items():
+            times, rest = _powers_of_rho(polynomial)
+            sum_in_g2 = [(value, [power_text("g2", Fraction(k))]) for k, value in sorted(rest.items())]
+            rho = power_text("(g1^2 + g3^2)", Fraction(times))
+            if len(sum_in_g2) == 1:
+                value, (power,) = sum_in_g2[0]
+                terms.append((value, [first, third, rho, power]))
+            else:
+                terms.append((Fraction(1), [first, third, rho, _bracketed(_sum(sum_in_g2))]))
         return terms
 
     def _power(self, position: int, exponent: int, is_odd: bool) -> str:
@@ -256,9 +290,16 @@ class ElementText:
         if number < 0 or any(k % 2 for _, k in pieces):
             return Fraction(1), []
         return number, [
-            ({signs: self._rings[signs].polynomial(f) for signs, f in piece.items()}, k)
+            ({signs: self._rings[signs].polynomial(self._turned(signs, f)) for signs, f in piece.items()}, k)
             for piece, k in pieces
         ]
+
+    def _turned(self, signs: Signs, piece: fmpq_mpoly) -> fmpq_mpoly:
+        """Return ±f, of which the first term has the same sign in g1, g2, g3 in all octants."""
+        exponents = piece.monomial(0)
+        places = zip(self._places, self._degrees, signs, strict=True)
+        odd = prod(sign for index, degree, sign in places if int(exponents[index]) // degree % 2)
+        return piece if odd > 0 else -piece
 
     def _inner(self, index: int, sign: int = 1) -> str:
         """Return the formula of what the function of a generator is taken of, times a sign."""
@@ -277,6 +318,18 @@ def _argument(nature: Nature) -> Element:
         case Sine(inner) | Cosine(inner):
             return inner
     raise NoTextError
+
+
+def _powers_of_rho(polynomial: Mapping[int, Fraction]) -> tuple[int, dict[int, Fraction]]:
+    """Return (k, rest) for a polynomial in g2 that is (1 − g2²)^k times a rest, by exponents."""
+    times, rest = 0, dict(polynomial)
+    while True:
+        quotient, highest = dict[int, Fraction](), max(rest)
+        for k in range(highest + 1):
+            quotient[k] = rest.get(k, Fraction(0)) + quotient.get(k - 2, Fraction(0))
+        if any(quotient.get(k) for k in (highest - 1, highest)):
+            return times, rest
+        times, rest = times + 1, {k: value for k, value in quotient.items() if value}
 
 
 def _sum(terms: _Terms) -> str:

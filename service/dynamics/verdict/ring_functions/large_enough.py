@@ -19,6 +19,8 @@ def in_large_enough_ring(
     signs: tuple[int, int, int],
     compute: Callable[[Ring, RingAlgebra], T],
     work: Work | None = None,
+    *,
+    keeps_kinks: bool = False,
 ) -> tuple[Ring, T]:
     """Return the first ring, from ``layout`` on, that is large enough for ``compute``, and what it returns.
 
@@ -29,6 +31,9 @@ def in_large_enough_ring(
     work
         What the proof has spent in other rings; None for one that begins here.
 
+    keeps_kinks
+        See :class:`RingAlgebra`.
+
     Raises
     ------
     NoProofError
@@ -37,7 +42,7 @@ def in_large_enough_ring(
     for _ in range(MAX_RESTARTS):
         ring = Ring(layout, signs, work)
         try:
-            return ring, compute(ring, RingAlgebra(ring))
+            return ring, compute(ring, RingAlgebra(ring, keeps_kinks=keeps_kinks))
         except LayoutTooSmallError as error:
             layout = error.layout
     raise NoProofError("the ring keeps growing")

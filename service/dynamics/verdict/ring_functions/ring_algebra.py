@@ -19,6 +19,8 @@ MAX_EXPANDED = 24
 class RingAlgebra:
     """An Algebra over :class:`Element`.
 
+    One that ``keeps_kinks`` gives |f| the same form in all octants, whatever the sign of f is in one of them.
+
     Raises (all methods)
     --------------------
     UndefinedInOctantError
@@ -27,10 +29,10 @@ class RingAlgebra:
         See :class:`Ring`.
     """
 
-    def __init__(self, ring: Ring) -> None:
+    def __init__(self, ring: Ring, *, keeps_kinks: bool = False) -> None:
         self._ring = ring
         self._numbers = AlgebraicNumbers(ring)
-        self._splitting = splitting = Splitting(ring)
+        self._splitting = splitting = Splitting(ring, keeps_kinks=keeps_kinks)
         self._radicals = Radicals(ring, self, self._numbers, splitting)
         self._trigonometry = Trigonometry(ring, self, self._numbers)
         self._transcendental = Transcendental(ring, self, splitting, self._radicals)
