@@ -72,6 +72,20 @@ NOT_COVERED = """## What is not covered
 * Motions of potentials that are undecided (`"accept": "undecided"`): only what is proved is asked for.
 """
 
+PASSAGES = """## Motions through poles
+
+The first {done} problems of the seed {seed}, in {minutes:.0f} minutes, numerics {numerics}: motions that pass
+g1 = g3 = 0, with A/C or C/A between 1.01 and 100, of |g1| to the power that keeps p constant, of the first
+three homogeneous terms, and of the rational terms up to a_2 and c_2; the rest is as above. Next to a pole
+that is passed without smoothness the function of time has a wide claim of its own, since variables grow there
+like a root of the time; samples are then rounded enclosures, which claim what they miss. As there, the
+reference has {bits} bits, times go up to {latest:.0f} periods, and starts are as near to an end as
+1e{smallest:.0f}.
+
+| tier | family | asked | solved | refused | exceeded | smallest | median |
+| --- | --- | --- | --- | --- | --- | --- | --- |"""
+"""Its section about motions through poles, up to the rows of the table."""
+
 SMOOTH = """## Smooth potentials
 
 The first {done} problems of the seed {seed}, in {minutes:.0f} minutes, numerics {numerics}. Every problem is
