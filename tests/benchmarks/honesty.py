@@ -5,7 +5,7 @@ compared with the certified motion in balls, hostile ones with what is true of t
 their making. A claim is exceeded if the whole ball is further away than it. With
 ``--record FILE``, ``--passages-record FILE`` and ``--hostile-record FILE`` a run goes on where the last one
 with those files stopped; what is asked no more of is written as it was counted. ``--only smooth``,
-``--only passages`` or ``--only hostile`` runs and writes one section; the others stay as they are on the page.
+``--only passages`` or ``--only hostile`` runs and writes one section; the others stay as they are.
 To run in the background in bounded time, and to go on later: ``--only smooth --seconds 3000 --record
 build/honesty.json``.
 """

@@ -62,8 +62,8 @@ none was exceeded in a run is said of its problems, and of no others.
 NOT_COVERED = """## What is not covered
 
 * By no reference here: potentials given by an integral, the orientation, multipliers, motions from any
-  state, the classical cases; of smooth potentials aperiodic motions, and those that pass a pole with A/C
-  (or C/A) no whole number.
+  state, the classical cases; of smooth potentials aperiodic motions, and those that pass a pole at
+  which V has a logarithm.
 * Of hostile potentials those that are not admissible are judged by their verdicts alone, as are motions
   into a collision by their windows alone. Admissible features are functions of g2 times A g1² + C g3², and
   kinks on curves; there is none in F(w) but these.
