@@ -1,18 +1,19 @@
 """``python -m tests.benchmarks.honesty``: is any claimed error exceeded? Written to docs/honesty.md.
 
-Random problems are solved in every tier, as the service does. Smooth ones are
+Random problems are solved in every tier, as the service does. Smooth ones and motions through poles are
 compared with the certified motion in balls, hostile ones with what is true of them by
 their making. A claim is exceeded if the whole ball is further away than it. With
-``--record FILE`` and ``--hostile-record FILE`` a run goes on where the last one with
-those files stopped; what is asked no more of is written as it was counted. ``--only smooth`` or
-``--only hostile`` runs and writes one section; the other one stays as it is on the page. To run in the
-background in bounded time, and to go on later: ``--only smooth --seconds 3000 --record build/honesty.json``.
+``--record FILE``, ``--passages-record FILE`` and ``--hostile-record FILE`` a run goes on where the last one
+with those files stopped; what is asked no more of is written as it was counted. ``--only smooth``,
+``--only passages`` or ``--only hostile`` runs and writes one section; the others stay as they are.
+To run in the background in bounded time, and to go on later: ``--only smooth --seconds 3000 --record
+build/honesty.json``.
 """
 
 import argparse
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import inf
 from pathlib import Path
 from typing import Literal
@@ -21,45 +22,51 @@ from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.versions import version_of
 from tests.benchmarks.honesty_counts import MOST, TIERS, Record, Tally, load, measure
-from tests.benchmarks.honesty_page import MEASURED, NOT_COVERED, PROVED, SMOOTH, TITLE
+from tests.benchmarks.honesty_page import MEASURED, NOT_COVERED, PASSAGES, PROVED, SMOOTH, TITLE
 from tests.benchmarks.hostile_counts import HostileRecord, faults_of, load_hostile, measure_hostile
 from tests.benchmarks.hostile_report import hostile_section
 from tests.support.claims import BITS, CLAIMS, LATEST
 from tests.support.hostile_documents import ONLY
 from tests.support.hostile_ways import ROUNDS
-from tests.support.random_documents import FAMILIES, SMALLEST_GAP
+from tests.support.random_documents import FAMILIES, SMALLEST_GAP, Family
 
 REPORT = Path(__file__).parents[2] / "docs" / "honesty.md"
-Kind = Literal["smooth", "hostile"]
-HEADS: Mapping[Kind, str] = {"smooth": "## Smooth potentials\n", "hostile": "## Hostile potentials\n"}
+Kind = Literal["smooth", "passages", "hostile"]
+HEADS: Mapping[Kind, str] = {
+    "smooth": "## Smooth potentials\n",
+    "passages": "## Motions through poles\n",
+    "hostile": "## Hostile potentials\n",
+}
 """Of the sections."""
 
 
-def report(smooth: str, hostile: str) -> str:
-    """Return the page with both of its sections."""
+def report(found: Mapping[Kind, str]) -> str:
+    """Return the page with all of its sections."""
     return "\n".join(
         [
             TITLE.format(version=version_of("polhode"), numerics=NUMERICS),
             PROVED,
             MEASURED,
             NOT_COVERED.format(latest=10**LATEST, rounds=max(ROUNDS)),
-            smooth,
-            hostile,
+            *(found[kind] for kind in HEADS),
         ]
     )
 
 
 def sections(page: str) -> dict[Kind, str]:
     """Return the sections of a page as they were written."""
-    _, smooth, rest = page.partition(HEADS["smooth"])
-    smooth_text, hostile, hostile_text = rest.partition(HEADS["hostile"])
-    return {"smooth": (smooth + smooth_text).removesuffix("\n"), "hostile": hostile + hostile_text}
+    starts = {kind: page.find(head) for kind, head in HEADS.items()}
+    ends = [*list(starts.values())[1:], len(page)]
+    return {
+        kind: page[start:end].removesuffix("\n") if start >= 0 else HEADS[kind]
+        for (kind, start), end in zip(starts.items(), ends, strict=True)
+    }
 
 
-def smooth_section(record: Record) -> list[str]:
-    tiers = {tier: [record.tallies[f"{tier} {family}"] for family in FAMILIES] for tier in TIERS}
+def smooth_section(record: Record, families: Sequence[Family], text: str) -> list[str]:
+    tiers = {tier: {name: record.tallies[f"{tier} {name}"] for name in families} for tier in TIERS}
     return [
-        SMOOTH.format(
+        text.format(
             seed=record.seed,
             done=record.done,
             minutes=record.seconds / 60,
@@ -74,7 +81,7 @@ def smooth_section(record: Record) -> list[str]:
         "",
         f"Drawn without a reference, and so not counted above: {_listed(record.unknown)}.",
         "",
-        *(line for tier in TIERS for line in _histograms(tier, tiers[tier])),
+        *(line for tier in TIERS for line in _histograms(tier, tiers[tier].values())),
         "",
         *(
             ["### Exceeded", "", *(f"```\n{text}\n```" for text in record.documents), ""]
@@ -83,10 +90,11 @@ def smooth_section(record: Record) -> list[str]:
     ]
 
 
-def _table(tiers: Mapping[Tier, Sequence[Tally]]) -> list[str]:
+def _table(tiers: Mapping[Tier, Mapping[Family, Tally]]) -> list[str]:
     lines = []
     for tier, tallies in tiers.items():
-        for family, tally in zip((*FAMILIES, "all"), (*tallies, _total(tallies)), strict=True):
+        whole = {"all": _total(tallies.values())} if len(tallies) > 1 else {}
+        for family, tally in {**tallies, **whole}.items():
             asked = tally.solved + tally.refused.total()
             exceeded = f"{tally.exceeded.total()}" + (
                 f" ({_listed(tally.exceeded)})" if tally.exceeded else ""
@@ -104,14 +112,14 @@ def _median(tally: Tally) -> str:
     return _range(powers[(len(powers) - 1) // 2]) if powers else "none"
 
 
-def _total(tallies: Sequence[Tally]) -> Tally:
+def _total(tallies: Iterable[Tally]) -> Tally:
     total = Tally()
     for tally in tallies:
         total.add(tally)
     return total
 
 
-def _histograms(tier: Tier, tallies: Sequence[Tally]) -> list[str]:
+def _histograms(tier: Tier, tallies: Iterable[Tally]) -> list[str]:
     total = _total(tallies)
     lines = ["", f"### {tier}"]
     for claim, what in CLAIMS.items():
@@ -137,10 +145,12 @@ def main() -> int:
     """Measure and write; 1 if anything is wrong."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.honesty", description=__doc__)
     parser.add_argument("--count", type=int, default=10_000, help="smooth problems, each in every tier")
+    parser.add_argument("--passages", type=int, default=2000, help="motions through poles, in every tier")
     parser.add_argument("--hostile", type=int, default=2000, help="hostile problems, each in every tier")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=inf, help="stop after them, of each kind")
     parser.add_argument("--record", type=Path, help="file of what has been counted, to go on from")
+    parser.add_argument("--passages-record", type=Path, help="the same of motions through poles")
     parser.add_argument("--hostile-record", type=Path, help="the same of hostile problems")
     parser.add_argument("--only", choices=HEADS, help="run this kind; the section of the other one is kept")
     parser.add_argument("--class", dest="only_class", choices=ONLY, help="of hostile problems")
@@ -148,6 +158,9 @@ def main() -> int:
     arguments = parser.parse_args()
     asked: set[Kind] = {arguments.only} if arguments.only else set(HEADS)
     record = load(arguments.record, arguments.seed) if arguments.record else Record(arguments.seed)
+    passages = Record(arguments.seed)
+    if arguments.passages_record:
+        passages = load(arguments.passages_record, arguments.seed)
     hostile = HostileRecord(arguments.seed)
     if arguments.hostile_record:
         hostile = load_hostile(arguments.hostile_record, arguments.seed)
@@ -156,6 +169,10 @@ def main() -> int:
         if arguments.record:
             arguments.record.write_text(json.dumps(record, default=vars))
 
+    def keep_passages(passages: Record) -> None:
+        if arguments.passages_record:
+            arguments.passages_record.write_text(json.dumps(passages, default=vars))
+
     def keep_hostile(hostile: HostileRecord) -> None:
         if arguments.hostile_record:
             arguments.hostile_record.write_text(json.dumps(vars(hostile)))
@@ -163,19 +180,24 @@ def main() -> int:
     found = sections(REPORT.read_text(encoding="utf-8"))
     if "smooth" in asked:
         measure(record, arguments.count, arguments.seconds, keep)
-        found["smooth"] = "\n".join(smooth_section(record))
+        found["smooth"] = "\n".join(smooth_section(record, FAMILIES, SMOOTH))
+    if "passages" in asked:
+        measure(passages, arguments.passages, arguments.seconds, keep_passages, "passage")
+        found["passages"] = "\n".join(smooth_section(passages, ("passage",), PASSAGES))
     if "hostile" in asked:
         measure_hostile(hostile, arguments.hostile, arguments.seconds, keep_hostile, arguments.only_class)
         found["hostile"] = "\n".join(hostile_section(hostile))
-    arguments.page.write_text(report(found["smooth"], found["hostile"]), encoding="utf-8")
-    for text in record.documents:
+    arguments.page.write_text(report(found), encoding="utf-8")
+    told = [*record.documents, *passages.documents]
+    for text in told:
         say(text)
     wrong = [row for row in hostile.rows if faults_of(row)]
     for row in wrong:
         say(f"{row['kind']}: {faults_of(row)}")
     say(f"{record.done} smooth problems in {record.seconds:.0f} s")
+    say(f"{passages.done} motions through poles in {passages.seconds:.0f} s")
     say(f"{len(hostile.rows)} hostile problems in {hostile.seconds:.0f} s: {arguments.page}")
-    return 1 if record.documents or wrong else 0
+    return 1 if told or wrong else 0
 
 
 def say(text: str) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import Tier
 from tests.support.claims import CLAIMS, Case, claims_of, make_case
-from tests.support.random_documents import FAMILIES, Family
+from tests.support.random_documents import EVERY, Family
 
 TIERS: tuple[Tier, ...] = ("draft", "standard", "high")
 TOGETHER = 20
@@ -78,7 +78,7 @@ class Record:
     unknown: Counter[str] = field(default_factory=Counter)
     """Problems without a reference, by family and code."""
     tallies: dict[str, Tally] = field(
-        default_factory=lambda: {f"{tier} {family}": Tally() for tier in TIERS for family in FAMILIES}
+        default_factory=lambda: {f"{tier} {family}": Tally() for tier in TIERS for family in EVERY}
     )
     documents: list[str] = field(default_factory=list)
     """Those with a claim that is exceeded, or that ended in something else than a refusal."""
@@ -98,10 +98,16 @@ def family_of(index: int) -> Family:
     return ROTA.get(index % 80, "three-term")
 
 
-def measure(record: Record, count: int, seconds: float, keep: Callable[[Record], None]) -> None:
+def measure(
+    record: Record,
+    count: int,
+    seconds: float,
+    keep: Callable[[Record], None],
+    family: Family | None = None,
+) -> None:
     """Go on, on all processors, until problem ``count`` or until so many seconds have passed.
 
-    ``keep`` is called with the record whenever some more are counted.
+    ``keep`` is called with the record whenever some more are counted; ``family`` is that of all problems.
     """
     began, before, asked = time.perf_counter(), record.seconds, record.done
     running: deque[Future[Record]] = deque()
@@ -111,7 +117,7 @@ def measure(record: Record, count: int, seconds: float, keep: Callable[[Record],
                 if time.perf_counter() - began > seconds:
                     break
                 following = min(count, asked + TOGETHER)
-                running.append(pool.submit(measured, record.seed, asked, following))
+                running.append(pool.submit(measured, record.seed, asked, following, family))
                 asked = following
             if not running:
                 break
@@ -121,11 +127,11 @@ def measure(record: Record, count: int, seconds: float, keep: Callable[[Record],
             keep(record)
 
 
-def measured(seed: int, first: int, last: int) -> Record:
+def measured(seed: int, first: int, last: int, family: Family | None = None) -> Record:
     """Count the problems of a seed from number ``first`` to before ``last``."""
     part = Record(seed)
     for index in range(first, last):
-        _measure_one(part, family_of(index), np.random.default_rng([seed, index]))
+        _measure_one(part, family or family_of(index), np.random.default_rng([seed, index]))
         part.done += 1
     return part
 

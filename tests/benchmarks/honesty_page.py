@@ -63,8 +63,8 @@ none was exceeded in a run is said of its problems, and of no others.
 NOT_COVERED = """## What is not covered
 
 * By no reference here: potentials given by an integral, the orientation, multipliers, motions from any
-  state, the classical cases; of smooth potentials aperiodic motions, and those that pass a pole with A/C
-  (or C/A) no whole number.
+  state, the classical cases; of smooth potentials aperiodic motions, and those that pass a pole at
+  which V has a logarithm.
 * Of hostile potentials those that are not admissible are judged by their verdicts alone, as are motions
   into a collision by their windows alone. Admissible features are functions of g2 times A g1² + C g3², and
   kinks on curves; there is none in F(w) but these.
@@ -72,6 +72,20 @@ NOT_COVERED = """## What is not covered
   hostile problems).
 * Motions of potentials that are undecided (`"accept": "undecided"`): only what is proved is asked for.
 """
+
+PASSAGES = """## Motions through poles
+
+The first {done} problems of the seed {seed}, in {minutes:.0f} minutes, numerics {numerics}: motions that pass
+g1 = g3 = 0, with A/C or C/A between 1.01 and 100, of |g1| to the power that keeps p constant, of the first
+three homogeneous terms, and of the rational terms up to a_2 and c_2; the rest is as above. Next to a pole
+that is passed without smoothness the function of time has a wide claim of its own, since variables grow there
+like a root of the time; samples are then rounded enclosures, which claim what they miss. As there, the
+reference has {bits} bits, times go up to {latest:.0f} periods, and starts are as near to an end as
+1e{smallest:.0f}.
+
+| tier | family | asked | solved | refused | exceeded | smallest | median |
+| --- | --- | --- | --- | --- | --- | --- | --- |"""
+"""Its section about motions through poles, up to the rows of the table."""
 
 SMOOTH = """## Smooth potentials
 

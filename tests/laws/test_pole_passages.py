@@ -26,12 +26,12 @@ KNOWN = arb("1e-30")
 
 @dataclass(frozen=True)
 class Passing:
-    """A motion from pole to equator, λ = 1, C = 1, from the equator at g1, g3 > 0; V even in g2 and g3."""
+    """A motion from pole to equator, λ = 1, C = 1, from the equator at g1, g3 > 0; V even in g3."""
 
     A: str
     potential: dict[str, object]
-    V: Callable[[arb, arb], arb]
-    """Of g1 and g3 > 0."""
+    V: Callable[[arb, arb, arb], arb]
+    """Of g1 > 0, g3 > 0 and 1 − g2."""
     h: arb
 
     @property
@@ -47,25 +47,26 @@ class Passing:
             z = (z - (z * z + power - 1) / (2 * z + 2 * self.alpha * power / z)).mid()
         return z
 
-    def rate(self, v: arb) -> arb:
+    def rate(self, v: arb, hemisphere: int) -> arb:
         """Return |dt/dv|."""
         sine, cosine = v.sin_cos()
         z = self.equator * sine
         x = z**self.alpha
         g2 = (1 - z * z - x * x).sqrt()
         Q = self.alpha * x * x + z * z
-        p = (2 * z * z * (self.h - self.V(x, z)) / (self.alpha * Q)).sqrt()
+        drop = (z * z + x * x) / (1 + g2) if hemisphere > 0 else 1 + g2
+        p = (2 * z * z * (self.h - self.V(x, z, drop)) / (self.alpha * Q)).sqrt()
         return self.equator * cosine / (g2 * p)
 
-    def time(self, v: arb) -> arb:
-        """Return the time from v to the equator."""
+    def time(self, v: arb, hemisphere: int = 1) -> arb:
+        """Return the time from v ≤ π/2 in a hemisphere to the equator."""
         half, total = (arb.pi() / 2 - v) / 2, arb(0)
         for k in range(-120, 121):
             t = arb(k) / 30
             w = (arb.pi() * t.sinh() / 2).exp()
             # The place from the nearer end.
             at = v + 2 * half * w / (w + 1 / w) if k < 0 else arb.pi() / 2 - 2 * half / w / (w + 1 / w)
-            total += self.rate(at) * 2 * arb.pi() * half * t.cosh() / (w + 1 / w) ** 2
+            total += self.rate(at, hemisphere) * 2 * arb.pi() * half * t.cosh() / (w + 1 / w) ** 2
         return (total / 30).mid()
 
     def document(self, **wanted: object) -> dict[str, object]:
@@ -82,27 +83,39 @@ def power(A: str) -> Passing:
     """Return V = −|g1|^(2(α−1)/α): p is constant and h = 1/α."""
     with ctx.workprec(BITS):
         exponent, h = 2 * (1 - 1 / number(A)), 1 / number(A)
-        return Passing(A, {"type": "homogeneous", "B": [-1]}, lambda x, _: -(x**exponent), h)
+        return Passing(A, {"type": "homogeneous", "B": [-1]}, lambda x, *_: -(x**exponent), h)
 
 
 def motions() -> dict[str, Passing]:
     third, a2 = number("1/3"), [-1, "1/100"]
 
-    def V_2(x: arb, z: arb) -> arb:
+    def V_2(x: arb, z: arb, _: arb) -> arb:
         return -x + (8 * x * (x * x + z * z) + z**4 / x) / 100
 
-    def V_c(x: arb, z: arb) -> arb:
-        return V_2(x, z) + (2 * x * x + z * z - 1) / 5 + (1 - x * x - z * z) * (2 * x * x + z * z) / 10
+    def V_c(x: arb, z: arb, u: arb) -> arb:
+        return V_2(x, z, u) + (2 * x * x + z * z - 1) / 5 + (1 - x * x - z * z) * (2 * x * x + z * z) / 10
 
-    def V_B(x: arb, z: arb) -> arb:
+    def V_B(x: arb, z: arb, _: arb) -> arb:
         return -(x ** (2 * third)) + (3 * x ** (4 * third) + z * z / x ** (2 * third)) / 20
+
+    def V_root(x: arb, z: arb, u: arb) -> arb:
+        return -x + (2 * x * x + z * z) * u.sqrt() / 20
+
+    def V_log(x: arb, z: arb, u: arb) -> arb:
+        return -x + (2 * x * x + z * z) * u.log() / 20
+
+    def formula(text: str) -> dict[str, object]:
+        return {"type": "expression", "expression": text}
 
     c = ["1/5", "1/10"]
     return {
         "a2": Passing("2", {"type": "rational", "a": a2}, V_2, number("101/200")),
         "c1 and c2": Passing("2", {"type": "rational", "a": a2, "c": c}, V_c, number("61/200")),
         "B_1": Passing("3/2", {"type": "homogeneous", "B": [-1, "1/10"]}, V_B, number("7/10")),
+        "root": Passing("2", formula("-g1 + (2*g1^2 + g3^2)*sqrt(1 - g2)/20"), V_root, number("1/2")),
+        "log": Passing("2", formula("-g1 + (2*g1^2 + g3^2)*log(1 - g2)/20"), V_log, number("1/2")),
         "7/5": power("7/5"),
+        "101/100": power("101/100"),
         "11/10": power("11/10"),
         "13/10": power("13/10"),
         "17/4": power("17/4"),
@@ -116,7 +129,7 @@ with ctx.workprec(BITS):
 @cache
 def period(name: str) -> arb:
     with ctx.workprec(BITS):
-        return 4 * MOTIONS[name].time(arb(0))
+        return 2 * (MOTIONS[name].time(arb(0)) + MOTIONS[name].time(arb(0), -1))
 
 
 @pytest.mark.parametrize(
@@ -128,7 +141,7 @@ def test_known_periods(name, digits):
         assert abs(period(name) - arb(digits)) < arb(10) ** (2 - len(digits))
 
 
-@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize("name", [name for name in MOTIONS if name != "log"])
 def test_certified_periods_are_those_of_a_quadrature_by_hand(name):
     document = MOTIONS[name].document(time={"times": ["1/2"]}, accuracy={"tier": "certified", "bits": 64})
     told = solve_document(json.dumps(document)).summary["period"]

@@ -24,8 +24,10 @@ from service.schemas.problem.problem import read_problem
 
 FloatArray = NDArray[np.float64]
 Document = dict[str, Any]
-Family = Literal["three-term", "rational", "homogeneous", "formula"]
-FAMILIES: tuple[Family, ...] = get_args(Family)
+Family = Literal["three-term", "rational", "homogeneous", "formula", "passage"]
+EVERY: tuple[Family, ...] = get_args(Family)
+FAMILIES = EVERY[:-1]
+"""Of the smooth problems of one run; those of motions through poles are run apart."""
 
 RATIOS = ("3", "5/2", "7/3", "17/10", "4", "2", "3/5", "1/3", "1/2", "4/7")
 """A/C of the families that have any."""
@@ -54,7 +56,7 @@ def draw_problem(family: Family, draws: np.random.Generator) -> Drawn:
         except DynamicsError:
             # No term of that index, or beyond the domain of the formula: not a problem to solve.
             continue
-        if drawn is not None:
+        if drawn is not None and (family != "passage" or drawn.window.ends[0] == "pole"):
             return drawn
 
 
@@ -195,7 +197,39 @@ def _formula(draws: np.random.Generator) -> Document:
     return _shifted({"A": str(ratio * C), "C": str(C)}, potential, ("parameters", "k"), draws)
 
 
+def _passage(draws: np.random.Generator) -> Document:
+    """Terms of the paper that let a motion through the pole, A/C between 1.01 and 100 or its inverse."""
+    denominator = (1, 2, 3, 5, 7, 10, 100)[draws.integers(7)]
+    ratio = Fraction(max(1, round(10.0 ** draws.uniform(0.0044, 2) * denominator)), denominator)
+    mirrored = draws.random() < 0.5
+    kind = draws.choice(["power", "terms", "rational"], p=[0.4, 0.4, 0.2])
+    ratio = Fraction(2) if kind == "rational" else ratio
+    if ratio < Fraction(101, 100):
+        ratio = Fraction(101, 100)
+    C = _decimal(draws.uniform(0.5, 2))
+    signs = {"g1_sign": _sign(draws), "g3_sign": _sign(draws)}
+    motion = {"type": "planar", "lambda": str(_decimal(10.0 ** draws.uniform(-0.5, 0.5))), **signs}
+    size, small = _decimal(draws.uniform(0.2, 3)), _decimal(draws.uniform(-0.2, 0.2))
+    if kind == "rational":
+        a = [str(-size * signs["g1_sign"]), str(small / 5 * signs["g1_sign"])]
+        c = [str(_decimal(draws.uniform(-0.2, 0.2))) for _ in range(2)]
+        return {
+            "body": {"A": str(2 * C), "C": str(C)},
+            "potential": {"type": "rational", "a": a, "c": c},
+            "motion": motion,
+        }
+    first, third = ("g3", "g1") if mirrored else ("g1", "g3")
+    body = {"A": str(C), "C": str(ratio * C)} if mirrored else {"A": str(ratio * C), "C": str(C)}
+    text = f"-k*abs({first})^({2 * (ratio - 1) / ratio}) + u*({ratio}*{first}^2 + {third}^2)*(g2 - g2^2/2)"
+    potential = {"type": "expression", "expression": text, "parameters": {"k": str(size), "u": str(small)}}
+    if kind == "terms":
+        terms = {"C" if mirrored else "B": [str(-size), str(small), str(small / 7)]}
+        potential = {"type": "homogeneous", "A": ["0", str(small)], **terms}
+    return {"body": body, "potential": potential, "motion": motion}
+
+
 _MAKERS = {
+    "passage": _passage,
     "three-term": _three_term,
     "rational": _rational,
     "homogeneous": _homogeneous,

@@ -1,7 +1,7 @@
 """Encloses any periodic motion of a potential with a formula, by inverting one integral."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from flint import arb, ctx
@@ -148,15 +148,18 @@ def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
     unit = unit_at_poles(loop, tape) if passes else 0
     real = RealLoop(loop, tape, side)
     curve = ComplexLoop(loop, tape, _energy(arc, real), side, unit)
-    if arc.is_whole_loop and not unit:
-        return IntegralMotion(RotationPhase(curve, real, start.v, start.direction), start, curve.h, bits)
-    ends = (
-        (arc.lower, arc.upper)
-        if arc.is_whole_loop
-        else (_zero(real, curve.h, arc.lower), _zero(real, curve.h, arc.upper))
-    )
-    phase = way_of(curve, start, ends) if unit else LibrationPhase(curve, real, *ends)
-    return IntegralMotion(phase, start, curve.h, bits)
+    ends = (arc.lower, arc.upper)
+    if not arc.is_whole_loop:
+        ends = _zero(real, curve.h, arc.lower), _zero(real, curve.h, arc.upper)
+    if not unit:
+        turning = RotationPhase(curve, real, start.v, start.direction)
+        phase = turning if arc.is_whole_loop else LibrationPhase(curve, real, *ends)
+        found = IntegralMotion(phase, start, curve.h, bits)
+        if not passes or found.strip is not None:
+            return found
+    # Pieces are fewer, and bounds closer, on one side of a pole at a time.
+    way = way_of(replace(curve, unit=max(1, unit)), start, ends)
+    return IntegralMotion(way, start, curve.h, bits)
 
 
 def _tape(loop: Loop) -> Tape:

@@ -16,7 +16,7 @@ from service.dynamics.reduction.start import StartingPoint
 from workers.solvers.certified.phase import LibrationPhase, PhaseStretch, TimedPhase, six_variables
 from workers.solvers.certified.real_loop import RealLoop
 from workers.solvers.complex_plane.complex_loop import ComplexLoop
-from workers.solvers.complex_plane.passage import Passage
+from workers.solvers.complex_plane.passage import Passage, drops_matter
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,12 +133,13 @@ def _passages(curve: ComplexLoop, v: arb, other: arb, direction: int) -> list[_P
     inside = [
         mark for mark in marks if direction * mark > direction * v and direction * mark < direction * other
     ]
+    knows_drop = drops_matter(curve.tape)
     parts: list[_Part] = []
     for begin, end in pairwise([v, *inside, other]):
         middle = (begin + end) / 2
         pole = round(float(middle / arb.pi()))
         way = 1 if middle > arb.pi() * pole else -1
-        side = replace(curve, side=-way if pole % 2 else way)
+        side = replace(curve, side=-way if pole % 2 else way, pole=(-1) ** pole if knows_drop else 0)
         phase = PassagePhase(Passage(side, pole, way), direction)
         first, last = (arb(0) if at.overlaps(arb.pi() * pole) else phase.phase(at) for at in (begin, end))
         parts.append((phase, first, last))

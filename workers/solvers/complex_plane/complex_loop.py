@@ -19,6 +19,7 @@ lies in the convex hull of the integrand.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cache, partial
 from typing import NamedTuple, TypeVar
 
@@ -26,7 +27,7 @@ from flint import acb, arb
 
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
-from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
+from service.dynamics.formula.algebras.power_sums import PowerAlgebra, PowerSum, Small
 from service.dynamics.formula.programs import Kind, Way
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
@@ -63,7 +64,8 @@ class ComplexLoop:
 
     ``side`` is the sign of sin v on the half that is meant, 0 for a motion that
     passes poles: α is an integer then, and where it is odd g1 alone is not holomorphic.
-    ``unit`` is that of a half that reaches a pole (:mod:`.passage`), else 0.
+    ``unit`` is that of a half that reaches a pole (:mod:`.passage`), else 0; next to the pole g2 = ``pole``
+    = ±1 it is 1 or more, and formulas know the drop 1 − |g2| = (g1² + g3²)/(1 + |g2|) as a power of sin v.
     """
 
     loop: Loop
@@ -71,6 +73,7 @@ class ComplexLoop:
     h: arb
     side: int
     unit: int = 0
+    pole: int = 0
 
     def place(self, v: acb, *, analytic: bool) -> ComplexPlace:
         """Return the place; not finite if ``analytic`` and the curve is not holomorphic on the ball."""
@@ -95,7 +98,8 @@ class ComplexLoop:
         else:
             quotient = self._quotient(sine, u, analytic=analytic)
         c_squared = loop.Z * loop.Z + loop.G * loop.G * quotient
-        return ComplexPlace(sine, cosine, power, turn, c_squared, c_squared.sqrt(analytic), sine)
+        root = sine if self.side >= 0 or not self.unit else -sine
+        return ComplexPlace(sine, cosine, power, turn, c_squared, c_squared.sqrt(analytic), root)
 
     def gamma(self, at: ComplexPlace) -> tuple[acb, acb, acb]:
         """Return g1, g2, g3 in the client's axes."""
@@ -175,8 +179,14 @@ class ComplexLoop:
         loop, second = self.loop, at.c * at.cosine
         kind: Kind = "analytic" if analytic else "complex"
         # About a pole formulas have sin v, G and Z for g1 and g3.
-        inputs = (at.root, second, acb(loop.G), acb(loop.Z)) if self._has_poles else self.gamma(at)
-        about = (loop.alpha, loop.mirrored, loop.g1_sign, self.side, self.unit) if self._has_poles else ()
+        inputs: tuple[acb, ...]
+        about: tuple[object, ...]
+        if not self._has_poles:
+            inputs, about = self.gamma(at), ()
+        else:
+            drop = (loop.Z * loop.Z + (loop.G * at.power) ** 2) / (1 + self.pole * second)
+            inputs = at.root, drop if self.pole else second, acb(loop.G), acb(loop.Z)
+            about = loop.alpha, loop.mirrored, loop.g1_sign, self.side, self.unit, self.pole
         name = (question.name, kind, *about)
         run = self.tape.program(name, Way(kind, partial(self._traced, question)))
         if run is not None:
@@ -190,7 +200,7 @@ class ComplexLoop:
     def _traced(
         self, question: PlaneQuestion, tape: Tape, tracer: Tracer
     ) -> tuple[Sequence[Traced], Sequence[Traced]]:
-        names = ("root", "g2", "G", "Z") if self._has_poles else ("g1", "g2", "g3")
+        names = ("root", "second", "G", "Z") if self._has_poles else ("g1", "g2", "g3")
         inputs = [tracer.variable(name) for name in names]
         beside = [tracer.variable(f"beside {k}") for k in range(question.beside)]
         return (*inputs, *beside), self._answer(question, tape, tracer, inputs, beside)
@@ -203,9 +213,15 @@ class ComplexLoop:
         root, second, G, Z = inputs
         algebra = PowerAlgebra(base, Small(root, max(1, self.unit), self.side))
         g1, g3 = algebra.loop(G, Z, self.loop.alpha, self.loop.g1_sign)
-        g2 = algebra.of(second)
+        g2, known = algebra.of(second), [algebra.of(value) for value in beside]
+        if self.pole:
+            # The second input is the drop over sin²v.
+            drop = PowerSum({(Fraction(2), 0): second})
+            g2 = algebra.subtract(algebra.constant(Fraction(1)), drop)
+            g2 = g2 if self.pole > 0 else algebra.negate(g2)
+            known = [algebra.multiply(g2, g2)] if question.is_squared else known
         gamma = (g3, g2, g1) if self.loop.mirrored else (g1, g2, g3)
-        answers = question.answer(tape, algebra, gamma, [algebra.of(value) for value in beside])
+        answers = question.answer(tape, algebra, gamma, known)
         return tuple(algebra.value(answer) for answer in answers)
 
     def _quotient(self, sine: acb, u: acb, *, analytic: bool) -> acb:

@@ -19,7 +19,7 @@ from math import lcm
 from flint import acb, arb
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
+from service.dynamics.formula.algebras.power_sums import Power, PowerAlgebra, PowerSum, Small
 from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.loop import Loop
 from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace
@@ -36,14 +36,30 @@ def unit_at_poles(loop: Loop, tape: Tape) -> int:
     0 if n = 1 serves on both sides of a pole at once: V is a function of sin v there.
     """
     base, denominator = BallAlgebra(), loop.alpha.denominator
-    algebra = PowerAlgebra(base, Small(base.constant(GENERIC), denominator, 1))
-    g1, g3 = algebra.loop(loop.G, loop.Z, loop.alpha, loop.g1_sign)
-    g2 = algebra.of(base.constant(GENERIC))
-    algebra.value(tape.evaluate(algebra, (g3, g2, g1) if loop.mirrored else (g1, g2, g3)))
-    whole = Small(base.constant(GENERIC), 1, 0)
-    if denominator == 1 and all(whole.power_of_root(power) is not None for power in algebra.powers):
+    number = base.constant(GENERIC)
+    drop = PowerSum({(Fraction(2), 0): number})
+    asked: set[Power] = set()
+    for pole in (1, -1):
+        algebra = PowerAlgebra(base, Small(number, denominator, 1))
+        g1, g3 = algebra.loop(loop.G, loop.Z, loop.alpha, loop.g1_sign)
+        g2 = algebra.subtract(algebra.constant(Fraction(1)), drop)
+        g2 = g2 if pole > 0 else algebra.negate(g2)
+        algebra.value(tape.evaluate(algebra, (g3, g2, g1) if loop.mirrored else (g1, g2, g3)))
+        asked |= algebra.powers
+    whole = Small(number, 1, 0)
+    if denominator == 1 and all(whole.power_of_root(power) is not None for power in asked):
         return 0
-    return lcm(denominator, *(exponent.denominator for exponent, _ in algebra.powers))
+    return lcm(denominator, *(exponent.denominator for exponent, _ in asked))
+
+
+def drops_matter(tape: Tape) -> bool:
+    """Say whether a formula may take a root or a logarithm of 1 − |g2|, which g2 does not tell well."""
+    return any(
+        made.operation == "general_power"
+        or (made.operation == "call" and made.name == "log")
+        or (made.operation == "power" and made.number is not None and made.number.denominator != 1)
+        for made in tape.instructions
+    )
 
 
 @dataclass(frozen=True, slots=True)

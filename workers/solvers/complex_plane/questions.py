@@ -19,6 +19,8 @@ class PlaneQuestion:
     beside: int
     answer: Callable[[Tape, Algebra[Any], Values, Values], tuple[Any, ...]]
     """From the tape, the algebra, (g1, g2, g3) and the inputs beside to the answers."""
+    is_squared: bool = False
+    """The one input beside is g2²."""
 
 
 def _value(tape: Tape, algebra: Algebra[Any], gamma: Values, beside: Values) -> tuple[Any, ...]:

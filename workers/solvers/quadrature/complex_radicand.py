@@ -11,7 +11,7 @@ potential that is admissible on the curve. By Taylor's formula that is closer on
 zeros of P, too.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Generic, TypeVar  # Any: a question is answered in every algebra
@@ -24,10 +24,13 @@ from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.loop import Loop, ball
 from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace
+from workers.solvers.complex_plane.passage import drops_matter
 from workers.solvers.complex_plane.questions import PlaneQuestion, Values
 
 T = TypeVar("T")
 UNKNOWN = arb.nan()
+CLOSE = 0.9
+"""|cos v| beyond which the drop 1 − |g2| is a small number."""
 
 
 def border(chain: Sequence[acb]) -> tuple[arb, arb, arb]:
@@ -59,6 +62,8 @@ class ComplexRadicand:
     """For rectangles that hold a pole."""
     passed: frozenset[int] | None
     """The poles v/π at which P is known to be finite, since the motion passes them; None if all."""
+    near: Mapping[tuple[int, int], ComplexLoop]
+    """Next to a pole, by the signs of sin v and cos v; none where formulas do as they are."""
 
     @property
     def loop(self) -> Loop:
@@ -126,11 +131,12 @@ class ComplexRadicand:
         return g1, g2, g3
 
     def _curve(self, v: acb) -> ComplexLoop | None:
-        sine = v.sin().real
-        if sine > 0:
-            return self.northern
-        if sine < 0:
-            return self.southern
+        sine, cosine = (value.real for value in v.sin_cos())
+        side = 1 if sine > 0 else -1 if sine < 0 else 0
+        if self.near and cosine.abs_lower() > CLOSE:
+            return self.near.get((side, 1 if cosine > 0 else -1))
+        if side:
+            return self.northern if side > 0 else self.southern
         pole = v.real / arb.pi()
         is_one = self.passed is None or pole.unique_fmpz() in self.passed
         return self.both if is_one and self.loop.alpha.denominator == 1 else None
@@ -145,7 +151,10 @@ def has_no_point(v: arb) -> bool:
 def complex_radicand(loop: Loop, tape: Tape, h: arb, passed: frozenset[int] | None) -> ComplexRadicand:
     """Return c² P of the loop with the potential's ``tape`` and the energy ``h``."""
     northern, southern, both = (ComplexLoop(loop, tape, h, side) for side in (1, -1, 0))
-    return ComplexRadicand(northern, southern, both, passed)
+    near = {}
+    if drops_matter(tape):
+        near = {(s, pole): ComplexLoop(loop, tape, h, s, 1, pole) for s in (1, -1) for pole in (1, -1)}
+    return ComplexRadicand(northern, southern, both, passed, near)
 
 
 def _turned(curve: ComplexLoop, at: ComplexPlace) -> acb:
@@ -164,7 +173,7 @@ def _turn(tape: Tape, algebra: Algebra[Any], gamma: Values, beside: Values) -> t
     return jet.value, jets.gradient(jet)[0]
 
 
-_TURN = PlaneQuestion("turn", 1, _turn)
+_TURN = PlaneQuestion("turn", 1, _turn, is_squared=True)
 """V and D, from g2² beside."""
 
 

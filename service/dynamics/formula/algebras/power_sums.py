@@ -8,10 +8,11 @@ the pole, whatever e is, in a root of |sin v|. Of a sum the lowest power is take
 root or a fraction line.
 """
 
-from collections.abc import Mapping, Set
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
+from itertools import chain
 from typing import Generic, TypeVar
 
 from service.dynamics.formula.algebra import Algebra
@@ -23,11 +24,15 @@ Power = tuple[Fraction, int]
 ONE: Power = (Fraction(0), 0)
 
 
+MOST_TERMS = 12
+"""Of a product of two sums; of longer ones the lowest powers alone are multiplied."""
+
+
 @dataclass(frozen=True, slots=True)
 class PowerSum(Generic[T]):
-    """Σ c |x|^e (sgn x)^k."""
+    """Σ c |x|^e (sgn x)^k; numbers stay exact for as long as they meet no other factors."""
 
-    terms: Mapping[Power, T]
+    terms: "Mapping[Power, T | Fraction]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +80,7 @@ class PowerAlgebra(Generic[T]):
 
     def constant(self, value: Fraction) -> PowerSum[T]:
         """Return an exact number."""
-        return self.of(self._base.constant(value)) if value else PowerSum({})
+        return PowerSum({ONE: value} if value else {})
 
     def pi(self) -> PowerSum[T]:
         """Return π."""
@@ -83,55 +88,48 @@ class PowerAlgebra(Generic[T]):
 
     def add(self, left: PowerSum[T], right: PowerSum[T]) -> PowerSum[T]:
         """Return left + right."""
-        total = dict(left.terms)
-        for power, factor in right.terms.items():
-            total[power] = self._base.add(total[power], factor) if power in total else factor
-        return PowerSum(total)
+        return self._sum(chain(left.terms.items(), right.terms.items()))
 
     def subtract(self, left: PowerSum[T], right: PowerSum[T]) -> PowerSum[T]:
         """Return left - right."""
-        total = dict(left.terms)
-        for power, factor in right.terms.items():
-            known = total.get(power)
-            total[power] = self._base.negate(factor) if known is None else self._base.subtract(known, factor)
-        return PowerSum(total)
+        return self.add(left, self.negate(right))
 
     def negate(self, operand: PowerSum[T]) -> PowerSum[T]:
         """Return -operand."""
-        return PowerSum({power: self._base.negate(factor) for power, factor in operand.terms.items()})
+        return PowerSum(
+            {
+                power: -factor if isinstance(factor, Fraction) else self._base.negate(factor)
+                for power, factor in operand.terms.items()
+            }
+        )
 
     def multiply(self, left: PowerSum[T], right: PowerSum[T]) -> PowerSum[T]:
         """Return left · right."""
-        if not (left.terms and right.terms):
-            return PowerSum({})
-        if len(left.terms) > 1:
-            left, right = right, left
-        (power, factor), *others = left.terms.items()
-        if others:
-            power, factor = self._lowest(left)
-            right = PowerSum(dict([self._lowest(right)]))
-        return PowerSum(
-            {_product(power, other): self._base.multiply(factor, each) for other, each in right.terms.items()}
+        if len(left.terms) > 1 and len(right.terms) > 1 and len(left.terms) * len(right.terms) > MOST_TERMS:
+            left, right = (PowerSum(dict([self._lowest(each)])) for each in (left, right))
+        return self._sum(
+            (_product(power, other), self._times(factor, each))
+            for power, factor in left.terms.items()
+            for other, each in right.terms.items()
         )
 
     def divide(self, left: PowerSum[T], right: PowerSum[T]) -> PowerSum[T]:
         """Return left / right."""
         power, factor = self._lowest(right)
         inverse = (-power[0], power[1])
-        return PowerSum(
-            {_product(each, inverse): self._base.divide(over, factor) for each, over in left.terms.items()}
-        )
+        return PowerSum({_product(each, inverse): self._over(x, factor) for each, x in left.terms.items()})
 
     def power(self, base: PowerSum[T], exponent: Fraction) -> PowerSum[T]:
         """Return base^exponent."""
+        if exponent == 2:
+            return self.multiply(base, base)
         (e, odd), factor = self._lowest(base)
-        if exponent.denominator == 1:
-            return PowerSum(
-                {(e * exponent, odd * exponent.numerator % 2): self._base.power(factor, exponent)}
-            )
-        if odd:
+        if odd and exponent.denominator != 1:
             return self.of(self._base.power(self.value(base), exponent))
-        return PowerSum({(e * exponent, 0): self._base.power(factor, exponent)})
+        power = e * exponent, odd * exponent.numerator % 2
+        if isinstance(factor, Fraction) and factor and exponent.denominator == 1:
+            return PowerSum({power: factor**exponent.numerator})
+        return PowerSum({power: self._base.power(self._plain(factor), exponent)})
 
     def general_power(self, base: PowerSum[T], exponent: PowerSum[T]) -> PowerSum[T]:
         """Return exp(exponent · log(base))."""
@@ -143,19 +141,55 @@ class PowerAlgebra(Generic[T]):
             return self.of(self._base.call(name, self.value(argument)))
         (e, odd), factor = self._lowest(argument)
         power = (e, 0) if name == "abs" else (Fraction(0), odd)
-        return PowerSum({power: self._base.call(name, factor)})
+        return PowerSum({power: self._base.call(name, self._plain(factor))})
 
-    def _lowest(self, element: PowerSum[T]) -> tuple[Power, T]:
+    def _sum(self, terms: "Iterable[tuple[Power, T | Fraction]]") -> PowerSum[T]:
+        total: dict[Power, T | Fraction] = {}
+        for power, factor in terms:
+            known = total.get(power)
+            if known is None:
+                total[power] = factor
+            elif isinstance(known, Fraction) and isinstance(factor, Fraction):
+                total[power] = known + factor
+            else:
+                total[power] = self._base.add(self._plain(known), self._plain(factor))
+        return PowerSum(
+            {power: factor for power, factor in total.items() if factor != 0 or not _is_exact(factor)}
+        )
+
+    def _times(self, left: T | Fraction, right: T | Fraction) -> T | Fraction:
+        if isinstance(left, Fraction) and isinstance(right, Fraction):
+            return left * right
+        if left == 1 and _is_exact(left):
+            return right
+        if right == 1 and _is_exact(right):
+            return left
+        return self._base.multiply(self._plain(left), self._plain(right))
+
+    def _over(self, left: T | Fraction, right: T | Fraction) -> T | Fraction:
+        if isinstance(left, Fraction) and isinstance(right, Fraction) and right:
+            return left / right
+        return self._base.divide(self._plain(left), self._plain(right))
+
+    def _plain(self, factor: T | Fraction) -> T:
+        return self._base.constant(factor) if isinstance(factor, Fraction) else factor
+
+    def _lowest(self, element: PowerSum[T]) -> "tuple[Power, T | Fraction]":
         """Return the element as one power and its factor, which need not vanish with x."""
         if not element.terms:
-            return ONE, self._base.constant(Fraction(0))
+            return ONE, Fraction(0)
+        if len(element.terms) == 1:
+            return next(iter(element.terms.items()))
         lowest = min(element.terms)
         inverse = (-lowest[0], lowest[1])
         rest = PowerSum({_product(power, inverse): factor for power, factor in element.terms.items()})
         return lowest, self.value(rest)
 
-    def _term(self, power: Power, factor: T) -> T:
-        return factor if power == ONE else self._base.multiply(factor, self._power_of_x(power))
+    def _term(self, power: Power, factor: T | Fraction) -> T:
+        if power == ONE:
+            return self._plain(factor)
+        x = self._power_of_x(power)
+        return x if factor == 1 and _is_exact(factor) else self._base.multiply(self._plain(factor), x)
 
     def _power_of_x(self, power: Power) -> T:
         """Return |x|^e (sgn x)^k."""
@@ -176,6 +210,10 @@ class PowerAlgebra(Generic[T]):
             return found
         sign = base.constant(Fraction(small.side)) if small.side else base.call("sign", small.root)
         return base.multiply(sign, found)
+
+
+def _is_exact(factor: object) -> bool:
+    return isinstance(factor, Fraction)
 
 
 def _product(left: Power, right: Power) -> Power:

@@ -18,7 +18,7 @@ from functools import lru_cache
 from flint import arb, ctx, fmpq
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.algebras.power_sums import PowerAlgebra, PowerSum, Small
+from service.dynamics.formula.algebras.power_sums import ONE, PowerAlgebra, PowerSum, Small
 from service.dynamics.formula.tape import Tape
 
 SOMEWHERE = Fraction(2, 3)
@@ -38,12 +38,11 @@ def _powers_at(tape: Tape, alpha: Fraction, bits: int) -> Mapping[Fraction, arb]
     with ctx.workprec(bits):
         base = BallAlgebra()
         algebra = PowerAlgebra(base, Small(base.constant(SOMEWHERE), 1, 1))
-        one = base.constant(Fraction(1))
-        found = tape.evaluate(algebra, (PowerSum({(Fraction(1), 0): one}),))
-    if algebra.powers or not all(value.is_finite() for value in found.terms.values()):
+        found = tape.evaluate(algebra, (PowerSum({(Fraction(1), 0): Fraction(1)}),))
+        terms = {power[0]: algebra.value(PowerSum({ONE: factor})) for power, factor in found.terms.items()}
+    if algebra.powers or not all(value.is_finite() for value in terms.values()):
         # A function of w that is no power has been asked for its value.
         return None
-    terms = {exponent: value for (exponent, _), value in found.terms.items()}
     is_other = ((alpha * m + 1).denominator == 1 and alpha * m + 1 <= 0 for m in terms)
     return None if any(is_other) else terms
 
