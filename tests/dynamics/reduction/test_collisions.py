@@ -199,3 +199,12 @@ def test_a_formula_written_with_a_vanishing_part_has_the_same_values(text):
                 again = part.whole.evaluate(BallAlgebra(), (g1, g2, g3, u))
                 assert value.overlaps(again)
                 assert again.rel_accuracy_bits() > 100
+
+
+@pytest.mark.parametrize("g3_sign", [1, -1])
+def test_of_windows_that_end_at_one_size_of_g1_the_northern_is_first(g3_sign):
+    """At g2 = ±1/2, where p² is infinite: a window passes each pole, and is not the other's mirror image."""
+    text = f"-g1+{Q}*(1/100+g2/1000)/(1/4-g2^2)"
+    north, south, *_ = find_windows(DOUBLE, formula(text, DOUBLE), PlanarMotion(1, g3_sign=g3_sign))
+    assert (north.ends, north.g2) == (("pole", "collision"), (0.5, 1.0))
+    assert (south.ends, south.g2) == (("pole", "collision"), (-1.0, -0.5))
