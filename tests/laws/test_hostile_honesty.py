@@ -6,6 +6,8 @@ A few of the problems that ``python -m tests.benchmarks.honesty`` asks by the th
 import json
 
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from tests.benchmarks.hostile_counts import TIERS, HostileRecord, Row, faults_of, measure_hostile
 from tests.support.effort import examples
@@ -52,3 +54,17 @@ def test_many_problems_have_no_fault():
     measure_hostile(record, MANY, float("inf"), lambda record: None)
     wrong = [f"{row['document']}: {faults_of(row)}" for row in record.rows if faults_of(row)]
     assert not wrong, "\n\n".join(wrong)
+
+
+@given(st.integers(0, 2**31))
+@settings(max_examples=examples(12, 300), deadline=None)
+def test_windows_and_times_of_collisions_are_those_of_another_way(seed):
+    """Random potentials with a pole of G, or two: windows, and in two tiers all claims of a motion."""
+    text = facts_of(seed, 0, "infinite")
+    facts = json.loads(text)
+    assume(facts["unknown"] is None)
+    answer = json.loads(judged_verdict(text))
+    assert not answer["faults"], named(text, answer)
+    for tier in ("draft", "standard") if facts["motion"] is not None else ():
+        found = json.loads(judged_tier(text, tier))
+        assert not found["faults"], named(text, found)

@@ -171,7 +171,7 @@ def _windows(known: Known, curve: Curve, stretches: Sequence[Stretch]) -> tuple[
         sign = known.g1_sign
         g1 = (sign * sizes[0][0], sign * sizes[1][0])
         found.append(TrueWindow(kind, (sizes[0][1], sizes[1][1]), g1, (g2[0], g2[1]), stretch))
-    return tuple(sorted(found, key=lambda window: abs(window.g1[1])))
+    return tuple(sorted(found, key=lambda window: (round(abs(window.g1[1]), 12), -window.g2[1])))
 
 
 def _kind(stretch: Stretch) -> str:

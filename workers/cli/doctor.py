@@ -15,6 +15,7 @@ from service.storage.inspection.blob_inspection import check_blobs, repair_exami
 from service.storage.inspection.inspect import Finding, check_schema, inspect, repair
 from service.terminal import answer, say
 from workers.computation.comparison import Sameness
+from workers.computation.outdated import check_windows
 from workers.computation.reproduction import Repetition, repeat_solutions
 
 PACKETS = 100
@@ -62,6 +63,7 @@ def _examine(
     mended = list(_mend(database)) if fix else []
     findings = list(inspect(database))
     findings += check_blobs(database, sample=None if every else PACKETS, random=random)
+    findings.append(check_windows(database))
     return Report(findings, mended, _repeat(database, settings, sample, random))
 
 

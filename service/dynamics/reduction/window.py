@@ -20,7 +20,7 @@ class Window:
     """
 
     index: int
-    """Place in the order of growing largest |g1|."""
+    """Place in the order of growing largest |g1|; of equal ones the northern is first."""
     kind: WindowKind
     """How the motion in it ends: ``periodic``, or the reason why it never closes."""
     ends: tuple[EndKind, EndKind]

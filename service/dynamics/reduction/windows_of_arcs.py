@@ -25,8 +25,14 @@ def windows_of(arcs: list[Arc], g3_sign: int, potential: Potential) -> tuple[Win
         else:
             rest.remove(twin)
             joined.append(_northern_first(arc, twin))
-    described = sorted((_describe(group, g3_sign) for group in joined), key=lambda w: abs(w.g1[1]))
+    described = sorted((_describe(group, g3_sign) for group in joined), key=_size_and_side)
     return tuple(Window(index, w.kind, w.ends, w.g1, w.g2, w.arcs) for index, w in enumerate(described))
+
+
+def _size_and_side(window: Window) -> tuple[float, float]:
+    """Return the order of a window: of two with one largest |g1|, at g2 and −g2, the northern is first."""
+    # To fewer digits than the rounding of either.
+    return float(f"{abs(window.g1[1]):.12e}"), -window.g2[1]
 
 
 def _are_mirror_images(one: Arc, two: Arc) -> bool:

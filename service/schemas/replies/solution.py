@@ -31,7 +31,7 @@ class WindowOut(ResponseModel):
     index: int = Field(description="Its number among the windows of the curve, from 0.")
     ends: tuple[str, str] = Field(
         description="Ends at the smallest and the largest |g1|: `pole`, `rest`, `equator`, `equilibrium`,"
-        " `standstill` or `edge`."
+        " `standstill`, `collision` or `edge`."
     )
     g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")

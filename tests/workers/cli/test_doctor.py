@@ -25,6 +25,7 @@ from tests.workers.chores import do_chunk
 from workers.cli.main import main
 from workers.computation.comparison import Sameness
 from workers.computation.compute import solve_document
+from workers.computation.outdated import COLLISIONS, check_windows
 from workers.computation.reproduction import repeat_solutions
 
 pytestmark = pytest.mark.any_database
@@ -278,3 +279,33 @@ def test_the_command_line_hands_over_to_the_worker(sqlite_url):
     result = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert (result.returncode, result.stderr) == (0, "")
     assert json.loads(result.stdout)["clean"]
+
+
+def beside_a_pole(window, **motion):
+    expression = "-g1-(2*g1^2+g3^2)/20/(1/2-g2)"
+    start = {"at": "equator", "s_sign": -1} if window else {"at": "rest"}
+    return {
+        **PLANAR,
+        "body": {"A": 2, "C": 1},
+        "potential": {"type": "expression", "expression": expression},
+        "motion": {"type": "planar", "lambda": 1, "window": window, "start": start, **motion},
+        "time": {"times": [0, "1/10"]},
+    }
+
+
+@pytest.mark.parametrize(("window", "count"), [(0, 0), (1, 1)])
+def test_solutions_of_earlier_versions_beside_an_infinite_p_squared_are_listed(jobs, database, window, count):
+    """The window that ends at g2 = 1/2, where p² is infinite, and not the one that turns back before it."""
+    solution = solve(jobs, beside_a_pole(window))
+
+    def numerics(value):
+        with database.write() as session:
+            row = session.get(SolutionRow, solution)
+            row.summary = {**row.summary, "provenance": {**row.summary["provenance"], "numerics": value}}
+
+    numerics(COLLISIONS)
+    assert check_windows(database).broken == 0
+    numerics(COLLISIONS - 1)
+    found = check_windows(database)
+    assert (found.broken, found.is_warning, found.is_clean) == (count, True, True)
+    assert [example.partition(":")[0] for example in found.examples] == [solution] * count
