@@ -17,6 +17,7 @@ from service.api.reading_threads import ReadingThreads, SharedAnswer
 from service.api.replies.kept_answers import KeptAnswers
 from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
+from service.jobs.kernels import Kernels
 from service.jobs.store import JobStore
 from service.local.restarts import WorkerStanding
 from service.local.wakeup import Doorbell
@@ -63,7 +64,7 @@ class Resources:
     """Limits the number of clients that wait for their job, since each one polls the database."""
     metrics_text: SharedAnswer[bytes]
     """What /metrics answers."""
-    checks: SharedAnswer[tuple[dict[str, str], WorkersState]]
+    checks: SharedAnswer[tuple[dict[str, str], WorkersState, Kernels | None]]
     """What /readyz tells."""
     local_worker: Callable[[], WorkerStanding] | None
     """Returns the status of the worker process beside this service, if there is one."""

@@ -256,6 +256,14 @@ class HealthOut(ResponseModel):
     checks: dict[str, str] = Field(description="The checks, each `ok`; empty for /livez.")
 
 
+class CompilingOut(ResponseModel):
+    """Kernels that are compiled in the background; until they are ready jobs are solved without them."""
+
+    done: int = Field(description="Kernels that are compiled, at the worker that has the fewest.")
+    of: int = Field(description="All kernels.")
+    seconds: float | None = Field(description="About how many seconds are left; null while nobody knows.")
+
+
 class ReadinessOut(HealthOut):
     """The service accepts jobs."""
 
@@ -263,4 +271,9 @@ class ReadinessOut(HealthOut):
         description="`warm`: some worker computes any job at once, with all code loaded. `starting`: the "
         "workers that are there still load, and compute planar motions already or soon. "
         "`none`: jobs wait until a worker is started."
+    )
+    compiling: CompilingOut | None = Field(
+        default=None,
+        exclude_if=lambda compiling: compiling is None,
+        description="How far the compiled code is that makes jobs fast; absent when all of it is there.",
     )

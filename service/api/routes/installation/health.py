@@ -11,9 +11,9 @@ from service.api.dependencies import Inside, Resources
 from service.api.queries.queries import without_query
 from service.api.replies.errors import ApiError
 from service.api.replies.responses import json_response, refusals
-from service.jobs.kernels import most_missing
+from service.jobs.kernels import Kernels, most_missing
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.replies.solution import HealthOut, ReadinessOut
+from service.schemas.replies.solution import CompilingOut, HealthOut, ReadinessOut
 from service.storage.database.revisions import fault_of, stored_revision
 from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFileError
 from service.storage.jobs.worker_registry import WorkerRegistry, WorkersState
@@ -39,9 +39,8 @@ async def get_readiness(inside: Inside) -> Response:
     So are workers that still start: `workers` says whether a job would be computed now; and so is a task that
     compiles kernels, with how far it is: until it ends jobs are solved without them.
     """
-    told, workers = await inside.checks.get()
+    told, workers, kernels = await inside.checks.get()
     checks = dict(told)
-    kernels = checks.pop("kernels", None)
     bad = [f"{name}: {said}" for name, said in checks.items() if said != OK]
     if bad:
         raise ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "not_ready", "; ".join(bad), extras={"checks": checks})
@@ -49,21 +48,24 @@ async def get_readiness(inside: Inside) -> Response:
         checks["write_ahead_log"] = log
     if inside.local_worker is not None:
         checks["worker"] = str(inside.local_worker())
-    if kernels is not None:
-        checks["kernels"] = kernels
-    return json_response(ReadinessOut(status="ok", checks=checks, workers=workers))
+    compiling = None
+    if kernels is not None and kernels.fault is not None:
+        checks["kernels"] = str(kernels)
+    elif kernels is not None:
+        compiling = CompilingOut(done=kernels.done, of=kernels.of, seconds=kernels.seconds)
+    return json_response(ReadinessOut(status="ok", checks=checks, workers=workers, compiling=compiling))
 
 
-def checks_of(inside: Resources) -> tuple[dict[str, str], WorkersState]:
-    """Look whether everything works; return what is wrong by part, and the state of the workers."""
+def checks_of(inside: Resources) -> tuple[dict[str, str], WorkersState, Kernels | None]:
+    """Look whether everything works; return what is wrong by part, the workers, and kernels they lack."""
     checks = {"database": _database(inside), "sandbox": _sandbox(inside)}
     if checks["database"] != OK:
-        return checks, "none"
+        return checks, "none", None
+    kernels = None
     with suppress(SQLAlchemyError):  # the next request says so
         registry = WorkerRegistry(inside.database, lease_seconds=inside.settings.lease_seconds)
-        if (slowest := most_missing(registry.kernels())) is not None:
-            checks["kernels"] = str(slowest)
-    return checks, _workers(inside)
+        kernels = most_missing(registry.kernels())
+    return checks, _workers(inside), kernels
 
 
 def _log_of(inside: Resources) -> str | None:
