@@ -42,6 +42,8 @@ ALONGSIDE: Group = "states"
 _NICENESS = 10
 _ENOUGH_MB = 2000
 """Memory that must be available before a background task begins: its two processes take 1.2 GB and less."""
+_ENOUGH_MADE = 10
+"""Kernels after which it is told how long the others may take."""
 _LOOK_SECONDS = 0.5
 
 
@@ -149,7 +151,9 @@ def _watched(notes: Path, tell: Callable[[Kernels], None]) -> Iterator[None]:
         while not is_over.wait(1.0):
             done, elapsed = _count(folders), time.monotonic() - began
             made, left = done - at_first, max(KERNELS - done, 1)
-            how_far = Kernels(done, done + left, round(elapsed * left / made) if made else None)
+            how_far = Kernels(
+                done, done + left, round(elapsed * left / made) if made >= _ENOUGH_MADE else None
+            )
             part = notes.with_suffix(f".{os.getpid()}")
             with suppress(OSError):
                 part.write_text(json.dumps(how_far.document()))

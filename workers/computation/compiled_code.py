@@ -5,12 +5,16 @@ of Python, numba and the processor. Those are its address: what has changed is l
 has not is found, whoever compiled it. Many versions may use a folder at once; nothing in it is changed.
 
 Outside of the compiling task nothing compiles. Where code is missing, :class:`.ways.NotReadyError` is raised,
-and jobs go the plain way. Files are looked for here and not in the solvers, which are pure, and not in the
-worker process, since jobs are also solved without one: by commands, calibrations and tests.
+and jobs go the plain way. Tests look for kernels that no group has; one that is met all the same is compiled
+where it is met, once all groups are complete.
+
+Files are looked for here and not in the solvers, which are pure, and not in the worker process, since jobs
+are also solved without one: by commands, calibrations and tests.
 """
 
 import hashlib
 import importlib
+import logging
 import os
 import re
 import shutil
@@ -26,6 +30,8 @@ import numpy as np
 from service.versions import version_of
 from workers.computation.processor import libraries, processor
 from workers.solvers import compiled, ways
+
+logger = logging.getLogger(__name__)
 
 FOLDER_VARIABLE = "NUMBA_CACHE_DIR"
 """Names another folder; what is in it is run, so nobody else may be able to write to it."""
@@ -79,7 +85,8 @@ class KernelCode:
         Raises
         ------
         NotReadyError
-            It is not there, and this process does not compile.
+            It is not there, and this process does not compile: as long as a group is not complete, or a
+            setting fixes the way. Else no group has it, and nobody would ever compile it.
         """
         # Else nothing can be loaded into it.
         context.refresh()
@@ -89,8 +96,13 @@ class KernelCode:
             rebuilt: object = _numba("compiler").CompileResult._rebuild(context, *found)
             return rebuilt
         if not _Compiling.is_allowed:
-            raise ways.NotReadyError(f"{self._name} is not compiled for arguments of {types}")
+            self._tell_missing(types)
         return None
+
+    def _tell_missing(self, types: object) -> None:
+        if fixed_way() is not None or not is_ready(*GROUPS):
+            raise ways.NotReadyError(f"{self._name} is not compiled for arguments of {types}")
+        logger.warning("%s is in no group of kernels for these arguments; it is compiled now", self._name)
 
     def save_overload(self, types: object, code: Any) -> None:  # noqa: ANN401
         """Keep code that was just compiled; without a folder it is for this process alone."""

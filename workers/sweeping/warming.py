@@ -56,6 +56,11 @@ PROBLEMS: Mapping[str, Document] = MappingProxyType(
             "potential": {"type": "gravity", "a": "-1"},
             "outputs": [*_OUTPUTS, "stability"],
         },
+        "next to an end": {
+            **_BASE,
+            "motion": {"type": "planar", "lambda": "1", "start": {"g1": "1000001/10000000"}},
+            "accuracy": {"tier": "high"},
+        },
         "other moments": {**_BASE, **_OTHER_MOMENTS, "accuracy": {"tier": "high"}},
     }
 )

@@ -10,7 +10,9 @@ from service.dynamics.accuracy import TIERS
 from service.jobs.outcome import Solved
 from service.sandbox import Sandbox
 from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.sweep.reading import read_sweep
 from tests.conformance.specimens import CATALOGUE
+from tests.workers.sweeping.test_sweeping import IN_BLOCKS, IN_MOVING
 from workers.computation.compiled_code import keep_compiled_code
 from workers.computation.compute import solve_document
 from workers.solvers.compiled.evaluation.interpreter import power
@@ -76,6 +78,14 @@ def test_sweeps_in_blocks_of_numbers_bodies_and_states(child, tier):
         sweep = {"base": base, "axes": [{"pointer": pointer, "values": values}], "keep": ["energy", "error"]}
         asked = {"sweep": sweep, "first": 0, "count": len(values), "way": "compiled"}
         assert child.run(compute_chunk, json.dumps(asked), seconds=None).refused == refused
+
+
+@pytest.mark.parametrize("name", [*IN_BLOCKS, *IN_MOVING])
+def test_all_kinds_of_sweeps_in_blocks(child, name):
+    document = {**IN_BLOCKS, **IN_MOVING}[name]
+    count = min(64, read_sweep(document).points)
+    asked = {"sweep": document, "first": 0, "count": count, "way": "compiled"}
+    assert child.run(compute_chunk, json.dumps(asked), seconds=None).count
 
 
 def test_the_child_does_not_compile(child):

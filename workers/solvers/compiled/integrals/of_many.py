@@ -56,7 +56,8 @@ def drifts_of_many(
         constants,
         rests,
         moments,
-        energies,
+        # Also where they are a column of others: one type of arguments is compiled.
+        np.ascontiguousarray(energies),
         np.ascontiguousarray(samples),
         wanted,
         out,
