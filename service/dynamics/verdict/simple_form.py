@@ -19,6 +19,8 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
+from service.dynamics.formula.register_polynomials import RegisterPolynomials
+from service.dynamics.formula.rewriting import copied
 from service.dynamics.formula.tape import Instruction, Tape, compile_tape
 from service.dynamics.formula.tree import Tree
 from service.dynamics.potentials.potential import FormulaPotential, Potential
@@ -167,12 +169,26 @@ def _may_hide(tape: Tape) -> bool:
         trigonometric |= {name} & {"sin", "cos", "tan"}
     if "tan" in trigonometric or len(trigonometric) == 2:
         return True
+    if _has_constant_sum(tape):
+        return True
     values = _values(tape, arb(0))
     sizes = sorted(float(abs(value).upper()) for value in values)
     usual = sizes[len(sizes) // 2]
     return not all(
         float(value.rad()) <= NOISE * 2.0**-_BITS * max(usual, float(abs(value).lower())) for value in values
     )
+
+
+def _has_constant_sum(tape: Tape) -> bool:
+    """Tell whether a polynomial in the formula is a number on the sphere, as g1² + g2² + g3² is."""
+    builder, registers = copied(tape)
+    polynomials = RegisterPolynomials(builder, (0, 1, 2))
+    for register, made in enumerate(tape.instructions, start=len(tape.variables)):
+        if made.operation in ("add", "subtract"):
+            found = polynomials.of(registers[register])
+            if found is not None and not found.is_constant() and polynomials.on_sphere(found).is_constant():
+                return True
+    return False
 
 
 def _gain(simple: Tape, tape: Tape, widths: Sequence[float]) -> float:
