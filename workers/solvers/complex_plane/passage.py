@@ -78,18 +78,18 @@ class Passage:
         curve, loop = self.curve, self.curve.loop
         n, side = curve.unit, curve.side
         cosine, tangent = (phi / 2).cos(), (phi / 2).tan()
-        below = _raised(tangent, n - 1, analytic=analytic)
+        below = _raised(tangent, n - 1)
         X = below * tangent
         square = X * X
         total = 1 + square
         root = tangent * (2 / total).pow(acb(1) / n, analytic=analytic)
         whole = loop.alpha * n
-        quotient = _quotient(root * root, whole.numerator, n, analytic=analytic)
+        quotient = _quotient(root * root, whole.numerator, n)
         c_squared = loop.Z * loop.Z + loop.G * loop.G * quotient
         at = ComplexPlace(
             sine=side * 2 * X / total,
             cosine=(-1) ** self.pole * (1 - square) / total,
-            power=_raised(root, whole.numerator - n, analytic=analytic),
+            power=_raised(root, whole.numerator - n),
             turn=acb(side),
             c_squared=c_squared,
             c=c_squared.sqrt(analytic),
@@ -103,17 +103,16 @@ class Passage:
         return 2 * (tangent.log() / self.curve.unit).exp().atan() if tangent > 0 else arb.nan()
 
 
-def _raised(base: acb, exponent: int, *, analytic: bool) -> acb:
-    """Return a whole power; by logarithms, which keep wide balls narrower, where there are any."""
-    logarithm = base.log(analytic)
-    return (exponent * logarithm).exp() if logarithm.is_finite() else base**exponent
+def _raised(base: acb, exponent: int) -> acb:
+    """Return a whole power; by logarithms, which keep wide balls narrower, where their branch is certain."""
+    return (exponent * base.log()).exp() if base.real > 0 else base**exponent
 
 
-def _quotient(ratio: acb, count: int, other: int, *, analytic: bool) -> acb:
+def _quotient(ratio: acb, count: int, other: int) -> acb:
     """Return (1 − x^count) / (1 − x^other)."""
-    power = _raised(ratio, other, analytic=analytic)
+    power = _raised(ratio, other)
     if power.abs_upper() < FAR:
-        return (1 - _raised(ratio, count, analytic=analytic)) / (1 - power)
+        return (1 - _raised(ratio, count)) / (1 - power)
     return _geometric(ratio, count) / _geometric(ratio, other)
 
 
