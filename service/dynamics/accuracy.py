@@ -66,8 +66,13 @@ MotionKind = Literal[
 """Of a periodic planar motion its ends, where |g1| is smallest and where it is largest."""
 MOTION_KINDS: tuple[MotionKind, ...] = get_args(MotionKind)
 
-Family = Literal["three-term", "rational", "general alpha", "integral"]
-"""a1 g1 + b1/g3² + c1 (g1² − g2²) with A = 2C; rational with A = 2C; a formula with any A/C; an integral."""
+Family = Literal["three-term", "rational", "general alpha", "function", "integral"]
+"""a1 g1 + b1/g3² + c1 (g1² − g2²) with A = 2C; rational with A = 2C; any A/C; a formula with exp, sin, ...;
+an integral."""
+
+PERIODIC: tuple[MotionKind, ...] = MOTION_KINDS[:4]
+BY_FORMULA: tuple[Family, ...] = ("function", "integral")
+"""Families whose formulas cost more than what the window is like."""
 
 Source = Literal["shipped", "measured"]
 Reference = Literal["certified", "integration"]
@@ -207,12 +212,25 @@ def best_tier(
     return TierChoice(cheapest, seconds[cheapest], fits=False)
 
 
-def expected_seconds(
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What is expected of a tier by its slowest comparable row."""
+
+    seconds: float
+    error: float
+    """The largest that a comparable solution claimed."""
+
+
+def expected(
     table: AccuracyTable, tier: Tier, samples: int, kind: MotionKind, family: Family | None = None
-) -> float | None:
-    """Return the seconds of ``tier`` by its slowest comparable row; None if there is none."""
+) -> Expected | Unavailable | None:
+    """Return what is expected of ``tier``, or why comparable problems failed; None if neither is known."""
     rows = [row for row in _alike(table, kind, family) if row.tier == tier]
-    return max(row.seconds_for(samples) for row in rows) if rows else None
+    if rows:
+        slowest = max(row.seconds_for(samples) for row in rows)
+        return Expected(slowest, max(row.claimed_error for row in rows))
+    failed = [row for row in table.unavailable if (row.tier, row.kind) == (tier, kind)]
+    return next((row for row in failed if row.family == family), next(iter(failed), None))
 
 
 def motion_kind(kind: str, ends: Sequence[str]) -> MotionKind:
@@ -230,6 +248,10 @@ def _rounded_up(seconds: float) -> str:
 
 
 def _alike(table: AccuracyTable, kind: MotionKind, family: Family | None) -> tuple[AccuracyRow, ...]:
+    """Return comparable rows; a formula with functions costs what such formulas cost, whatever the window."""
     of_kind = tuple(row for row in table.rows if row.kind == kind)
     of_family = tuple(row for row in of_kind if family in (None, row.family))
-    return of_family or of_kind or table.rows
+    functions: tuple[AccuracyRow, ...] = ()
+    if family in BY_FORMULA and kind in PERIODIC:
+        functions = tuple(row for row in table.rows if row.family == family and row.kind in PERIODIC)
+    return of_family or functions or of_kind or table.rows

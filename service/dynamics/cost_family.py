@@ -7,14 +7,18 @@ from service.dynamics.potentials.recognition.three_terms import recognise
 
 MOST_PRODUCTS = 500
 """Usual three-term formulas need some ten products; the limit protects against costly formulas."""
+FUNCTIONS = frozenset({"exp", "log", "sin", "cos", "tan"})
+"""That are no powers: series of them have no end."""
 
 
 def family_of(body: RigidBody, potential: Potential) -> Family:
     """Return the family of a potential, however its formula is written."""
     try:
-        assert potential.tape
+        instructions = potential.tape.instructions
     except NoClosedFormError:
         return "integral"
     if recognise(body, potential, most_products=MOST_PRODUCTS) is not None:
         return "three-term"
+    if any(each.operation == "general_power" or each.name in FUNCTIONS for each in instructions):
+        return "function"
     return "rational" if body.A == 2 * body.C else "general alpha"

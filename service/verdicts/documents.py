@@ -79,8 +79,8 @@ def motion_counterexample(error: InadmissibleMotionError) -> Document:
 def plan_document(problem: Problem, window: Document | None) -> Document:
     """Return the plan of a job for ``problem``; ``window`` is that of its planar motion.
 
-    The expected seconds and the stored solution, which depend on an installation, are null; with a
-    budget, the tier is the one before the budget has been turned into a tier.
+    The expected seconds, the tiers and the stored solution, which depend on an installation, are left out;
+    with a budget, the tier is the one before the budget has been turned into a tier.
     """
     is_state = isinstance(problem.motion, StateMotion)
     method = problem.method if problem.method != "auto" else "integration" if is_state else "quadrature"
@@ -91,6 +91,7 @@ def plan_document(problem: Problem, window: Document | None) -> Document:
         "samples": len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples,
         "window": window,
         "expected_seconds": None,
+        "tiers": [],
         "solution": None,
     }
 

@@ -1,5 +1,9 @@
 """The page of accuracy: the table of the installation as a picture, and what samples cost."""
 
+import json
+from itertools import pairwise
+from urllib.parse import quote
+
 from playwright.sync_api import expect
 
 from tests.support.browser import settle
@@ -49,3 +53,44 @@ def test_other_methods_and_the_outputs_are_shown_with_where_they_were_measured(t
     expect(rows).to_have_count(len(outputs))
     for k, row in enumerate(outputs):
         expect(rows.nth(k)).to_contain_text(f"{row['problem']}{row['output']}")
+
+
+def test_the_page_tells_where_a_tier_saves_time_and_where_it_does_not(tab):
+    page = tab.open("accuracy")
+    settle(page)
+    rows = tab.site.service.call("GET", "/v1/accuracy").document["rows"]
+    for tier, better in (("draft", "standard"), ("standard", "high"), ("high", "certified")):
+        of = {name: {} for name in (tier, better)}
+        for row in rows:
+            if row["tier"] in of:
+                of[row["tier"]].setdefault((row["kind"], row["family"]), []).append(row["seconds"])
+        pairs = [
+            pair
+            for key, mine in of[tier].items()
+            for pair in zip(mine, of[better].get(key, []), strict=False)
+        ]
+        faster = sum(one < 0.8 * other for one, other in pairs)
+        words = f"{tier} saves time beside {better} on {faster} of {len(pairs)} problems"
+        expect(page.locator("#savings")).to_contain_text(words)
+
+
+def test_the_workbench_tells_of_each_tier_what_it_costs_on_this_problem(tab):
+    document = {
+        "body": {"A": 2, "C": 1}, "potential": {"type": "gravity", "a": -1},
+        "motion": {"type": "planar", "lambda": 1}, "time": {"periods": 1, "samples": 201},
+    }  # fmt: skip
+    page = tab.open("workbench#" + quote(json.dumps(document)))
+    settle(page)
+    plan = tab.site.service.call("POST", "/v1/validations", document).document["plan"]
+    for each, better in pairwise([*plan["tiers"], None]):
+        shown = page.locator(f"#tiers [data-tier={each['tier']}]")
+        expect(shown).to_contain_text(f"{1000 * each['expected_seconds']:.2g}"[:3])
+        saves = better is None or each["expected_seconds"] < 0.8 * better["expected_seconds"]
+        assert ("no faster than" in shown.inner_text()) != saves
+    state = {"type": "state", "omega": ["2/5", 0, "9/10"], "gamma": ["3/5", 0, "4/5"]}
+    document |= {"body": {"A": 2, "B": "3/2", "C": 1}, "motion": state, "time": {"stop": 10, "samples": 11}}
+    page = tab.open("workbench#" + quote(json.dumps(document)))
+    page.reload()
+    settle(page)
+    # The certified tier has planar motions only: the reason stands where its cost would.
+    expect(page.locator("#tiers [data-tier=certified]")).to_contain_text("needs the quadrature")

@@ -1,5 +1,6 @@
 """The choice of a tier, by a tolerance or by a budget."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import pytest
@@ -11,8 +12,10 @@ from service.dynamics.accuracy import (
     TIER_TOLERANCES,
     TIERS,
     AccuracyTable,
+    Expected,
     best_tier,
     cheapest_tier,
+    expected,
     motion_kind,
 )
 from service.dynamics.cost_family import family_of
@@ -29,7 +32,7 @@ rows = st.builds(
     row,
     st.sampled_from(TIERS),
     st.sampled_from(MOTION_KINDS),
-    st.sampled_from(["three-term", "rational", "integral"]),
+    st.sampled_from(["three-term", "rational", "function", "integral"]),
     seconds=seconds,
     seconds_per_1000=seconds,
 )
@@ -111,6 +114,20 @@ def test_a_family_that_is_known_is_not_judged_by_slower_ones():
     assert best_tier(found, 1.0, 1000, "rest to rest", "rational").tier == "draft"
 
 
+def test_what_is_expected_of_a_tier_is_that_of_its_slowest_comparable_row():
+    coarse = replace(row("draft", seconds=0.1), claimed_error=1e-7)
+    functions = row("draft", "rest to equator", "function", seconds=2)
+    found = table(coarse, row("draft", seconds=0.3), functions)
+    known = expected(found, "draft", 1000, "rest to rest", "three-term")
+    assert known == Expected(0.3, 1e-7)
+    # What formulas with functions cost depends on these more than on the window.
+    known = expected(found, "draft", 1000, "rest to rest", "function")
+    assert known == Expected(2, functions.claimed_error)
+    assert expected(found, "draft", 1000, "rest to rest", "rational") == Expected(0.3, 1e-7)
+    assert expected(found, "certified", 1000, "aperiodic", "rational") is found.unavailable[0]
+    assert expected(found, "high", 1000, "rest to rest", "three-term") is None
+
+
 def test_seconds_grow_with_the_samples_beyond_the_measured_thousand():
     measured = row(seconds=0.1, seconds_per_1000=0.01)
     assert measured.seconds_for(1000) == 0.1
@@ -149,6 +166,8 @@ def test_the_budget_that_a_refusal_names_is_accepted(cost):
         ("-(g1*g3 - 1/(20*g3))/g3 + 7", 2, "three-term"),
         ("-2*g1 + 1/(20*g3^2) + 1/(200*g3^4)", 2, "rational"),
         ("-g1", 3, "general alpha"),
+        ("-g1 + (2*g1^2 + g3^2)*exp(g2)", 2, "function"),
+        ("-g1 + 2^g2", 3, "function"),
         # Too dear to expand just for an expectation: it is taken for the dearer family.
         ("((g1+g2+g3)^30 - (g1+g2+g3)^30) - g1", 2, "rational"),
     ],

@@ -98,6 +98,10 @@ CASES = (
         {"type": "planar", "lambda": "4/5"}, is_quick=True,
     ),
     Case(
+        "rest to equator", "function", _DOUBLE,
+        _formula("-g1 + 1/20/g3^2 + (2*g1^2 + g3^2)*exp(g2)/20"), _NU_1,
+    ),
+    Case(
         "rest to equator", "integral", {"A": "17/10", "B": "7/5", "C": 1},
         {"type": "general", "F": "exp(-w)", "G": "-3*(6/10 - g2^2) + 3/10*g2"},
         {"type": "planar", "lambda": "11/10"}, stop="999/256",

@@ -21,11 +21,21 @@ from service.api.submission import needs_verdict, settle
 from service.api.verdicts.children import examine
 from service.api.verdicts.formulas import examine_with_formulas
 from service.api.verdicts.verdict_queue import Claimant
-from service.schemas.problem.budgets import seconds_of
-from service.schemas.problem.problem import Question, read_question
+from service.dynamics.accuracy import (
+    TIER_TOLERANCES,
+    TIERS,
+    AccuracyTable,
+    Expected,
+    Tier,
+    Unavailable,
+)
+from service.dynamics.problem import Problem
+from service.schemas.problem.budgets import expected_of_tiers
+from service.schemas.problem.problem import Question, check_problem, read_question
 from service.schemas.problem.sections import ProblemIn
 from service.schemas.problem.stated import CheckedProblem
 from service.schemas.reading.balls import ONE_AT_A_TIME
+from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
@@ -159,10 +169,46 @@ def _completed(
     window, table = plan["window"], AccuracyStore(inside.database).current()
     problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
     accepted = settle(problem, checked, window, table)
+    tiers = _tiers(problem, accepted.problem, window, table)
     return {
         **plan,
         "tier": accepted.problem.accuracy.tier,
         "tolerance": accepted.problem.tolerance,
-        "expected_seconds": seconds_of(accepted.problem, window, table),
+        "expected_seconds": tiers[TIERS.index(accepted.problem.accuracy.tier)]["expected_seconds"],
+        "tiers": tiers,
         "solution": inside.solutions.of_problem(accepted.digest),
     }
+
+
+def _tiers(
+    document: Mapping[str, object],
+    problem: Problem,
+    window: Mapping[str, object] | None,
+    table: AccuracyTable,
+) -> list[dict[str, object]]:
+    """Return what each tier is expected to do with a problem, or why it refuses it."""
+    told = list[dict[str, object]]()
+    for tier, expectation in expected_of_tiers(problem, window, table).items():
+        refusal = None if tier == problem.accuracy.tier else _refusal_at(document, tier)
+        if refusal is None and isinstance(expectation, Unavailable):
+            refusal = expectation.detail
+        known = expectation if refusal is None and isinstance(expectation, Expected) else None
+        told.append(
+            {
+                "tier": tier,
+                "tolerance": TIER_TOLERANCES[tier],
+                "expected_seconds": None if known is None else known.seconds,
+                "expected_error": None if known is None else known.error,
+                "unavailable": refusal,
+            }
+        )
+    return told
+
+
+def _refusal_at(document: Mapping[str, object], tier: Tier) -> str | None:
+    """Return why a problem is none at a tier."""
+    try:
+        check_problem({**document, "accuracy": {"tier": tier}})
+    except InvalidProblemError as refused:
+        return refused.faults[0].message
+    return None

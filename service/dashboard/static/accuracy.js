@@ -4,6 +4,7 @@ import { draw } from "./chart.js";
 
 const SYMBOLS = ["circle", "diamond", "square", "triangle-up", "x", "star"];
 const LINES = ["solid", "dash", "dot", "dashdot"];
+const WORTH = 0.8; // of the seconds of the next better tier: one that takes more saves no time
 const QUIET = 1.5; // load average above which times are not those of a quiet machine
 const HEADS = ["Tier", "Motion", "Family", "Error", "Claimed error", "Reference", "Its error", "Seconds for 1000 samples", "For each 1000 more"];
 const form = $("choice");
@@ -29,6 +30,18 @@ function showCosts(rows, tiers, samples) {
 }
 
 const where = ({ date, version, machine }) => `${date.slice(0, 10)}, version ${version}, on ${machine.cpus} × ${machine.model ?? "an unnamed processor"}, ${machine.system}`;
+
+/** Say on how many of the shown problems a tier is worth its digits: on the others the next better one takes no longer. */
+function showSavings(rows, tiers) {
+  const of = (tier) => rows.filter((row) => row.tier === tier);
+  const alike = (one) => (other) => one.kind === other.kind && one.family === other.family;
+  fill($("savings"), tiers.slice(0, -1).map((tier, k) => {
+    const pairs = of(tier).map((row) => [row, of(tiers[k + 1]).filter(alike(row))[of(tier).filter(alike(row)).indexOf(row)]]).filter(([, better]) => better);
+    const faster = pairs.filter(([row, better]) => row.seconds < WORTH * better.seconds);
+    const names = [...new Set(faster.map(([row]) => `${row.family}, ${row.kind}`))];
+    return pairs.length ? h("li", {}, `${tier} saves time beside ${tiers[k + 1]} on ${faster.length} of ${pairs.length} problems${faster.length && faster.length < pairs.length ? ` (${names.join("; ")})` : ""}.`) : null;
+  }).filter(Boolean));
+}
 
 /** Show ways to the same samples beside each other, each with a mark of its own, and what each output adds. */
 async function showComparison(comparison) {
@@ -68,6 +81,7 @@ run(async () => {
     fill($("table"), table("Errors and times of the tiers", HEADS, rows.map((row) =>
       [row.tier, row.kind, row.family, figure(row.error), figure(row.claimed_error), row.reference, figure(row.reference_error), figure(row.seconds), figure(row.seconds_per_1000)])));
     showCosts(rows, tiers, samples);
+    showSavings(rows, tiers);
     say(`${rows.length} measurements`);
     await draw($("picture"), (colours) => ({
       traces: tiers.map((tier, k) => {

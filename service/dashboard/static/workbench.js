@@ -9,6 +9,7 @@ const FIRST = {
   motion: { type: "planar", lambda: 2 }, time: { periods: 1, samples: 201 },
 };
 const FORMULAS = "?formulas=mathml";
+const WORTH = 0.8; // of the seconds of the next better tier: one that takes more saves no time
 const OVER = ["succeeded", "failed", "cancelled"];
 
 let timer = null;
@@ -70,6 +71,7 @@ async function look() {
 
 function showPlan(plan) {
   const seconds = plan?.expected_seconds;
+  if (plan) describeTiers(plan.tiers);
   fill($("plan"), plan ? [`${plan.method}, ${plan.samples} samples`, seconds ? `, about ${number(1000 * seconds, 2)} ms` : "",
     plan.solution ? [". Solved before: ", h("a", { href: `./solution?id=${plan.solution}` }, "its solution")] : ""].flat() : null);
 }
@@ -146,16 +148,26 @@ async function submit() {
   }
 }
 
-/** Show beside each tier what it costs and reaches here: the medians of the installation's table. */
+/** Say beside each tier what it is expected to cost and to reach, and where it saves no time; or why it is not to be had. */
+function describeTiers(tiers) {
+  tiers.forEach(({ tier, expected_seconds: seconds, expected_error: error, unavailable }, k) => {
+    const better = tiers[k + 1];
+    const saves = !better?.expected_seconds || seconds < WORTH * better.expected_seconds;
+    const cost = seconds === null ? "not measured here" : `${number(1000 * seconds, 2)} ms, reaches ${number(error, 1)}${saves ? "" : `; no faster than ${better.tier}`}`;
+    document.querySelector(`#tiers [data-tier=${tier}]`).textContent = unavailable ?? cost;
+  });
+}
+
+/** Show the tiers; until there is a plan of this problem, with the medians of the installation's table. */
 async function showTiers() {
   const { rows, tolerances } = await get("v1/accuracy");
   const chosen = problemOf().accuracy.tier;
-  const median = (values) => values.sort((x, y) => x - y)[Math.floor(values.length / 2)];
-  fill($("tiers"), Object.keys(tolerances).map((tier) => {
+  const median = (values) => values.sort((x, y) => x - y)[Math.floor(values.length / 2)] ?? null;
+  fill($("tiers"), Object.keys(tolerances).map((tier) => h("label", { class: "tier" }, h("input", { type: "radio", name: "tier", value: tier, checked: tier === chosen }),
+    h("span", {}, h("strong", {}, tier), ` ≤ ${number(tolerances[tier], 1)}`), h("span", { class: "error", "data-tier": tier }))));
+  describeTiers(Object.keys(tolerances).map((tier) => {
     const of = rows.filter((row) => row.tier === tier && row.kind !== "any state");
-    const cost = of.length ? `${number(1000 * median(of.map((row) => row.seconds)), 2)} ms, reaches ${number(median(of.map((row) => row.claimed_error)), 1)}` : "not measured here";
-    return h("label", { class: "tier" }, h("input", { type: "radio", name: "tier", value: tier, checked: tier === chosen }),
-      h("span", {}, h("strong", {}, tier), ` ≤ ${number(tolerances[tier], 1)}`), h("span", { class: "error" }, cost));
+    return { tier, expected_seconds: median(of.map((row) => row.seconds)), expected_error: median(of.map((row) => row.claimed_error)), unavailable: null };
   }));
 }
 

@@ -3,11 +3,15 @@
 from collections.abc import Mapping
 
 from service.dynamics.accuracy import (
+    TIERS,
     AccuracyTable,
+    Expected,
     MotionKind,
+    Tier,
     TierChoice,
+    Unavailable,
     best_tier,
-    expected_seconds,
+    expected,
     motion_kind,
 )
 from service.dynamics.cost_family import family_of
@@ -40,10 +44,12 @@ def choose_tier(problem: Problem, window: Document | None, table: AccuracyTable)
     return best_tier(table, budget, _samples(problem), kind, family).require_fit(budget)
 
 
-def seconds_of(problem: Problem, window: Document | None, table: AccuracyTable) -> float | None:
-    """Return the expected seconds of ``problem``, None if the table lacks its tier."""
+def expected_of_tiers(
+    problem: Problem, window: Document | None, table: AccuracyTable
+) -> dict[Tier, Expected | Unavailable | None]:
+    """Return what is expected of ``problem`` at each tier, by the table alone."""
     kind, family = _kind_of(problem, window), family_of(problem.body, problem.potential)
-    return expected_seconds(table, problem.accuracy.tier, _samples(problem), kind, family)
+    return {tier: expected(table, tier, _samples(problem), kind, family) for tier in TIERS}
 
 
 def with_tier(document: Document, choice: TierChoice) -> dict[str, object]:

@@ -196,6 +196,23 @@ class NoticeOut(ResponseModel):
     pointer: str = Field(description="JSON pointer to the field it is about.")
 
 
+class TierPlanOut(ResponseModel):
+    """What a tier is expected to cost and to reach on the problem that was sent, or why it cannot."""
+
+    tier: Literal["draft", "standard", "high", "certified"] = Field(description="The tier.")
+    tolerance: float = Field(description="What it promises.")
+    expected_seconds: float | None = Field(
+        description="By the slowest comparable problem of the accuracy table; null if there is none. A tier"
+        " saves time only where this is less than that of the next better one."
+    )
+    expected_error: float | None = Field(
+        description="The largest error that a comparable solution claimed; for `certified` a proven radius."
+    )
+    unavailable: str | None = Field(
+        description="Why the problem has no solution at this tier, or comparable ones had none; else null."
+    )
+
+
 class PlanOut(ResponseModel):
     """How a job would solve the problem that was sent."""
 
@@ -214,6 +231,7 @@ class PlanOut(ResponseModel):
     expected_seconds: float | None = Field(
         description="Expected seconds from the accuracy table of the installation; null if it lacks the tier."
     )
+    tiers: list[TierPlanOut] = Field(description="The same problem at each tier, from draft to certified.")
     solution: str | None = Field(
         description="Id of a stored solution of this problem: a job would return it at once, `reused`."
     )

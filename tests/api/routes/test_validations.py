@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from service.dynamics.accuracy import TIER_TOLERANCES, TIERS
 from service.verdicts.examination import examine_problem, examine_question
 from tests.support.api import PLANAR, STATE, finish
 
@@ -112,6 +113,31 @@ def test_a_plan_says_what_a_job_would_do_and_nothing_is_stored(client):
     assert plan["expected_seconds"] > 0
     assert found["decomposition"] is not None
     assert client.get("/v1/jobs").json()["total"] == 0
+
+
+def test_a_plan_tells_all_four_tiers(client):
+    plan = validated(client, {**PLANAR, "accuracy": {"tolerance": "1e-12"}})["plan"]
+    tiers = plan["tiers"]
+    assert [each["tier"] for each in tiers] == list(TIERS)
+    assert [each["tolerance"] for each in tiers] == [TIER_TOLERANCES[tier] for tier in TIERS]
+    for each in tiers:
+        # Every tier has solved polynomials, and none has claimed more than it promises.
+        assert each["unavailable"] is None
+        assert each["expected_seconds"] > 0
+        assert 0 < each["expected_error"] <= each["tolerance"]
+    assert plan["expected_seconds"] == tiers[2]["expected_seconds"]
+
+
+def test_a_plan_tells_why_there_is_no_solution_at_a_tier(client):
+    *others, certified = validated(client, STATE)["plan"]["tiers"]
+    assert [each["unavailable"] for each in others] == [None, None, None]
+    told = validation_of(client, {**STATE, "accuracy": {"tier": "certified"}})
+    assert certified["unavailable"] == told["errors"][0]["message"]
+    assert (certified["expected_seconds"], certified["expected_error"]) == (None, None)
+
+
+def validation_of(client, document):
+    return client.post("/v1/validations", json=document).json()
 
 
 def test_a_budget_is_turned_into_the_tier_that_its_job_gets(client):
