@@ -53,7 +53,7 @@ def signs_in(signature: Signature) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class Bracket:
-    """A stretch of the half curve on which p² has one zero, or is infinite once: two distances from a pole."""
+    """A stretch of the half curve with one zero of p², or one infinity: between two distances from a pole."""
 
     hemisphere: int
     """The sign of g2."""
