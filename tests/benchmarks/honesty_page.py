@@ -66,8 +66,8 @@ NOT_COVERED = """## What is not covered
   state, the classical cases; of smooth potentials aperiodic motions, and those that pass a pole at
   which V has a logarithm.
 * Of hostile potentials those that are not admissible are judged by their verdicts alone, as are motions
-  into a collision by their windows alone. Admissible features are functions of g2 times A g1² + C g3², and
-  kinks on curves; there is none in F(w) but these.
+  into a collision at a pole by their windows alone. Admissible features are functions of g2 times
+  A g1² + C g3², and kinks on curves; there is none in F(w) but these.
 * Widths below 1e-8, more than two features at once, and times beyond {latest:.0f} periods ({rounds} of
   hostile problems).
 * Motions of potentials that are undecided (`"accept": "undecided"`): only what is proved is asked for.

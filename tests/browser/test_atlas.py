@@ -80,3 +80,23 @@ def test_a_click_on_the_legend_picks_no_motion(tab):
     expect(field).not_to_have_value("1/2")
     # Of the two clicks one picked something.
     assert wait_until(lambda: len(picked.json_value()) == 1)
+
+
+def test_an_end_where_p_squared_is_infinite_has_a_mark_and_a_name(tab):
+    """V = −(2 g1² + g3²)/g2²: p² is infinite on the equator, which a motion from either pole runs into."""
+    document = {
+        **SPLITTING,
+        "potential": {"type": "expression", "expression": "-(2*g1^2+g3^2)/g2^2"},
+        # There is no other place where it would start by itself.
+        "motion": {"type": "planar", "lambda": "1/2", "start": {"g1": "1/4"}},
+    }
+    page = tab.open("workbench#" + quote(json.dumps(document)))
+    settle(page)
+    page.locator("#atlas .legendtext").first.wait_for()
+    marks = page.evaluate(
+        "document.getElementById('atlas').data.filter(({end}) => end).map(({end, marker}) =>"
+        " [end, marker.symbol])"
+    )
+    assert sorted(marks) == [["collision", "star"], ["pole", "x"]]
+    assert "ends in a collision" in page.locator("#atlas .legendtext").all_text_contents()
+    expect(page.locator("#changes li").first).to_contain_text("pole to collision, collision")

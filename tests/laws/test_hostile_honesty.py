@@ -68,3 +68,13 @@ def test_windows_and_times_of_collisions_are_those_of_another_way(seed):
     for tier in ("draft", "standard") if facts["motion"] is not None else ():
         found = json.loads(judged_tier(text, tier))
         assert not found["faults"], named(text, found)
+
+
+def test_the_time_of_a_collision_counts_from_the_phase_of_the_start_and_not_from_its_rounding():
+    """The phases of a motion that ends reach much farther than what it does: this start was off by 7e-16."""
+    text = facts_of(1, 12, "infinite")
+    facts = json.loads(text)
+    assert facts["motion"]["window"]["kind"] == "collision"
+    found = json.loads(judged_tier(text, "standard"))
+    assert not found["faults"], named(text, found)
+    assert {"past", "future"} <= set(found["claims"])

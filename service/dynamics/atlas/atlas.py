@@ -30,6 +30,7 @@ from service.dynamics.potentials.families.general_solution import GeneralPotenti
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.recognition.constant_curve_function import formula_of
 from service.dynamics.problem import PlanarMotion, Sign
+from service.dynamics.reduction.sign_proofs.signs import INFINITE
 from service.dynamics.reduction.windows import find_windows
 
 BITS = 128
@@ -174,6 +175,9 @@ def _part(
         zeros = zeros_at_latitudes(halves, single, windows)
     else:
         zeros = [zeros_of(half, k, part, single) for k, half in enumerate(halves)]
+        if any(INFINITE in signature for signature in part.signatures):
+            infinite = zeros_at_latitudes(halves, single, windows, only="collision")
+            zeros = [one.beside(other) for one, other in zip(zeros, infinite, strict=True)]
     energy = Measured.between(*energies(half, single))
     series = series_of(halves, zeros, single, windows, row, energy, has_periods=has_periods)
     return AtlasPart(*ends, series, None)

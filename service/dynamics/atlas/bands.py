@@ -148,10 +148,10 @@ def _end(half: PlainHalves, zeros: Sequence[Zeros], v: arb, row: int, count: int
 def _column(zeros: Zeros, row: int, x: float, pole: float) -> int | None:
     middles = 0.5 * (zeros.low[row] + zeros.high[row])
     off = np.where(zeros.hemisphere == pole, np.abs(middles - x), np.inf)
-    if not off.size:
-        return None
-    best = int(np.argmin(np.where(np.isnan(off), np.inf, off)))
-    return best if off[best] <= SAME * x else None
+    # Of a zero, and of a place where p² is infinite, there may be two enclosures: the narrower one holds too.
+    widths = np.where(off <= SAME * x, zeros.high[row] - zeros.low[row], np.inf)
+    best = int(np.argmin(widths)) if off.size else 0
+    return best if off.size and widths[best] < np.inf else None
 
 
 def _period(half: PlainHalves, Z: FloatArray, G: FloatArray, arc: Arc, ends: Sequence[_End]) -> Measured:

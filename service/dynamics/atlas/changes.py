@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.atlas.bands import Measured
 from service.dynamics.atlas.curves import PlainHalves
-from service.dynamics.atlas.pictures import EQUATOR, Signature
+from service.dynamics.atlas.pictures import EQUATOR, Signature, signs_in
 from service.dynamics.atlas.zeros import Zeros
 
 FloatArray = NDArray[np.float64]
@@ -85,9 +85,9 @@ def _of_half(
 
 
 def _signs(signature: Signature) -> list[int]:
-    """Return the signs without the equator."""
+    """Return the signs along the whole half curve: those on both sides of the equator are one."""
     border = signature.index(EQUATOR)
-    return [*signature[:border], *signature[border + 2 :]]
+    return [*signs_in(signature[:border]), *signs_in(signature[border:])[1:]]
 
 
 def _meeting(half: PlainHalves, number: int, beside: Beside) -> tuple[int, Measured | None, Measured | None]:

@@ -15,7 +15,7 @@ from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
 from service.dynamics.atlas.radicands import equator_of
 from service.dynamics.atlas.zeros import Zeros
 from service.dynamics.potentials.recognition.latitudes import turns_by_latitude
-from service.dynamics.reduction.arc import Arc
+from service.dynamics.reduction.arc import Arc, ArcEnd
 from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
 from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
@@ -45,19 +45,27 @@ def stays_at_latitudes(halves: Sequence[HalfCurves]) -> bool:
 
 
 def zeros_at_latitudes(
-    halves: Sequence[HalfCurves], single: Sequence[LambdaStretch], windows: Sequence[Window]
+    halves: Sequence[HalfCurves],
+    single: Sequence[LambdaStretch],
+    windows: Sequence[Window],
+    *,
+    only: ArcEnd | None = None,
 ) -> list[Zeros]:
-    """Return for each half curve, at single λ, the zeros at the latitudes where the windows of one λ end."""
+    """Return for each half curve, at single λ, the zeros at the latitudes where the windows of one λ end.
+
+    ``only`` those ends that are of this kind: where p² is infinite it is at one g2 for every λ.
+    """
     latitudes: list[list[_Latitude]] = [[] for _ in halves]
     with ctx.workprec(PRECISION):
         for window in windows:
             for arc in window.arcs:
-                for number, latitude in _ends(halves, arc):
-                    latitudes[number].append(latitude)
+                for number, latitude, end in _ends(halves, arc):
+                    if only in (None, end):
+                        latitudes[number].append(latitude)
         return [_zeros(half, single, found) for half, found in zip(halves, latitudes, strict=True)]
 
 
-def _ends(halves: Sequence[HalfCurves], arc: Arc) -> Iterator[tuple[int, _Latitude]]:
+def _ends(halves: Sequence[HalfCurves], arc: Arc) -> Iterator[tuple[int, _Latitude, ArcEnd | None]]:
     """Yield the half curves of the ends of an arc with their latitudes; an equator is in both hemispheres."""
     loop = arc.loop
     for v, end in ((arc.lower, arc.lower_end), (arc.upper, arc.upper_end)):
@@ -70,10 +78,11 @@ def _ends(halves: Sequence[HalfCurves], arc: Arc) -> Iterator[tuple[int, _Latitu
         c = c_squared_range(loop.Z * loop.Z, loop.G * loop.G, alpha, log_sine, square).sqrt()
         first = loop.G * (alpha * log_sine).exp()
         rho = first * first + loop.Z * loop.Z * sine * sine
-        # Bounds enclose a simple zero; where others are is known to the bits in use, which is no bound.
-        room = arb(0) if end == "rest" else arb(0, LOOSE)
+        # Bounds enclose a simple zero, or one of 1/p²; where others are is known to the bits in use, which
+        # is no bound.
+        room = arb(0) if end in ("rest", "collision") else arb(0, LOOSE)
         for side in [1] if cosine > AT_EQUATOR else [-1] if cosine < -AT_EQUATOR else [1, -1]:
-            yield 1 if is_other and len(halves) > 1 else 0, (side, cosine * c + room, rho + room)
+            yield 1 if is_other and len(halves) > 1 else 0, (side, cosine * c + room, rho + room), end
 
 
 def _zeros(half: HalfCurves, single: Sequence[LambdaStretch], latitudes: Sequence[_Latitude]) -> Zeros:

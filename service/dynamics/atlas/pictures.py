@@ -4,13 +4,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import NARROWEST, QUARTER, Cells
+from service.dynamics.formula.algebras.intervals import IntervalAlgebra
+from service.dynamics.formula.vanishing import vanishing_parts
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
+    NARROWEST,
+    QUARTER,
+    Cells,
+    Loops,
+    axes,
+    heights,
+    scales,
+)
 from service.dynamics.reduction.sign_proofs.cells import Curves, look_at
+from service.dynamics.reduction.sign_proofs.infinities import limits_between
 from service.dynamics.reduction.sign_proofs.signs import (
     CELLS,
     FIRST,
+    INFINITE,
     Picture,
     cells_to_cut,
     chosen,
@@ -28,13 +41,19 @@ MOST_CUT = 192
 
 Signature = tuple[int, ...]
 """The signs of p² along a half curve from the north pole to the south pole, one for each stretch of one sign
-(``UNDEFINED`` where p² has no value), with ``EQUATOR`` between the hemispheres."""
+(``UNDEFINED`` where p² has no value), with ``EQUATOR`` between the hemispheres and ``INFINITE`` between two
+where p² is infinite."""
 UNDEFINED, EQUATOR = 2, 9
+
+
+def signs_in(signature: Signature) -> list[int]:
+    """Return the signs alone, between which p² has a zero or is infinite."""
+    return [sign for sign in signature if sign not in (EQUATOR, INFINITE)]
 
 
 @dataclass(frozen=True, slots=True)
 class Bracket:
-    """A stretch of the half curve on which p² has exactly one zero: between two distances from a pole."""
+    """A stretch of the half curve with one zero of p², or one infinity: between two distances from a pole."""
 
     hemisphere: int
     """The sign of g2."""
@@ -145,6 +164,51 @@ def _split(whole: Picture, owners: Sequence[int]) -> dict[int, Picture]:
     return {k: chosen(whole, np.flatnonzero(whole.cells.owner == k)) for k in owners}
 
 
+def with_infinities(curves: Curves, single: Loops, pictures: Sequence[Picture]) -> list[Picture]:
+    """Return the pictures with the gaps marked in which p² is proved to be infinite once, for every λ.
+
+    On both sides of it p² has the sign that it has beside the gap. ``single`` are loops of one λ of each.
+    """
+    found = list(pictures)
+    if not vanishing_parts(curves.tape):
+        return found
+    for k, picture in enumerate(pictures):
+        most = picture.most_zeros.copy()
+        for first, last in picture.open_gaps():
+            if first == 0 or last == len(most) or picture.is_infinite((first, last)):
+                continue
+            beside = int(picture.found.sign[first - 1]), int(picture.found.sign[last])
+            if (
+                0 not in beside
+                and _limits_in(curves, single, k, picture.cells.at(slice(first, last))) == beside
+            ):
+                most[first:last] = INFINITE
+        found[k] = replace(picture, most_zeros=most)
+    return found
+
+
+def _limits_in(curves: Curves, single: Loops, owner: int, gap: Cells) -> tuple[int, int] | None:
+    """Return the signs of p² on both sides of where it is infinite in a gap of the curves ``owner``."""
+    side, loops = float(gap.hemisphere[0]), curves.loops
+    if (gap.hemisphere != side).any():
+        return None
+    # Cells that were known before have the number of other curves.
+    cells = replace(gap, owner=np.full(len(gap.low), owner))
+    algebra = IntervalAlgebra(scales(loops, cells))
+    primed = [algebra.bounds(axis) for axis in axes(algebra, loops, cells)]
+    third, first_axis = (primed[0], primed[1]) if loops.shape.is_mirrored else (primed[1], primed[0])
+    box = [
+        arb(float(low.min())).union(arb(float(high.max())))
+        for low, high in (first_axis, heights(loops, cells), third)
+    ]
+    # Where the gap ends p² is bounded for every λ: what vanishes inside has one sign there.
+    near, far = float(cells.low.min()), float(cells.high.max())
+    x = np.array([near, far] if side > 0.0 else [far, near])
+    low, high = heights(single, Cells(np.full(2, owner), np.full(2, side), x, x))
+    ends = [arb(float(one)).union(arb(float(other))) for one, other in zip(low, high, strict=True)]
+    return limits_between(curves, box, (ends[0], ends[1]))
+
+
 def compact(picture: Picture) -> Picture:
     """Return the picture with neighbouring cells joined on which the same is proved."""
     settled, hemisphere = picture.is_settled, picture.cells.hemisphere
@@ -162,20 +226,22 @@ def compact(picture: Picture) -> Picture:
 def signature_of(picture: Picture) -> Signature | None:
     """Return the signs along the half curve if they are proved, the same for every λ of the stretch, or None.
 
-    Then p² has one simple zero between two signs and no other, for every λ; none at the equator or a pole.
+    Then p² has one simple zero between two signs, or is infinite at one place, and has no other zero, for
+    every λ; none at the equator or a pole.
     """
-    is_settled = picture.is_settled
+    is_settled, is_infinite = picture.is_settled, picture.most_zeros == INFINITE
     north = picture.cells.hemisphere > 0.0
     border = int(np.count_nonzero(north))
     at_ends = (0, border - 1, border, len(is_settled) - 1)
-    if not all(is_settled[k] for k in at_ends) or picture.open_gaps():
+    if not all(is_settled[k] for k in at_ends) or not all(map(picture.is_infinite, picture.open_gaps())):
         return None
     labels = np.where(picture.found.is_undefined, UNDEFINED, picture.found.sign)
     # A change without a stretch of growth or fall between is a jump, or the edge of where p² has a value.
     jumps = (labels[1:] != labels[:-1]) & is_settled[1:] & is_settled[:-1]
     if jumps.any() or _touches_edge(picture, labels):
         return None
-    parts = [labels[part & is_settled] for part in (north, ~north)]
+    labels = np.where(is_infinite, INFINITE, labels)
+    parts = [labels[part & (is_settled | is_infinite)] for part in (north, ~north)]
     runs = [part[np.flatnonzero(np.diff(part, prepend=0))].tolist() for part in parts]
     return (*runs[0], EQUATOR, *runs[1])
 
@@ -186,11 +252,12 @@ def _touches_edge(picture: Picture, labels: IntArray) -> bool:
 
 
 def brackets_of(picture: Picture) -> list[Bracket]:
-    """Return the stretches of a settled picture with one zero each, from the north to the south pole."""
+    """Return the stretches of a settled picture with one zero, or infinity, each, from north to south."""
     found = []
     cells = picture.cells
     for first, last in picture.gaps():
-        if picture.found.sign[first - 1] != picture.found.sign[last]:
+        changes = picture.found.sign[first - 1] != picture.found.sign[last]
+        if changes or picture.is_infinite((first, last)):
             here = slice(first, last)
             found.append(
                 Bracket(

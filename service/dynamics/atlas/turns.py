@@ -11,13 +11,13 @@ Where the signs at the ends differ it has one zero, and where s X² D < 0 none.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
-from service.dynamics.atlas.pictures import Finest, pictures_of
+from service.dynamics.atlas.pictures import Finest, pictures_of, with_infinities
 from service.dynamics.atlas.radicands import d_on_curves, equator_of
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER, Cells
 from service.dynamics.reduction.sign_proofs.cells import Curves, Found, derivative_values
@@ -60,7 +60,9 @@ def settled_pictures(
 ) -> list[Picture]:
     """Return for each stretch, all with the same ``is_inverse``, what bounds say, with and without turns."""
     curves = half.over(stretches)
-    return _with_turns(half, curves, stretches, pictures_of(curves, starts, finest))
+    single = half.loops([replace(each, high=each.low) for each in stretches])
+    seen = with_infinities(curves, single, pictures_of(curves, starts, finest))
+    return _with_turns(half, curves, stretches, seen)
 
 
 def _with_turns(
@@ -88,7 +90,7 @@ def _with_turns(
 
 def turning_gaps(owner: int, picture: Picture) -> list[TurningGap]:
     """Return the open gaps of a picture, if they are few and narrow, in which D may turn once."""
-    gaps = picture.open_gaps()
+    gaps = [gap for gap in picture.open_gaps() if not picture.is_infinite(gap)]
     found = [_candidate(owner, picture, gap) for gap in gaps] if len(gaps) <= MOST_GAPS else []
     return [gap for gap in found if gap is not None]
 

@@ -7,7 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, grouped
-from service.dynamics.atlas.pictures import EQUATOR, Finest, Signature, brackets_of, signature_of
+from service.dynamics.atlas.pictures import (
+    EQUATOR,
+    Finest,
+    Signature,
+    brackets_of,
+    signature_of,
+    signs_in,
+)
 from service.dynamics.atlas.radicands import d_on_curves, equator_of, zero_between
 from service.dynamics.atlas.structures import LambdaPart
 from service.dynamics.atlas.turns import settled_pictures
@@ -38,6 +45,19 @@ class Zeros:
     height: tuple[FloatArray, FloatArray]
     """Bounds of g2."""
 
+    def beside(self, other: "Zeros") -> "Zeros":
+        """Return these zeros and others for the same λ."""
+
+        def joined(one: FloatArray, two: FloatArray) -> FloatArray:
+            return np.concatenate([one, two], axis=-1)
+
+        size, height = (
+            (joined(one[0], two[0]), joined(one[1], two[1]))
+            for one, two in ((self.size, other.size), (self.height, other.height))
+        )
+        hemisphere = np.concatenate([self.hemisphere, other.hemisphere])
+        return Zeros(joined(self.low, other.low), joined(self.high, other.high), hemisphere, size, height)
+
 
 def zeros_of(half: HalfCurves, number: int, part: LambdaPart, single: Sequence[LambdaStretch]) -> Zeros:
     """Return the zeros for single λ of a part on its half curve ``number``."""
@@ -58,7 +78,8 @@ def zeros_of(half: HalfCurves, number: int, part: LambdaPart, single: Sequence[L
 def _hemispheres(signature: Signature) -> list[int]:
     """Return the sign of g2 at each zero."""
     border = signature.index(EQUATOR)
-    return [1] * (border - 1) + [-1] * (len(signature) - border - 2)
+    north, south = (len(signs_in(part)) - 1 for part in (signature[:border], signature[border:]))
+    return [1] * north + [-1] * south
 
 
 def _zeros_of(half: HalfCurves, number: int, part: LambdaPart, single: Sequence[LambdaStretch]) -> Zeros:

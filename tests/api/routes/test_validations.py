@@ -169,3 +169,24 @@ def test_the_limits_of_the_installation_are_told_in_the_same_words(client, monke
             del answer["request_id"]
         assert answers[0] == answers[1]
         assert answers[0]["errors"][0]["code"] == "out_of_range"
+
+
+@pytest.mark.parametrize(
+    ("text", "kinds", "ends"),
+    [
+        # Where γ₂ = 1/2 p² is infinite: on the way of a motion whose |γ₁| is smallest and largest elsewhere.
+        (
+            "-g1-(2*g1^2+g3^2)/20/(1/2-g2)",
+            ["periodic", "collision"],
+            [["pole", "rest"], ["pole", "equator"]],
+        ),
+        ("-g1-(2*g1^2+g3^2)/20/g2^2", ["collision"], [["pole", "collision"]]),
+    ],
+)
+def test_windows_next_to_an_infinite_p_squared_are_collisions(client, text, kinds, ends):
+    document = problem(text)
+    del document["time"]
+    found = validated(client, document)
+    assert found["verdict"] == "admissible"
+    assert [window["kind"] for window in found["motions"]] == kinds
+    assert [window["ends"] for window in found["motions"]] == ends

@@ -56,6 +56,33 @@ def test_a_zero_that_stays_is_followed(A, C, given):
     (part,) = atlas.parts
     assert (atlas.changes, atlas.undecided) == ((), ())
     assert (float(part.lower), float(part.upper)) == (0.02, 20.0)
+    require_windows_of_single_motions(asked, part)
+
+
+@pytest.mark.parametrize(
+    ("A", "C", "given"),
+    [
+        (2, 1, "-g1-(2*g1^2+g3^2)/20/(1/2-g2)"),
+        (2, 1, "-g1-(2*g1^2+g3^2)/20/(1/2-g2)^2"),
+        (2, 1, "-g1-(2*g1^2+g3^2)*tan(2*g2)/10"),
+        (1, 2, "-g3+(g1^2+2*g3^2)*log(abs(g2+1/3))/20"),
+    ],
+)
+def test_a_place_where_p_squared_is_infinite_is_followed(A, C, given):
+    """With an F that is not constant: the windows of the atlas end there as those of single motions do."""
+    document = {"type": "expression", "expression": given}
+    asked = read_atlas({"body": {"A": A, "C": C}, "potential": document, "lambda": ["1/2", 2]})
+    atlas = make_atlas(asked.body, asked.potential, asked.range, 12, has_periods=False)
+    assert atlas.proof == "proved"
+    assert sum(float(upper - lower) for lower, upper in atlas.undecided) == 0.0
+    kinds = [band.window.kind for part in atlas.parts for band in part.series.bands]
+    assert "collision" in kinds
+    assert "separatrix" not in kinds
+    for part in atlas.parts:
+        require_windows_of_single_motions(asked, part)
+
+
+def require_windows_of_single_motions(asked, part):
     series = part.series
     for k in range(0, len(series.lambda_), 2):
         motion = PlanarMotion(Fraction(float(series.lambda_[k])))

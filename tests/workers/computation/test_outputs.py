@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from service.jobs.outcome import Solved
+from service.jobs.outcome import Refused, Solved
 from service.storage.codecs.arrays import decode_arrays
 from workers.computation.compute import solve_document
 
@@ -125,3 +125,26 @@ def test_the_integral_of_goriachev_and_chaplygin_is_there_on_zero_areas():
 def test_a_body_without_these_moments_has_no_further_integral():
     found = solve("-g1", outputs=("invariants",), body={"A": 2, "B": "3/2", "C": 1}).summary["invariants"]
     assert set(found) == {"energy", "geometric", "areas"}
+
+
+def test_a_job_that_ends_where_p_squared_is_infinite_says_when():
+    document = {
+        "body": {"A": 2, "C": 1},
+        "potential": {"type": "expression", "expression": "-g1-(2*g1^2+g3^2)/20/(1/2-g2)"},
+        "motion": {"type": "planar", "lambda": 1, "window": 1, "start": {"at": "equator", "s_sign": -1}},
+        "time": {"stop": 1, "samples": 11},
+    }
+    outcome = solve_document(json.dumps(document))
+    assert isinstance(outcome, Solved)
+    summary = outcome.summary
+    assert (summary["aperiodic"], summary["period"]) == ("collision", None)
+    assert tuple(summary["window"]["ends"]) == ("pole", "equator")
+    future = summary["asymptotes"]["future"]
+    # 0.3640004182936566138400526, by a Taylor series at 300 bits.
+    assert abs(future["time"]["value"] - 0.3640004182936566) <= future["time"]["error"] <= 1e-14
+    assert (future["kind"], future["gamma"][1]) == ("collision", 0.5)
+    assert decode_arrays(outcome.samples)["t"].tolist() == [0.0, 0.1, 0.2, 0.3]
+    refused = solve_document(json.dumps({**document, "time": {"times": ["2/5", 1]}}))
+    assert isinstance(refused, Refused)
+    assert refused.error["code"] == "motion_ended"
+    assert "0.36400041829365" in refused.error["detail"]

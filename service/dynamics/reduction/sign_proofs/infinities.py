@@ -22,7 +22,7 @@ from service.dynamics.formula.vanishing import VanishingPart, vanishing_parts
 from service.dynamics.reduction.geometry.slopes import Beside, derivatives_along
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, enclose_zero
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
-from service.dynamics.reduction.sign_proofs.cells import Half
+from service.dynamics.reduction.sign_proofs.cells import Curves, Half
 from service.dynamics.reduction.sign_proofs.signs_in_balls import (
     LOG_POWER,
     Side,
@@ -88,15 +88,38 @@ def infinity_between(half: Half, start: Side, stop: Side) -> Infinity | None:
         def value(x: arb, part: VanishingPart = part) -> arb:
             return part.part.evaluate(BallAlgebra(), place_at(half, region, x))
 
-        near = _Neighbourhood.of(half, part, g)
-        if near is None or not value(ends[0]) * value(ends[1]) < 0:
-            continue
-        # Along v g2 falls.
-        before, after = (near.limit(side) for side in (1, -1))
-        if before is not None and after is not None and {before, after} != {UNDEFINED}:
+        signs = _limits(half, part, g, (value(ends[0]), value(ends[1])))
+        if signs is not None:
             place = LoopPlace(region, enclose_zero(value, *ends), is_infinite=True)
-            return Infinity(start, stop, place, (ends[0], ends[1]), (before, after))
+            return Infinity(start, stop, place, (ends[0], ends[1]), signs)
     return None
+
+
+def limits_between(curves: Curves, g: list[arb], ends: tuple[arb, arb]) -> tuple[int, int] | None:
+    """Return the signs of P next to the one place in a box where it is infinite, first where g2 is larger.
+
+    The box holds a stretch of a curve, of each λ of some; ``ends`` hold g2 where the stretches begin and end.
+    On a side P has this sign, or is monotone.
+    """
+    for part in vanishing_parts(curves.tape):
+        values = (part.part.evaluate(BallAlgebra(), [g[0], end, g[2]]) for end in ends)
+        signs = _limits(curves, part, g, (next(values), next(values)))
+        if signs is not None:
+            return signs
+    return None
+
+
+def _limits(
+    curves: Curves, part: VanishingPart, g: list[arb], values: tuple[arb, arb]
+) -> tuple[int, int] | None:
+    """Return the signs of P, or UNDEFINED, beside where a part vanishes, whose ``values`` are at the ends."""
+    near = _Neighbourhood.of(curves, part, g)
+    if near is None or not values[0] * values[1] < 0:
+        return None
+    before, after = near.limit(1), near.limit(-1)
+    if before is None or after is None or before == after == UNDEFINED:
+        return None
+    return before, after
 
 
 def infinities_of(half: Half) -> list[Infinity] | None:
@@ -191,7 +214,7 @@ class _DomainIntervals(LongIntervalAlgebra):
 class _Neighbourhood:
     """A box of g1, g2, g3 in which a part u of the formula vanishes at one g2."""
 
-    half: Half
+    curves: Curves
     part: VanishingPart
     g: list[arb]
     slope: arb
@@ -200,7 +223,7 @@ class _Neighbourhood:
     """Bound of |u|."""
 
     @staticmethod
-    def of(half: Half, part: VanishingPart, g: list[arb]) -> "_Neighbourhood | None":
+    def of(curves: Curves, part: VanishingPart, g: list[arb]) -> "_Neighbourhood | None":
         """Return the box, None if u does not vanish in it, or is not monotone."""
         jets = FirstOrderJets(BallAlgebra(), 1)
         seeds = [jets.seed(x, (rate,)) for x, rate in zip(g, (None, arb(1), None), strict=True)]
@@ -210,7 +233,7 @@ class _Neighbourhood:
             return None
         if not u.value.contains(0):
             return None
-        return _Neighbourhood(half, part, g, slope, u.value.abs_upper())
+        return _Neighbourhood(curves, part, g, slope, u.value.abs_upper())
 
     def limit(self, side: int) -> int | None:
         """Return the sign of infinity that P tends to where g2 is larger (side 1) or smaller than at u = 0.
@@ -222,10 +245,10 @@ class _Neighbourhood:
             if is_undefined:
                 return UNDEFINED
             if D is not None and D.exponent < 0 and _is_away(D):
-                return D.sign * self.half.turn
+                return D.sign * self.curves.turn
             if rate is not None and rate.exponent <= -1 and _is_away(rate):
                 # X leads from larger g2 to smaller.
-                return side * rate.sign * self.half.turn
+                return side * rate.sign * self.curves.turn
         return None
 
     def tends_to_zero(self, side: int) -> bool:
@@ -238,7 +261,7 @@ class _Neighbourhood:
     ) -> tuple[LongInterval | None, LongInterval | None, bool]:
         """Return D and X D on a side, and whether they certainly have no value."""
         algebra = _DomainIntervals(arb(0), self.size, log_power)
-        A, C = (algebra.constant(moment) for moment in (self.half.body.A, self.half.body.C))
+        A, C = (algebra.constant(moment) for moment in (self.curves.body.A, self.curves.body.C))
         g1, g2, g3 = (LongInterval(x.lower(), x.upper()) for x in self.g)
         Q = algebra.add(
             algebra.multiply(A, algebra.power(g1, Fraction(2))),
@@ -248,7 +271,7 @@ class _Neighbourhood:
         is_positive = (self.slope > 0) == (side > 0)
         u = LongInterval(arb(1), arb(1), Fraction(1))
         beside = Beside(u if is_positive else algebra.negate(u), algebra.negate(algebra.multiply(slope, Q)))
-        D, rate = derivatives_along(algebra, self.part.whole, self.half.body, [g1, g2, g3], 1, beside)
+        D, rate = derivatives_along(algebra, self.part.whole, self.curves.body, [g1, g2, g3], 1, beside)
         return D, rate, algebra.is_undefined
 
 
