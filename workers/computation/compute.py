@@ -54,7 +54,7 @@ def solve_document(document_json: str, windows_json: str = "") -> SolveOutcome:
         return _refused(document, fault)
     motion = problem.motion
     if not windows_json or not isinstance(motion, PlanarMotion):
-        return _solve_read(document, _simplified(problem), began)
+        return _solve_read(document, as_solved(problem), began)
     windows = read_windows(windows_json, problem.body, problem.potential, motion)
     if windows:
         # Whether there is a simpler formula was found with them.
@@ -63,7 +63,7 @@ def solve_document(document_json: str, windows_json: str = "") -> SolveOutcome:
     return _solve_read(document, problem, began)
 
 
-def _simplified(problem: Problem) -> Problem:
+def as_solved(problem: Problem) -> Problem:
     """Return a planar problem with the formula that windows are found with."""
     if not isinstance(problem.motion, PlanarMotion):
         return problem
@@ -131,7 +131,7 @@ def _solve_examined(document: Document, examined: Examined) -> SolveOutcome:
         # Another document: it states a tier where the first one had a budget.
         document = with_tier(document, choice)
         problem = read_problem(document)
-    return _solve_read(document, _simplified(problem), began)
+    return _solve_read(document, as_solved(problem), began)
 
 
 def solve(problem: Problem) -> Motion:
