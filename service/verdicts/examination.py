@@ -160,14 +160,15 @@ def _judge_question(document: object) -> Answer:
     if question.problem is not None and not isinstance(question.motion, PlanarMotion):
         return {"verdict": None}
     verdict = decide(question.body, question.potential, verdict_deadline())
-    potential = simplified(question.potential)
+    refuted = verdict.verdict == "inadmissible"
+    potential = question.potential if refuted else simplified(question.potential)
     answer = verdict_document(question.body, verdict, potential)
     answer["classical"] = classification_of(question)
     accepts = question.problem is not None and question.problem.problem.accept == "undecided"
     refusal = None if question.problem is None else refusal_of_verdict(verdict, answer, accepts)
     if refusal is not None:
         return refusal
-    if verdict.verdict == "inadmissible":
+    if refuted:
         named, degree = _named(question), question.nearest_degree
         nearest = nearest_document(question.body, question.potential, named, degree)
         return {"verdict": {**answer, "nearest": nearest}}

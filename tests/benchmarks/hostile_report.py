@@ -72,7 +72,8 @@ INTRODUCTION = """## Hostile potentials
 The first {count} problems of the seed {seed}, in {minutes:.0f} minutes. A smooth admissible potential
 gets a feature at a random place, of a width from 1e-1 to 1e-8: gaussians, rational bumps, steps,
 packets of waves, spikes, flat holes, kinks, caps that are 0 elsewhere, poles beside the sphere, two
-features at once, zeros of infinite order. {walls} are walls that part a window, {wells} are wells that open
+features at once, zeros of infinite order; some are smooth but for a kink, and written in a formula of which
+most cancels on the sphere, or hides there. {walls} are walls that part a window, {wells} are wells that open
 one, and {small} change p² by a part of itself, down to 1e-6 of it. Kinks lie on circles of g2, on
 curves, and across curves, where some cancel. What is not admissible is so by its making: another factor
 than A g1² + C g3², a feature of an angle, a kink across the curves; some of it is 0, or less than

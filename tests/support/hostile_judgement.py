@@ -20,7 +20,7 @@ from tests.support.hostile_documents import Document, draw
 from tests.support.hostile_motions import BITS, TrueMotion, TrueWindow, motion_of, setting_of
 from tests.support.hostile_reference import UnknownError
 from workers.computation.certification import certified_samples
-from workers.computation.compute import solve
+from workers.computation.compute import as_solved, solve
 
 SAME = 1e-11
 """Ends of windows further apart are different; they are doubles near balls of 160 bits."""
@@ -168,7 +168,7 @@ def judged_tier(facts_json: str, tier: str) -> str:
     report = _examined(json.dumps(motion))[WAYS.index(tier)]
     if "error" in report:
         return json.dumps({"code": report["error"]["code"], "claims": {}, "faults": []})
-    problem = read_problem(document)
+    problem = as_solved(read_problem(document))
     try:
         found, certified = solve(problem), None
         if problem.accuracy.tier == "certified":

@@ -73,7 +73,7 @@ def solve_document(document_json: str, windows_json: str = "", way: Way | None =
         return _refused(document, fault)
     motion = problem.motion
     if not windows_json or not isinstance(motion, PlanarMotion):
-        return _solve_read(document, _simplified(problem), began, way)
+        return _solve_read(document, as_solved(problem), began, way)
     windows = read_windows(windows_json, problem.body, problem.potential, motion)
     if windows:
         # Whether there is a simpler formula was found with them.
@@ -82,7 +82,7 @@ def solve_document(document_json: str, windows_json: str = "", way: Way | None =
     return _solve_read(document, problem, began, way)
 
 
-def _simplified(problem: Problem) -> Problem:
+def as_solved(problem: Problem) -> Problem:
     """Return a planar problem with the formula that windows are found with."""
     if not isinstance(problem.motion, PlanarMotion):
         return problem
@@ -205,7 +205,7 @@ def _solve_examined(document: Document, examined: Examined, way: Way | None) -> 
         # Another document: it states a tier where the first one had a budget.
         document = with_tier(document, choice)
         problem = read_problem(document)
-    return _solve_read(document, _simplified(problem), began, way)
+    return _solve_read(document, as_solved(problem), began, way)
 
 
 def solve(problem: Problem) -> Motion:
