@@ -163,7 +163,8 @@ def test_every_tier_keeps_its_promise(name, tier):
         told = found.dense.period
         assert abs(arb(told.hi) + arb(told.lo) - period(name)) <= told.error + KNOWN
         # From the equator g3 falls: the time back to it is that of the sample.
-        back = motion.time((arb(float(found.samples[1, 5])) / motion.equator).asin())
+        g2, g3 = found.samples[1, 4:].tolist()
+        back = motion.time((arb(g3) / motion.equator).asin(), 1 if g2 > 0 else -1)
         rate = abs(float(np.prod(found.samples[1, [0, 4]])))
         assert float(abs(back - arb(1) / 2)) * rate <= found.error
 

@@ -158,8 +158,13 @@ def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
         if not passes or found.strip is not None:
             return found
     # Pieces are fewer, and bounds closer, on one side of a pole at a time.
-    way = way_of(replace(curve, unit=max(1, unit)), start, ends)
-    return IntegralMotion(way, start, curve.h, bits)
+    way = IntegralMotion(way_of(replace(curve, unit=max(1, unit)), start, ends), start, curve.h, bits)
+    if not unit:
+        try:
+            way.model  # noqa: B018  made once, and asked for here
+        except CertifiedUnavailableError:
+            return found
+    return way
 
 
 def _tape(loop: Loop) -> Tape:

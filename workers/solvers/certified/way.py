@@ -13,9 +13,9 @@ from itertools import pairwise
 from flint import acb, arb
 
 from service.dynamics.reduction.start import StartingPoint
-from workers.solvers.certified.phase import LibrationPhase, PhaseStretch, TimedPhase, six_variables
+from workers.solvers.certified.phase import WIDE, LibrationPhase, PhaseStretch, TimedPhase, six_variables
 from workers.solvers.certified.real_loop import RealLoop
-from workers.solvers.complex_plane.complex_loop import ComplexLoop
+from workers.solvers.complex_plane.complex_loop import ComplexLoop, tighter
 from workers.solvers.complex_plane.passage import Passage, drops_matter
 
 
@@ -30,9 +30,13 @@ class PassagePhase:
     def rate(self, theta: acb, *, analytic: bool) -> acb:
         """See MotionPhase.rate."""
         curve = self.passage.curve
-        at, slope = self.passage.place(self._sign * theta, analytic=analytic)
-        P = at.c_squared * curve.W(at) * curve.N(at, analytic=analytic)
-        return curve.loop.Z * slope * P.rsqrt(analytic)
+        phi = self._sign * theta
+        at, slope = self.passage.place(phi, analytic=analytic)
+        N = curve.N(at, analytic=analytic)
+        if theta.real.rad() > WIDE and not N.real > 0 and phi.real > 0:
+            plain = replace(curve, unit=0, pole=0)
+            N = tighter(N, plain.expanded_N(self.passage.angle(phi), analytic=True))
+        return curve.loop.Z * slope * (at.c_squared * curve.W(at) * N).rsqrt(analytic)
 
     def state(self, theta: arb) -> tuple[arb, ...]:
         """See MotionPhase.state."""

@@ -97,6 +97,10 @@ class Passage:
         )
         return at, n * below / (cosine * cosine * total)
 
+    def angle(self, phi: acb) -> acb:
+        """Return v at φ."""
+        return acb.pi() * self.pole + self.way * 2 * _raised((phi / 2).tan(), self.curve.unit).atan()
+
     def phase(self, v: arb) -> arb:
         """Return φ at a real v on this side; not finite elsewhere."""
         tangent = ((v - arb.pi() * self.pole) * self.way / 2).tan()

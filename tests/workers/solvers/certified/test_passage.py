@@ -1,5 +1,6 @@
 """The coordinate at a pole: the curve, its slope, and which root of |sin v| a potential asks for."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import pytest
@@ -8,6 +9,8 @@ from flint import acb, arb, ctx
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
 from tests.support.planar import body, formula
+from workers.solvers.certified.by_integral import IntegralMotion, integral_motion, periodic_window
+from workers.solvers.certified.way import way_of
 from workers.solvers.complex_plane.complex_loop import ComplexLoop
 from workers.solvers.complex_plane.passage import Passage, unit_at_poles
 
@@ -60,3 +63,32 @@ def test_the_unit_makes_all_powers_whole(A, text, unit):
     potential = formula(text, rigid_body)
     loop = make_loop(rigid_body, potential, PlanarMotion(Fraction(1)))
     assert unit_at_poles(loop, potential.tape) == unit
+
+
+@pytest.mark.parametrize(
+    ("text", "nu", "period", "is_even"),
+    [
+        # Of the literature's tables in the theory: from pole to rest, and from pole to equator.
+        ("-g1 + 6/5*(g1^2 - g2^2)", 1, "6.97000159489442", True),
+        ("-g1", "13/10", "6.130431451127", False),
+    ],
+)
+def test_the_way_through_poles_has_the_time_of_one_strip(text, nu, period, is_even):
+    rigid_body = body(2, 1)
+    potential, motion = formula(text, rigid_body), PlanarMotion(nu=Fraction(nu), lambda_=None)
+    with ctx.workprec(128):
+        _, start = periodic_window(rigid_body, potential, motion)
+        whole = integral_motion(start, 64)
+        curve = replace(whole.phase.curve, unit=3)
+        ends = (start.arc.lower, start.arc.upper)
+        if is_even:
+            ends = whole.phase.lower, whole.phase.upper
+        pieces = IntegralMotion(way_of(curve, start, ends), start, whole.energy, 64)
+        assert pieces.phase.is_even is is_even
+        assert whole.period.overlaps(pieces.period)
+        # The last digit of the table is rounded.
+        assert abs(pieces.period - arb(period)) < arb(10) ** -11
+        for t in ("0.4", "2.9", "5.1", "-3.3"):
+            for one, other in zip(whole.states([arb(t)])[0], pieces.states([arb(t)])[0], strict=True):
+                assert one.overlaps(other)
+                assert other.rad() < 1e-15
