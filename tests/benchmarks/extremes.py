@@ -220,7 +220,7 @@ six variables, against the motion in balls of {BITS} bits; times are of a single
 
 The tiers go the way of `auto`, which knows the closed form of these potentials; the errors of `certified` are
 those of its doubles, its enclosures are far smaller. Where doubles do not keep a tier, it has these
-samples too, and refuses where their very rounding is more than it promises: a tolerance is absolute.
+samples too; where a size is above 1, as at λ = 1e9, errors are relative to it, in units of the motion.
 `quadrature` does without closed forms and enclosures, once for 1e-10 and once for 1e-2. `solve_ivp` is
 SciPy's DOP853 at rtol 1e-10;
 `heyoka` is the service's own integration, asked for 1e-2. Both start from the rounded state with B = 3/2,

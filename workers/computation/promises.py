@@ -42,16 +42,18 @@ def in_units(problem: Problem, solve: Callable[[Units], T]) -> T:
         return _in_own(problem, speed_of(problem), solve)
     try:
         return solve(Units())
-    except (AccuracyNotMetError, StepCollapseError) as missed:
+    except (*PLAIN, StepCollapseError) as missed:
+        if isinstance(missed, AccuracyNotMetError) and type(missed) not in PLAIN:
+            raise
         speed = missed.speed if isinstance(missed, OwnUnitsNeededError) else speed_of(problem)
         reached = missed.reached if isinstance(missed, AccuracyNotMetError) else inf
         # Less of the error than this may be that of γ, but then more of it is that of ω.
-        may_do = reached == inf or is_within(reached, 2.0 * speed * accuracy.tolerance)
+        may_do = is_within(reached, 2.0 * speed * accuracy.tolerance) if reached < inf else speed >= QUICK
         is_relative = accuracy.measure == "above 1" or isinstance(missed, StepCollapseError)
         if is_relative and speed >= 2.0 and may_do:
             return _in_own(problem, speed, solve)
-        is_of_speed = not (isinstance(missed, AccuracyNotMetError) and missed.group is not None)
-        if type(missed) in PLAIN and is_of_speed and 1.0 < speed < inf:
+        is_plain = isinstance(missed, AccuracyNotMetError) and missed.group is None
+        if is_plain and 1.0 < speed < inf:
             raise _of_both(reached, accuracy.tolerance, speed) from None
         raise
 
@@ -59,12 +61,12 @@ def in_units(problem: Problem, solve: Callable[[Units], T]) -> T:
 def _is_quick(problem: Problem) -> bool:
     """Tell whether a motion is so quick that it is solved in its own units from the beginning.
 
-    For planar motions that doubles have in the client's units they are enough.
+    Of planar motions in doubles, and of classical ones, this is seen when they miss what is asked.
     """
     if isinstance(problem.motion, StateMotion):
         return speed_of_state(problem.motion) >= QUICK
-    is_planar = isinstance(problem.motion, PlanarMotion)
-    return (problem.accuracy.tier == "certified" or not is_planar) and speed_of(problem) >= QUICK
+    is_proven = problem.accuracy.tier == "certified" and isinstance(problem.motion, PlanarMotion)
+    return is_proven and speed_of(problem) >= QUICK
 
 
 def _in_own(problem: Problem, speed: float, solve: Callable[[Units], T]) -> T:

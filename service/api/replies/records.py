@@ -13,7 +13,7 @@ from service.schemas.replies.sweep import SweepOut, SweepStateOut
 from service.storage.solutions.audit_store import Audit
 from service.storage.solutions.solution_store import Solution
 
-_ADDED_LATER: Mapping[str, object] = {"asymptotes": None, "precession": None, "warnings": []}
+_ADDED_LATER: Mapping[str, object] = {"asymptotes": None, "precession": None, "warnings": [], "errors": None}
 """Fields that solutions stored by the first version lack."""
 
 

@@ -184,10 +184,9 @@ class SolutionOut(ResponseModel):
     )
     error: float = Field(description="Largest absolute error of any variable over the asked times.")
     errors: dict[str, GroupErrorOut] | None = Field(
-        default=None,
         description="The errors of `omega` (p, q, r) and `gamma` (g1, g2, g3), with the orientation also of"
         " `quaternion`, `psi1` and `psi3`; empty without samples. Null for solutions that were stored before"
-        " they were told.",
+        " they were told."
     )
     cross_check: CrossCheckOut | None = Field(description="With the method `both`.")
     stability: StabilityOut | None = Field(
