@@ -3,16 +3,23 @@
 from dataclasses import replace
 from math import isfinite
 
+import numpy as np
+from numpy.polynomial import chebyshev
+
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import largest
 from service.dynamics.defect.evidence import Shown, hold_against_equations, hold_samples
 from service.dynamics.motion import COLUMNS, Estimate, Motion
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.solution.dense_output import DenseOutput
+from service.dynamics.solution.dense_output import DenseOutput, chebyshev_points, chebyshev_series
 from workers.solvers.ways import is_plain
 
 DEFECT, DRIFT, COVERED = "defect", "drift", "defect_covers"
 """Keys of the evidence: see :class:`service.dynamics.defect.evidence.Shown`."""
+PARTS = 128
+"""Of a piece, where compiled code does not settle whole ones."""
+MOST_CUT = 64
+"""Pieces that are cut so: more are short enough."""
 
 
 def with_claim_shown(body: RigidBody, potential: Potential, motion: Motion) -> Motion:
@@ -39,9 +46,23 @@ def shown_by(
         from workers.solvers.compiled.shown.evidence import kept_claim  # noqa: PLC0415
 
         shown = kept_claim(body, potential, dense, dense.error, energy)
+        if shown is None and dense.coefficients.shape[1] > 1 and len(dense.breaks) <= MOST_CUT:
+            # It cuts a piece a few times only: beside a narrow feature the long ones of a draft too seldom.
+            shown = kept_claim(body, potential, _cut(dense), dense.error, energy)
     if shown is None:
         shown = hold_against_equations(body, potential, dense, dense.error, energy, is_planar=is_planar)
     return shown
+
+
+def _cut(dense: DenseOutput) -> DenseOutput:
+    """Return the same function of time in PARTS times as many pieces."""
+    degree = dense.coefficients.shape[1] - 1
+    shares = np.arange(PARTS)[:, None] / PARTS
+    x = 2.0 * shares - 1.0 + (1.0 + chebyshev_points(degree)) / PARTS
+    values = chebyshev.chebvander(x, degree) @ dense.coefficients[:, None]
+    coefficients = chebyshev_series(values.reshape(-1, degree + 1, values.shape[-1]))
+    starts = dense.breaks[:-1, None] + np.diff(dense.breaks)[:, None] * shares[:, 0]
+    return replace(dense, breaks=np.append(starts.ravel(), dense.breaks[-1]), coefficients=coefficients)
 
 
 def told(shown: Shown) -> dict[str, float]:

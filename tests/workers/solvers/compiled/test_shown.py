@@ -1,6 +1,7 @@
 """What compiled code says that a function of time shows: what arrays say, and never of a false claim."""
 
 from dataclasses import replace
+from fractions import Fraction
 from functools import cache
 
 import numpy as np
@@ -11,10 +12,11 @@ from hypothesis import strategies as st
 from service.dynamics.defect.accumulation import Blocks, accumulate
 from service.dynamics.defect.equations import Equations
 from service.dynamics.defect.evidence import hold_against_equations, hold_samples
-from service.dynamics.problem import PlanarMotion
+from service.dynamics.problem import Accuracy, PlanarMotion
 from service.dynamics.solution.dense_output import DenseOutput
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
+from workers.solvers import evidence
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.shown.discs import gradient_on_discs
 from workers.solvers.compiled.shown.evidence import kept_claim, samples_keep_claim
@@ -248,3 +250,25 @@ def integrated_defect(dense, equations):
         largest = max(largest, float(np.abs(D).max()))
         gained = gained + np.polynomial.chebyshev.chebval(1.0, F)
     return largest
+
+
+@pytest.mark.parametrize("width", ["1/2000", "1/8000"])
+def test_a_corner_in_the_long_pieces_of_a_draft_is_settled_without_arrays(width, monkeypatch):
+    """Arrays take ten times as long: a draft would be slower than the tier standard with shorter pieces."""
+    text = f"-g1 + (2*g1^2 + g3^2)*sqrt((g2 + 63/200)^2 + ({width})^2)/10^8"
+    asked = planar(BODY, formula(text, BODY), PlanarMotion(Fraction(1)), tolerance=1e-6)
+    problem = replace(asked, method="auto", accuracy=Accuracy(1e-6, "draft"))
+
+    def arrays(*_, **__):
+        raise AssertionError("arrays are asked")
+
+    monkeypatch.setattr(evidence, "hold_against_equations", arrays)
+    motion = solve_planar(problem)
+    assert len(motion.dense.breaks) < 12
+    assert motion.evidence["defect_covers"] == 1.0
+    # The same function in shorter pieces shows the same integrals: their nodes are others, its roundings too.
+    monkeypatch.undo()
+    whole = hold_against_equations(
+        BODY, problem.potential, motion.dense, motion.dense.error, motion.energy, is_planar=True
+    )
+    assert motion.evidence["defect"] == pytest.approx(whole.defect, rel=0.5)
