@@ -58,7 +58,7 @@ class AttemptOutcome(StrEnum):
     FAILED = "failed"
     """The computation failed, or reached its limit of time or memory: a retry would end the same way."""
     LOST = "lost"
-    """The child died that computed it, or the whole worker, which computed it alone; only this is counted."""
+    """The child died that computed it, or the whole worker, which had only this one; only this is counted."""
     RETURNED = "returned"
     """It went back to the queue, and may not have begun: its worker was asked to stop, a job that it took
     together took long, or the worker died, which had it with others. After a death it is computed alone."""
@@ -70,6 +70,11 @@ def after_loss(losses: int, max_attempts: int) -> JobState:
     return JobState.QUEUED if losses < max_attempts else JobState.FAILED
 
 
+MOST_DOUBTS = 8
+"""How often a job is returned from lost workers without being counted, since they had others beside it.
+
+Jobs in other children of a worker may be to blame. A limit, since a worker may never have only this one.
+"""
 LONGEST_PAUSE_SECONDS = 60.0
 JITTER = 0.2
 """Random fraction added to a pause, so that jobs lost together do not come back together."""

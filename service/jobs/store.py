@@ -161,8 +161,8 @@ class JobStore(Protocol):
         """Record that the child died: requeue the job, or fail it as ``lost_worker``.
 
         From the second time on it is not claimed for ``retry_seconds``, then twice as long each time. If it
-        may not ``has_begun``, and was not to be computed alone, that is not counted as a loss. Then it is
-        computed alone, and the next time is counted.
+        may not ``has_begun``, that is counted only if its worker had nothing else; it is computed alone from
+        then on.
         """
         ...
 

@@ -19,22 +19,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from sqlalchemy import delete
 
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
-from service.storage.database.database import Database
 from service.storage.database.migration import migrate
-from service.storage.sweeps.sweep_store import SweepStore
-from service.storage.tables.jobs import JobRow
-from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 from tests.benchmarks.measuring import say
 from tests.support.api import PLANAR
 from tests.support.databases import url_of
 from tests.support.serving import Service, serving
-from tests.support.sweeps import BASE
+from tests.support.sweeps import store_points
 
 MB = 1e6
-CHUNK = 10_000
 
 
 @dataclass(frozen=True)
@@ -58,34 +51,6 @@ ATTACKS = {
     "1000 of a static file": Attack("{static}", 1000),
     "1000 of /openapi.json": Attack("/openapi.json", 1000),
 }
-
-
-def store_points(url: str, points: int) -> str:
-    """Write a finished sweep straight into its tables; return its id."""
-    document = {
-        "base": BASE,
-        "axes": [
-            {"pointer": "/potential/parameters/a", "uniform": [-2, -1, points // 1000]},
-            {"pointer": "/motion/lambda", "linspace": [0.1, 2, 1000]},
-        ],
-    }
-    database, draws = Database(url), np.random.default_rng(1)
-    sweep = SweepStore(database).submit(document, points=points, most=CHUNK)
-    with database.write() as session:
-        for first in range(0, points, CHUNK):
-            numbers = {name: draws.normal(size=CHUNK) for name in ("period", "energy", "error")}
-            outcome = chunk_outcome(ChunkPoints([SOLVED] * CHUNK, numbers), 1.0)
-            bounds = {name: list(pair) for name, pair in outcome.bounds.items()}
-            session.add(
-                SweepChunkRow(
-                    sweep_id=sweep.id, first=first, count=CHUNK, refused=0, bounds=bounds, data=outcome.data
-                )
-            )
-        session.execute(delete(JobRow).where(JobRow.sweep_id == sweep.id))
-        row = session.get_one(SweepRow, sweep.id)
-        row.done, row.next_index, row.state = points, points, "succeeded"
-    database.close()
-    return sweep.id
 
 
 def memory_of(process: int) -> int:

@@ -14,9 +14,10 @@ from contextlib import ExitStack
 import pytest
 
 from service.storage.database.migration import migrate
-from tests.abuse.readers import ATTACKS, MB, memory_of, mute_clients, paths, store_points
+from tests.abuse.readers import ATTACKS, MB, memory_of, mute_clients, paths
 from tests.support.databases import url_of
 from tests.support.serving import Service, serving
+from tests.support.sweeps import store_points
 from tests.workers.processes import wait_until
 
 CAPACITY = 150

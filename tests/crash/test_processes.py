@@ -17,7 +17,7 @@ from tests.support.databases import url_of
 from tests.support.effort import seldom
 from tests.support.lists import list_jobs
 from tests.support.serving import serving
-from tests.workers.processes import Worker, wait_until
+from tests.workers.processes import PATIENCE, Worker, wait_until
 
 COMMITS = (1, 3, 5, 7)
 """Of a worker that announces itself, takes jobs of each kind below, keeps leases, and ends the jobs.
@@ -102,7 +102,8 @@ def test_random_kills_of_workers_fail_no_job(database, jobs, url, number, kills)
             worker.clean_up()
     worker = Worker(url, slots=2, max_attempts=3)
     try:
-        wait_until(lambda: finished() == number)
+        # What was lost is computed one by one.
+        wait_until(lambda: finished() == number, 10 * PATIENCE)
     finally:
         worker.clean_up()
     assert {jobs.get(job.id).state for job in submitted} == {JobState.SUCCEEDED}

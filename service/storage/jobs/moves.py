@@ -8,11 +8,19 @@ first and written afterwards.
 import random
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import ColumnElement, func, or_, select, update
+from sqlalchemy import ColumnElement, exists, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from service.jobs.job import Attempt, Claim
-from service.jobs.states import FINISHED, AttemptOutcome, JobState, after_loss, pause_after, sources
+from service.jobs.states import (
+    FINISHED,
+    MOST_DOUBTS,
+    AttemptOutcome,
+    JobState,
+    after_loss,
+    pause_after,
+    sources,
+)
 from service.storage.database.clock import DatabaseNow, database_now
 from service.storage.jobs.records import attempt_of
 from service.storage.tables.base import table_of
@@ -86,11 +94,13 @@ def lose(
     """Requeue a job whose worker or child died, or fail it with its history as the error.
 
     ``attempt`` is the job's id and the number of the attempt; ``guard`` says
-    when it is lost. If it may not ``has_begun``, the first time is not counted;
-    it is computed alone from then on.
+    when it is lost. If it may not ``has_begun``, that is not counted where others may be to
+    blame; it is computed alone from then on.
     """
     job_id, number = attempt
-    if not has_begun and move(session, JobState.QUEUED, *guard, JobRow.alone.is_(False), alone=True):
+    if not has_begun and _is_in_doubt(session, attempt):
+        if not move(session, JobState.QUEUED, *guard, alone=True):
+            return False
         end_attempt(session, job_id, number, AttemptOutcome.RETURNED, detail)
         return True
     lost = AttemptRow.job_id == job_id, AttemptRow.outcome == AttemptOutcome.LOST.value
@@ -105,6 +115,30 @@ def lose(
         error = _lost_worker_error(history(session, job_id), losses)
         session.execute(update(JobRow).where(JobRow.id == job_id).values(error=error))
     return True
+
+
+def _is_in_doubt(session: Session, attempt: tuple[str, int]) -> bool:
+    """Tell whether other jobs than this one may be to blame for the loss of its worker.
+
+    It was not alone with its child; or its worker had others beside it, and has not for too many times.
+    """
+    row = (
+        select(JobRow.alone, AttemptRow.worker, AttemptRow.started_at)
+        .join_from(AttemptRow, JobRow, JobRow.id == AttemptRow.job_id)
+        .where(AttemptRow.job_id == attempt[0], AttemptRow.number == attempt[1])
+    )
+    found = session.execute(row).one_or_none()
+    if found is None or not found.alone:
+        return found is not None  # else it is gone, with all that is known of it
+    worker, began = found.worker, found.started_at
+    returned = AttemptRow.outcome == AttemptOutcome.RETURNED.value
+    doubts = select(func.count()).select_from(AttemptRow).where(AttemptRow.job_id == attempt[0], returned)
+    beside = JobRow.owner == worker, JobRow.id != attempt[0]
+    unended = or_(returned, AttemptRow.outcome == AttemptOutcome.LOST.value)
+    since = AttemptRow.worker == worker, AttemptRow.job_id != attempt[0], AttemptRow.ended_at >= began
+    return (session.scalar(doubts) or 0) < MOST_DOUBTS and bool(
+        session.scalar(select(or_(exists().where(*beside), exists().where(*since, unended))))
+    )
 
 
 def history(session: Session, job_id: str) -> tuple[Attempt, ...]:

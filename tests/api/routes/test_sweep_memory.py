@@ -8,42 +8,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
-from service.storage.database.database import Database
-from service.storage.sweeps.sweep_store import SweepStore
-from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 from tests.support.serving import serving
-from tests.support.sweeps import BASE
+from tests.support.sweeps import store_points
 
-POINTS, CHUNK = 1_000_000, 10_000
+POINTS = 1_000_000
 MOST_GROWTH = 300 * 2**20
 """What the service promises to need beyond its idle self."""
-DOCUMENT = {
-    "base": BASE,
-    "axes": [
-        {"pointer": "/potential/parameters/a", "uniform": [-2, -1, 1000]},
-        {"pointer": "/motion/lambda", "linspace": [0.1, 2, 1000]},
-    ],
-}
-
-
-def store_points(url: str) -> str:
-    """Write a finished sweep straight into its tables."""
-    database, draws = Database(url), np.random.default_rng(1)
-    sweep = SweepStore(database).submit(DOCUMENT, points=POINTS, most=CHUNK)
-    with database.write() as session:
-        for first in range(0, POINTS, CHUNK):
-            numbers = {name: draws.normal(size=CHUNK) for name in ("period", "energy", "error")}
-            outcome = chunk_outcome(ChunkPoints([SOLVED] * CHUNK, numbers), 1.0)
-            bounds = {name: list(pair) for name, pair in outcome.bounds.items()}
-            chunk = SweepChunkRow(
-                sweep_id=sweep.id, first=first, count=CHUNK, refused=0, bounds=bounds, data=outcome.data
-            )
-            session.add(chunk)
-        row = session.get_one(SweepRow, sweep.id)
-        row.done, row.next_index, row.state = POINTS, POINTS, "succeeded"
-    database.close()
-    return sweep.id
 
 
 def peak(process: int) -> int:
@@ -58,7 +28,7 @@ def ask(address: str, accept: str):
 
 @pytest.fixture
 def sweep_id(sqlite_url):
-    return store_points(sqlite_url)
+    return store_points(sqlite_url, POINTS)
 
 
 def test_streaming_a_million_points_takes_little_memory(sweep_id, tmp_path):

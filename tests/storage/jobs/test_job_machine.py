@@ -18,7 +18,7 @@ from sqlalchemy import event, func, select
 from service.jobs.errors import JobFinishedError
 from service.jobs.job import Claim
 from service.jobs.outcome import Refused, Solved
-from service.jobs.states import AttemptOutcome, JobState, pause_after
+from service.jobs.states import MOST_DOUBTS, AttemptOutcome, JobState, pause_after
 from service.storage.database.clock import DatabaseNow
 from service.storage.jobs import moves
 from service.storage.jobs.job_store import SqlJobStore
@@ -54,6 +54,7 @@ class Model:
     state: JobState = JobState.QUEUED
     ready_at: float = 0.0
     lease_until: float = 0.0
+    began_at: float = 0.0
     claim: Claim | None = None
     reused: bool = False
     alone: bool = False
@@ -63,8 +64,8 @@ class Model:
         self.state, self.claim, self.ready_at = state, None, max(ready_at, self.ready_at)
         self.outcomes[-1] = outcome
 
-    def lose(self, now, *, has_begun):
-        if not has_begun and not self.alone:
+    def lose(self, now, *, in_doubt):
+        if in_doubt:
             self.alone = True
             self.end(JobState.QUEUED, AttemptOutcome.RETURNED)
             return
@@ -85,11 +86,24 @@ class JobMachine(RuleBasedStateMachine):
         self.database, self.clock, self.store = database, clock, SqlJobStore(database)
         self.jobs: dict[str, Model] = {}
         self.solved: set[str] = set()
+        self.unended: list[tuple[str, str, float]] = []
 
     def holder(self, claim):
         """The job of which ``claim`` holds, None if it was lost."""
         job = self.jobs[claim.job_id]
         return job if job.claim == claim else None
+
+    def note(self, job, worker):
+        """Note that an attempt ends without a result."""
+        self.unended.append((worker, job.id, self.clock.now))
+
+    def is_in_doubt(self, job):
+        worker = job.claim.worker
+        others = [each for each in self.jobs.values() if each is not job and each.claim is not None]
+        ended = [at for by, other, at in self.unended if by == worker and other != job.id]
+        beside = any(each.claim.worker == worker for each in others)
+        beside = beside or any(at >= job.began_at for at in ended)
+        return not job.alone or (beside and job.outcomes.count(AttemptOutcome.RETURNED) < MOST_DOUBTS)
 
     def expect_taken(self, worker, count, taken):
         """Compare what was taken with the head of the queue; return the claims."""
@@ -109,6 +123,7 @@ class JobMachine(RuleBasedStateMachine):
             job = self.jobs[claim.job_id]
             assert (claim.worker, claim.attempt, claim.alone) == (worker, len(job.outcomes), job.alone)
             job.state, job.claim, job.lease_until = JobState.RUNNING, claim, self.clock.now + LEASE
+            job.began_at = self.clock.now
         return multiple(*taken.claims)
 
     @rule(digests=st.lists(st.sampled_from("abc"), min_size=1, max_size=3), priority=st.integers(-1, 1))
@@ -164,13 +179,16 @@ class JobMachine(RuleBasedStateMachine):
         lost = self.store.lose(claim, "died", has_begun=has_begun, **limits)
         assert lost == (job is not None)
         if job is not None:
-            job.lose(self.clock.now, has_begun=has_begun)
+            in_doubt = not has_begun and self.is_in_doubt(job)
+            self.note(job, claim.worker)
+            job.lose(self.clock.now, in_doubt=in_doubt)
 
     @rule(claim=claims)
     def give_back(self, claim):
         job = self.holder(claim)
         assert self.store.give_back(claim) == (job is not None)
         if job is not None:
+            self.note(job, claim.worker)
             job.end(JobState.QUEUED, AttemptOutcome.RETURNED)
 
     @rule(claim=claims)
@@ -202,8 +220,11 @@ class JobMachine(RuleBasedStateMachine):
         expired = [job for job in running if job.lease_until < self.clock.now]
         found = self.store.reconcile(max_attempts=MAX_ATTEMPTS, retry_seconds=RETRY)
         assert set(found) == {job.id for job in expired}
-        for job in expired:
-            job.lose(self.clock.now, has_begun=False)
+        # In their order, as each may be the last one of its worker.
+        for job in (self.jobs[job_id] for job_id in found):
+            in_doubt = self.is_in_doubt(job)
+            self.note(job, job.claim.worker)
+            job.lose(self.clock.now, in_doubt=in_doubt)
 
     @invariant()
     def the_store_is_the_model(self):

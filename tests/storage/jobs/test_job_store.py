@@ -10,7 +10,7 @@ from sqlalchemy import func, select
 
 from service.jobs.errors import JobFinishedError, JobNotFoundError, SolutionNotFoundError
 from service.jobs.job import Taken
-from service.jobs.states import ALLOWED, AttemptOutcome, JobState
+from service.jobs.states import ALLOWED, MOST_DOUBTS, AttemptOutcome, JobState
 from service.storage.database.ids import new_id
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.databases import PROBLEM, SUMMARY
@@ -143,13 +143,28 @@ def test_what_was_lost_with_others_is_claimed_alone_and_before_the_others(jobs):
     assert [c.job_id for c in jobs.take("first", 1, **together).claims] == submitted[:3]
     assert set(jobs.reconcile(max_attempts=1)) == set(submitted[:3])
     for job_id in submitted[:3]:
-        (claimed,) = jobs.take("second", 1, **together).claims
+        (claimed,) = jobs.take(f"worker of {job_id}", 1, **together).claims
         assert (claimed.job_id, claimed.alone) == (job_id, True)
-    rest = jobs.take("second", 1, **together).claims
+    rest = jobs.take("another", 1, **together).claims
     assert [(c.job_id, c.alone) for c in rest] == [(job_id, False) for job_id in submitted[3:]]
     # What is lost alone counts.
     jobs.reconcile(max_attempts=1)
     assert [jobs.get(job_id).state for job_id in submitted] == [JobState.FAILED] * 3 + [JobState.QUEUED] * 3
+
+
+def test_two_that_a_worker_computed_beside_each_other_are_not_to_blame_for_its_loss(jobs):
+    first, second = (jobs.submit(PROBLEM, str(n)).id for n in range(2))
+    for number in range(MOST_DOUBTS):
+        assert len(jobs.take(f"worker-{number}", 2, lease_seconds=OVER).claims) == 2
+        # However the leases end, one after the other: each had the other beside it.
+        assert set(jobs.reconcile(max_attempts=1)) == {first, second}
+    for job_id in (first, second):
+        assert {attempt.outcome for attempt in jobs.attempts(job_id)} == {AttemptOutcome.RETURNED}
+        assert jobs.get(job_id).state is JobState.QUEUED
+    # A worker may never have only one of them: there is an end of it.
+    assert len(jobs.take("last", 2, lease_seconds=OVER).claims) == 2
+    jobs.reconcile(max_attempts=1)
+    assert {jobs.get(job_id).state for job_id in (first, second)} == {JobState.FAILED}
 
 
 def test_a_place_is_for_one_that_is_to_be_alone_or_for_several_others(jobs):
