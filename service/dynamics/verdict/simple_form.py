@@ -45,7 +45,7 @@ NOISE = 2.0**8
 NARROWER = 3.0
 """Bits by which intervals of a simpler formula are narrower in the mean, if it has as many functions."""
 BETTER = 0.5
-"""Bits that a longer formula has to gain beside a shorter one."""
+"""Bits that a longer formula gains beside a shorter one, or any where a sum is a number on the sphere."""
 MOST_BITS, FAR = 8.0, 12.0
 """What one place counts at most, and what it counts where one of the formulas has no bound at all: that of
 1/(1 − g2²) next to the pole, where it is written otherwise anyway, is no reason."""
@@ -109,12 +109,13 @@ def _simpler(tape: Tape) -> Tree | None:
         with suppress(NoProofError, UndefinedInOctantError):
             texts |= dict.fromkeys(_texts(read))
     widths = [_bits_of(value) for value in _values(tape, _WIDTH)]
+    needed = BETTER if _has_constant_sum(tape) else NARROWER
     best, least = None, 0.0
     for text in texts:
         with suppress(FormulaError):
             tree = parse(text)
             simple = compile_tape(tree)
-            gain = _gain(simple, tape, widths)
+            gain = _gain(simple, tape, widths, needed)
             if gain > least + BETTER * (best is not None):
                 best, least = (tree, simple), gain
     if best is None or not same_on_sphere(tape, best[1], Work(MAX_WORK - WORK)):
@@ -191,7 +192,7 @@ def _has_constant_sum(tape: Tape) -> bool:
     return False
 
 
-def _gain(simple: Tape, tape: Tape, widths: Sequence[float]) -> float:
+def _gain(simple: Tape, tape: Tape, widths: Sequence[float], needed: float) -> float:
     """Return how many bits narrower intervals of a formula are, in the mean; 0 where that is not enough.
 
     Fewer functions are enough where intervals are not twice as wide.
@@ -202,7 +203,7 @@ def _gain(simple: Tape, tape: Tape, widths: Sequence[float]) -> float:
     ]
     gain = sum(r if abs(r) == FAR else max(-MOST_BITS, min(r, MOST_BITS)) for r in ratios) / len(ratios)
     has_fewer = _functions(simple) < _functions(tape) and gain > -1.0
-    return 2.0 + gain if has_fewer else gain if gain > NARROWER else 0.0
+    return 2.0 + gain if has_fewer else gain if gain > needed else 0.0
 
 
 def _bits_of(value: arb) -> float:
