@@ -12,7 +12,7 @@ all powers of it if n is a multiple of their denominators: then V, p and time ar
 grow in number like log n.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import lcm
 
@@ -26,6 +26,8 @@ from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace
 
 GENERIC = Fraction(2, 3)
 """A value of |sin v|^(1/unit) at which a formula is asked for its powers."""
+FAR_FROM_POLE = 0.2
+"""Of X = tan(u/2)."""
 FAR = 0.75
 """sin²v up to which nothing is lost in 1 − sin²v."""
 
@@ -82,6 +84,11 @@ class Passage:
         X = below * tangent
         square = X * X
         total = 1 + square
+        slope = n * below / (cosine * cosine * total)
+        if X.real > FAR_FROM_POLE:
+            # On the equator |sin v| is stationary, which its formula by X does not tell a wide ball.
+            at = replace(curve, unit=0, pole=0).place(self.angle(phi), analytic=analytic)
+            return at._replace(root=((side * at.sine).log(analytic) / n).exp()), slope
         root = tangent * (2 / total).pow(acb(1) / n, analytic=analytic)
         whole = loop.alpha * n
         quotient = _quotient(root * root, whole.numerator, n)
@@ -95,7 +102,7 @@ class Passage:
             c=c_squared.sqrt(analytic),
             root=root,
         )
-        return at, n * below / (cosine * cosine * total)
+        return at, slope
 
     def angle(self, phi: acb) -> acb:
         """Return v at φ."""
