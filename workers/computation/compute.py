@@ -61,6 +61,8 @@ def solve_document(document_json: str, windows_json: str = "") -> SolveOutcome:
 
 def _solve_read(document: Document, problem: Problem, began: float) -> SolveOutcome:
     """Solve the ``problem`` that was read from ``document``."""
+    # Its speed is asked of kernels before it is solved.
+    keep_compiled_code()
     try:
         summary, dense, columns = in_units(problem, lambda units: _solve_in(document, problem, units))
     except DynamicsError as fault:
