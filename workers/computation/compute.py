@@ -130,6 +130,8 @@ def _solve_on_way(document: Document, problem: Problem, began: float, *, waits: 
 
     What is wrong with the problem itself is final on any way.
     """
+    # Its speed is asked of kernels before it is solved.
+    keep_compiled_code()
     try:
         summary, dense, columns = in_units(problem, lambda units: _solve_in(document, problem, units))
     except DynamicsError as fault:

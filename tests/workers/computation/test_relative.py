@@ -18,6 +18,7 @@ from service.schemas.problem.problem import check_problem, problem_digest, read_
 from service.storage.codecs.arrays import decode_arrays, decode_dense
 from service.storage.codecs.points import SOLVED, decode_points
 from tests.support.golden import GOLDEN
+from workers.computation import compute, promises
 from workers.computation.compute import solve, solve_document
 from workers.solvers.units import Units, speed_of
 from workers.sweeping import chunk
@@ -234,6 +235,16 @@ def test_the_speed_is_about_the_largest_angular_velocity():
     problem = read_problem(quicker(GRAVITY, squared=10**30, accuracy=RELATIVE))
     # r at the equator is the largest: 1.1117859405 for a = -1.
     assert speed_of(problem) == pytest.approx(1.1117859405028423e15, rel=1e-2)
+
+
+@pytest.mark.parametrize("accuracy", [RELATIVE, {"tier": "certified"}])
+def test_compiled_code_is_kept_from_the_first_kernel_on(monkeypatch, accuracy):
+    order = list[str]()
+    keep, speed = compute.keep_compiled_code, promises.speed_of
+    monkeypatch.setattr(compute, "keep_compiled_code", lambda: (order.append("keep"), keep())[1])
+    monkeypatch.setattr(promises, "speed_of", lambda problem: (order.append("speed"), speed(problem))[1])
+    solve_document(json.dumps(quicker(GRAVITY, squared=1, accuracy=accuracy)))
+    assert order[:2] == ["keep", "speed"]
 
 
 @pytest.mark.parametrize(
