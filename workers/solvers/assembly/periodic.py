@@ -129,12 +129,14 @@ def _with_claim(problem: Problem, place: PeriodicPlace, found: Sampled) -> tuple
     shown = shown_by(problem.body, problem.potential, dense, energy, is_planar=True)
     if shown is not None:
         evidence |= told(shown)
-        if left_out and shown.error == dense.error and shown.settled >= SETTLED:
-            # Tails that are there, and what the series leaves of the equations, are less than is allowed.
-            least = largest((error + LEFT_OUT * _tail(resolved), shown.defect, shown.drift))
-            dense = replace(dense, error=min(dense.error, least))
-        else:
-            dense, reached = with_error_shown(dense, reached, shown)
+        keeps_claim = shown.error == dense.error and shown.settled >= SETTLED
+        dense, reached = with_error_shown(dense, reached, shown)
+        if left_out and keeps_claim:
+            # The tails that are there are less than those that are allowed.
+            dense = replace(dense, error=min(dense.error, error + LEFT_OUT * _tail(resolved)))
+        if left_out:
+            # A claim may be half of what long pieces leave of the equations, but seldom is an error.
+            dense = replace(dense, error=largest((dense.error, shown.defect)))
     conventions = conventions_of(start)
     motion = Motion(
         method="quadrature",
