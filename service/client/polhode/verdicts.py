@@ -55,7 +55,7 @@ class Judgement:
 
     @property
     def plan(self) -> Mapping[str, object] | None:
-        """How a job would solve a whole problem; ``tiers`` has what each tier is expected to take and to reach."""
+        """How a job would solve a whole problem, and in ``tiers`` what each tier is expected to do."""
         return _section(self.document.get("plan"))
 
     def __repr__(self) -> str:

@@ -37,6 +37,9 @@ DRAFTED = 0.01
 LEFT_OUT = 4.0
 """Tails to which what the series of a draft leave out may add up: twice the sum of all coefficients
 that follow, which fall by a third or more. Departures are seen at few places, and a draft can afford it."""
+GROWN = 2.0
+"""Times its integrated defect the function of time of a draft claims at least: an error is that with its
+growth, and what is narrow for long pieces and too faint for their tails is seen by nothing else."""
 TAIL = 4
 """Last coefficients of a series, the largest of which is its tail: two may be small by chance."""
 SETTLED = 1.0 - 1e-9
@@ -135,8 +138,7 @@ def _with_claim(problem: Problem, place: PeriodicPlace, found: Sampled) -> tuple
             # The tails that are there are less than those that are allowed.
             dense = replace(dense, error=min(dense.error, error + LEFT_OUT * _tail(resolved)))
         if left_out:
-            # A claim may be half of what long pieces leave of the equations, but seldom is an error.
-            dense = replace(dense, error=largest((dense.error, shown.defect)))
+            dense = replace(dense, error=largest((dense.error, GROWN * shown.defect)))
     conventions = conventions_of(start)
     motion = Motion(
         method="quadrature",
