@@ -53,6 +53,11 @@ class Judgement:
         """The nearest admissible polynomial to one that is not."""
         return _section(self.document.get("nearest"))
 
+    @property
+    def plan(self) -> Mapping[str, object] | None:
+        """How a job would solve a whole problem, and in ``tiers`` what each tier is expected to do."""
+        return _section(self.document.get("plan"))
+
     def __repr__(self) -> str:
         return f"<{self.verdict}, proof: {self.proof}>"
 
