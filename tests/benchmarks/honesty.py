@@ -1,12 +1,12 @@
 """``python -m tests.benchmarks.honesty``: is any claimed error exceeded? Written to docs/honesty.md.
 
 Random problems are solved in every tier, as the service does. Smooth ones are
-compared with the certified motion in balls, hostile ones with what is true of them by
-their making. A claim is exceeded if the whole ball is further away than it. With
-``--record FILE`` and ``--hostile-record FILE`` a run goes on where the last one with
-those files stopped; what is asked no more of is written as it was counted. ``--only smooth`` or
-``--only hostile`` runs and writes one section; the other one stays as it is on the page. To run in the
-background in bounded time, and to go on later: ``--only smooth --seconds 3000 --record build/honesty.json``.
+compared with the certified motion in balls, motions from states with series in long integers, hostile ones
+with what is true of them by their making. A claim is exceeded if the whole ball is further away than it. With
+``--record FILE``, ``--states-record FILE`` and ``--hostile-record FILE`` a run goes on where the last one
+with those files stopped; what is asked no more of is written as it was counted. ``--only smooth``, ``--only
+states`` or ``--only hostile`` runs and writes one section; the others stay as they are on the page. To run in
+the background in bounded time, and go on later: ``--only smooth --seconds 3000 --record build/honesty.json``.
 """
 
 import argparse
@@ -20,43 +20,49 @@ from typing import Literal
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.versions import version_of
-from tests.benchmarks.honesty_counts import MOST, TIERS, Record, Tally, load, measure
-from tests.benchmarks.honesty_page import MEASURED, NOT_COVERED, PROVED, SMOOTH, TITLE
+from tests.benchmarks.honesty_counts import MOST, SUBJECTS, TIERS, Record, Subject, Tally, load, measure
+from tests.benchmarks.honesty_page import MEASURED, NOT_COVERED, PROVED, SMOOTH, STATES, TITLE
 from tests.benchmarks.hostile_counts import HostileRecord, faults_of, load_hostile, measure_hostile
 from tests.benchmarks.hostile_report import hostile_section
 from tests.support.claims import BITS, CLAIMS, LATEST
 from tests.support.hostile_ways import ROUNDS
-from tests.support.random_documents import FAMILIES, SMALLEST_GAP
+from tests.support.random_documents import SMALLEST_GAP
+from tests.support.random_states import LAST, NARROWEST, PASSAGES
 
 REPORT = Path(__file__).parents[2] / "docs" / "honesty.md"
-Kind = Literal["smooth", "hostile"]
-HEADS: Mapping[Kind, str] = {"smooth": "## Smooth potentials\n", "hostile": "## Hostile potentials\n"}
-"""Of the sections."""
+Kind = Literal["smooth", "states", "hostile"]
+HEADS: Mapping[Kind, str] = {
+    "smooth": "## Smooth potentials\n",
+    "states": "## Motions from states next to unstable ones\n",
+    "hostile": "## Hostile potentials\n",
+}
+"""Of the sections, in their order."""
 
 
-def report(smooth: str, hostile: str) -> str:
-    """Return the page with both of its sections."""
+def report(found: Mapping[Kind, str]) -> str:
+    """Return the page with all of its sections."""
     return "\n".join(
         [
             TITLE.format(version=version_of("polhode"), numerics=NUMERICS),
             PROVED,
             MEASURED,
             NOT_COVERED.format(latest=10**LATEST, rounds=max(ROUNDS)),
-            smooth,
-            hostile,
+            *(found[kind] for kind in HEADS if found[kind]),
         ]
     )
 
 
 def sections(page: str) -> dict[Kind, str]:
     """Return the sections of a page as they were written."""
-    _, smooth, rest = page.partition(HEADS["smooth"])
-    smooth_text, hostile, hostile_text = rest.partition(HEADS["hostile"])
-    return {"smooth": (smooth + smooth_text).removesuffix("\n"), "hostile": hostile + hostile_text}
+    places = {kind: page.find(head) for kind, head in HEADS.items()}
+    ends = [*sorted(place for place in places.values() if place >= 0), len(page) + 1]
+    return {
+        kind: "" if place < 0 else page[place : ends[ends.index(place) + 1] - 1]
+        for kind, place in places.items()
+    }
 
 
 def smooth_section(record: Record) -> list[str]:
-    tiers = {tier: [record.tallies[f"{tier} {family}"] for family in FAMILIES] for tier in TIERS}
     return [
         SMOOTH.format(
             seed=record.seed,
@@ -67,12 +73,37 @@ def smooth_section(record: Record) -> list[str]:
             smallest=SMALLEST_GAP,
             numerics=NUMERICS,
         ),
-        *_table(tiers),
+        *_counted(record, f"Problems by family and ends: {_listed(record.drawn)}."),
+    ]
+
+
+def states_section(record: Record) -> list[str]:
+    """Return the section about motions from states."""
+    return [
+        STATES.format(
+            seed=record.seed,
+            done=record.done,
+            minutes=record.seconds / 60,
+            narrowest=NARROWEST,
+            passages=PASSAGES,
+            latest=LAST,
+            numerics=NUMERICS,
+        ),
+        *_counted(record, f"Motions: {_listed(record.drawn)}."),
+    ]
+
+
+def _counted(record: Record, drawn: str) -> list[str]:
+    """Return tables of what became of problems."""
+    families = SUBJECTS[record.subject]
+    tiers = {tier: [record.tallies[f"{tier} {family}"] for family in families] for tier in TIERS}
+    unknown = f"Drawn without a reference, and so not counted above: {_listed(record.unknown)}."
+    return [
+        *_table(tiers, families),
         "",
-        f"Problems by family and ends: {_listed(record.drawn)}.",
+        drawn,
         "",
-        f"Drawn without a reference, and so not counted above: {_listed(record.unknown)}.",
-        "",
+        *([unknown, ""] if record.unknown else []),
         *(line for tier in TIERS for line in _histograms(tier, tiers[tier])),
         "",
         *(
@@ -82,10 +113,10 @@ def smooth_section(record: Record) -> list[str]:
     ]
 
 
-def _table(tiers: Mapping[Tier, Sequence[Tally]]) -> list[str]:
+def _table(tiers: Mapping[Tier, Sequence[Tally]], families: Sequence[str]) -> list[str]:
     lines = []
     for tier, tallies in tiers.items():
-        for family, tally in zip((*FAMILIES, "all"), (*tallies, _total(tallies)), strict=True):
+        for family, tally in zip((*families, "all"), (*tallies, _total(tallies)), strict=True):
             asked = tally.solved + tally.refused.total()
             exceeded = f"{tally.exceeded.total()}" + (
                 f" ({_listed(tally.exceeded)})" if tally.exceeded else ""
@@ -115,8 +146,10 @@ def _histograms(tier: Tier, tallies: Sequence[Tally]) -> list[str]:
     lines = ["", f"### {tier}"]
     for claim, what in CLAIMS.items():
         powers = {int(power): number for power, number in total.ratios[claim].items()}
+        if not powers:
+            continue
         lines += ["", f"Claimed/actual of {what} (least {total.smallest.get(claim, inf):.3g}):", "", "```"]
-        for power in range(min(powers), max(powers) + 1) if powers else ():
+        for power in range(min(powers), max(powers) + 1):
             number = powers.get(power, 0)
             bar = "#" * round(60 * number / max(powers.values())) or "." * bool(number)
             lines.append(f"{_range(power):>14} {number:6d} {bar}".rstrip())
@@ -136,23 +169,29 @@ def main() -> int:
     """Measure and write; 1 if anything is wrong."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.honesty", description=__doc__)
     parser.add_argument("--count", type=int, default=10_000, help="smooth problems, each in every tier")
+    parser.add_argument("--states", type=int, default=5000, help="motions from states, each in every tier")
     parser.add_argument("--hostile", type=int, default=2000, help="hostile problems, each in every tier")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=inf, help="stop after them, of each kind")
     parser.add_argument("--record", type=Path, help="file of what has been counted, to go on from")
+    parser.add_argument("--states-record", type=Path, help="the same of motions from states")
     parser.add_argument("--hostile-record", type=Path, help="the same of hostile problems")
-    parser.add_argument("--only", choices=HEADS, help="run this kind; the section of the other one is kept")
+    parser.add_argument("--only", choices=HEADS, help="run this kind; other sections are kept")
     parser.add_argument("--page", type=Path, default=REPORT, help="written there; the default is in docs")
     arguments = parser.parse_args()
     asked: set[Kind] = {arguments.only} if arguments.only else set(HEADS)
-    record = load(arguments.record, arguments.seed) if arguments.record else Record(arguments.seed)
+    records: dict[Subject, Record] = {
+        subject: load(path, arguments.seed, subject) if path else Record(arguments.seed, subject)
+        for subject, path in (("smooth", arguments.record), ("states", arguments.states_record))
+    }
     hostile = HostileRecord(arguments.seed)
     if arguments.hostile_record:
         hostile = load_hostile(arguments.hostile_record, arguments.seed)
 
     def keep(record: Record) -> None:
-        if arguments.record:
-            arguments.record.write_text(json.dumps(record, default=vars))
+        path = arguments.record if record.subject == "smooth" else arguments.states_record
+        if path:
+            path.write_text(json.dumps(record, default=vars))
 
     def keep_hostile(hostile: HostileRecord) -> None:
         if arguments.hostile_record:
@@ -160,20 +199,25 @@ def main() -> int:
 
     found = sections(REPORT.read_text(encoding="utf-8"))
     if "smooth" in asked:
-        measure(record, arguments.count, arguments.seconds, keep)
-        found["smooth"] = "\n".join(smooth_section(record))
+        measure(records["smooth"], arguments.count, arguments.seconds, keep)
+        found["smooth"] = "\n".join(smooth_section(records["smooth"]))
+    if "states" in asked:
+        measure(records["states"], arguments.states, arguments.seconds, keep)
+        found["states"] = "\n".join(states_section(records["states"]))
     if "hostile" in asked:
         measure_hostile(hostile, arguments.hostile, arguments.seconds, keep_hostile)
         found["hostile"] = "\n".join(hostile_section(hostile))
-    arguments.page.write_text(report(found["smooth"], found["hostile"]), encoding="utf-8")
-    for text in record.documents:
+    arguments.page.write_text(report(found), encoding="utf-8")
+    exceeded = [text for record in records.values() for text in record.documents]
+    for text in exceeded:
         say(text)
     wrong = [row for row in hostile.rows if faults_of(row)]
     for row in wrong:
         say(f"{row['kind']}: {faults_of(row)}")
-    say(f"{record.done} smooth problems in {record.seconds:.0f} s")
+    for subject, record in records.items():
+        say(f"{record.done} problems about {subject} in {record.seconds:.0f} s")
     say(f"{len(hostile.rows)} hostile problems in {hostile.seconds:.0f} s: {arguments.page}")
-    return 1 if record.documents or wrong else 0
+    return 1 if exceeded or wrong else 0
 
 
 def say(text: str) -> None:
