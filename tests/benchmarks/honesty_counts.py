@@ -9,13 +9,15 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, field
 from math import floor, inf, isnan, log10
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import Tier
-from tests.support.claims import CLAIMS, Case, claims_of, make_case
-from tests.support.random_documents import EVERY, Family
+from tests.support.claims import CLAIMS, Case, Claim, claims_of, make_case
+from tests.support.random_documents import FAMILIES, Family
+from tests.support.random_states import KINDS, Kind, StateCase, claims_of_state, draw_state
 
 TIERS: tuple[Tier, ...] = ("draft", "standard", "high")
 TOGETHER = 20
@@ -66,22 +68,30 @@ class Tally:
             self.ratios[name] += powers
 
 
+Subject = Literal["smooth", "passages", "states"]
+SUBJECTS: Mapping[Subject, tuple[str, ...]] = {"smooth": FAMILIES, "passages": ("passage",), "states": KINDS}
+"""What problems are about, and their families."""
+
+
 @dataclass
 class Record:
     """Everything counted since problem 0 of a seed."""
 
     seed: int
+    subject: Subject = "smooth"
     done: int = 0
     seconds: float = 0.0
     drawn: Counter[str] = field(default_factory=Counter)
     """By family and ends."""
     unknown: Counter[str] = field(default_factory=Counter)
     """Problems without a reference, by family and code."""
-    tallies: dict[str, Tally] = field(
-        default_factory=lambda: {f"{tier} {family}": Tally() for tier in TIERS for family in EVERY}
-    )
+    tallies: dict[str, Tally] = field(default_factory=dict)
     documents: list[str] = field(default_factory=list)
     """Those with a claim that is exceeded, or that ended in something else than a refusal."""
+
+    def __post_init__(self) -> None:
+        for name in (f"{tier} {family}" for tier in TIERS for family in SUBJECTS[self.subject]):
+            self.tallies.setdefault(name, Tally())
 
     def add(self, part: "Record") -> None:
         """Go on by the problems that were counted next."""
@@ -98,16 +108,10 @@ def family_of(index: int) -> Family:
     return ROTA.get(index % 80, "three-term")
 
 
-def measure(
-    record: Record,
-    count: int,
-    seconds: float,
-    keep: Callable[[Record], None],
-    family: Family | None = None,
-) -> None:
+def measure(record: Record, count: int, seconds: float, keep: Callable[[Record], None]) -> None:
     """Go on, on all processors, until problem ``count`` or until so many seconds have passed.
 
-    ``keep`` is called with the record whenever some more are counted; ``family`` is that of all problems.
+    ``keep`` is called with the record whenever some more are counted.
     """
     began, before, asked = time.perf_counter(), record.seconds, record.done
     running: deque[Future[Record]] = deque()
@@ -117,7 +121,7 @@ def measure(
                 if time.perf_counter() - began > seconds:
                     break
                 following = min(count, asked + TOGETHER)
-                running.append(pool.submit(measured, record.seed, asked, following, family))
+                running.append(pool.submit(measured, record.subject, record.seed, asked, following))
                 asked = following
             if not running:
                 break
@@ -127,18 +131,21 @@ def measure(
             keep(record)
 
 
-def measured(seed: int, first: int, last: int, family: Family | None = None) -> Record:
+def measured(subject: Subject, seed: int, first: int, last: int) -> Record:
     """Count the problems of a seed from number ``first`` to before ``last``."""
-    part = Record(seed)
+    part = Record(seed, subject)
     for index in range(first, last):
-        _measure_one(part, family or family_of(index), np.random.default_rng([seed, index]))
+        _measure_one(part, index, np.random.default_rng([seed, index]))
         part.done += 1
     return part
 
 
-def _measure_one(record: Record, family: Family, draws: np.random.Generator) -> None:
+def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None:
+    family: Family | Kind = family_of(index)
+    if record.subject != "smooth":
+        family = "passage" if record.subject == "passages" else KINDS[index % len(KINDS)]
     try:
-        case = make_case(family, draws)
+        case = draw_state(family, draws) if family in KINDS else make_case(family, draws)
     except DynamicsError as refusal:
         record.unknown[f"{family}: {refusal.code}"] += 1
         return
@@ -146,11 +153,11 @@ def _measure_one(record: Record, family: Family, draws: np.random.Generator) -> 
         record.unknown[f"{family}: {type(fault).__name__}"] += 1
         record.documents.append(f"no reference for a problem of {family}: {fault!r}")
         return
-    record.drawn[f"{family}: {' to '.join(case.drawn.window.ends)}"] += 1
+    record.drawn[f"{family}: {case.about}"] += 1
     for tier in TIERS:
         tally = record.tallies[f"{tier} {family}"]
         try:
-            claims = claims_of(case, tier)
+            claims = _claims(case, tier)
         except DynamicsError as refusal:
             tally.refused[refusal.code] += 1
             continue
@@ -168,11 +175,15 @@ def _measure_one(record: Record, family: Family, draws: np.random.Generator) -> 
                 _tell(record, told, case, tier)
 
 
-def _tell(record: Record, what: str, case: Case, tier: Tier) -> None:
+def _claims(case: Case | StateCase, tier: Tier) -> list[Claim]:
+    return claims_of(case, tier) if isinstance(case, Case) else claims_of_state(case, tier)
+
+
+def _tell(record: Record, what: str, case: Case | StateCase, tier: Tier) -> None:
     record.documents.append(f"{what}\n{json.dumps(case.document(tier))}")
 
 
-def load(path: Path, seed: int) -> Record:
+def load(path: Path, seed: int, subject: Subject) -> Record:
     """Return the record in a file, a new one if there is none.
 
     Raises
@@ -181,7 +192,7 @@ def load(path: Path, seed: int) -> Record:
         It belongs to another seed.
     """
     if not path.exists():
-        return Record(seed)
+        return Record(seed, subject)
     read = json.loads(path.read_text())
     if read["seed"] != seed:
         raise ValueError(f"{path} belongs to the seed {read['seed']}")

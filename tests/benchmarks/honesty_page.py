@@ -54,7 +54,10 @@ MEASURED = """## What is measured
 * **Potentials given by an integral**, which no complex ball can enter: windows are those of a scan, and
   panels are judged by the decay of their series.
 * **The method `integration`**, and with it cross-checks and motions from any state: the error is the
-  difference of runs (of four in compiled code, else of two), held against the equations.
+  difference of runs (of four in compiled code, else of two), and what errors of every step grow to until
+  any later time (`grown_errors` in the evidence), held against the equations. Growth is that of the
+  equations of variation along the motion; what a step loses is modelled, as a rounding of all that is added
+  up in it and what its series leave out. Both parts are estimates, to first order.
 
 Hence the runs below. **A claim is exceeded if the true number is proven to be further away than it.** That
 none was exceeded in a run is said of its problems, and of no others.
@@ -62,8 +65,8 @@ none was exceeded in a run is said of its problems, and of no others.
 
 NOT_COVERED = """## What is not covered
 
-* By no reference here: potentials given by an integral, the orientation, multipliers, motions from any
-  state, the classical cases; of smooth potentials aperiodic motions, and those that pass a pole at
+* By no reference here: potentials given by an integral, the orientation, multipliers, the classical cases,
+  motions from other states than below; of smooth potentials aperiodic motions, and those that pass a pole at
   which V has a logarithm.
 * Of hostile potentials those that are not admissible are judged by their verdicts alone, as are motions
   into a collision at a pole by their windows alone. Admissible features are functions of g2 times
@@ -99,4 +102,17 @@ ratio of 1; they are of 64 bits, and the reference is made anew in 128. The verd
 potentials are admissible by their making.
 
 | tier | family | asked | solved | refused | exceeded | smallest | median |
+| --- | --- | --- | --- | --- | --- | --- | --- |"""
+
+STATES = """## Motions from states next to unstable ones
+
+The first {done} motions of the seed {seed}, in {minutes:.0f} minutes, numerics {numerics}. Free bodies begin
+next to a rotation about their middle axis, heavy tops next to the upright one (at rest, or spinning), bodies
+in quadratic and cubic fields next to any equilibrium or permanent rotation on an axis; the gaps go down to
+1e{narrowest:.0f}. There are up to {passages:.0f} passages, and times up to {latest:.0f}; one in five goes
+backwards. Whoever passes an unstable motion, leaves it and passes it again multiplies what was lost on the
+way. References are power series in integers of 160 bits (`tests/support/fixed_point.py`), from the exact
+state. Smallest and median as above.
+
+| tier | kind | asked | solved | refused | exceeded | smallest | median |
 | --- | --- | --- | --- | --- | --- | --- | --- |"""

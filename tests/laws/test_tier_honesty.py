@@ -1,11 +1,10 @@
-"""No tier claims less than its error: random problems against certified motions."""
+"""No tier claims less than its error: random problems against certified motions, or series of many digits."""
 
 import pytest
 
-from tests.benchmarks.honesty_counts import TIERS, Record, measured
+from tests.benchmarks.honesty_counts import SUBJECTS, TIERS, Record, measured
 from tests.support.claims import CLAIMS
 from tests.support.effort import examples
-from tests.support.random_documents import FAMILIES
 
 COUNT = examples(30, 60)
 SEED = 20
@@ -14,19 +13,22 @@ SEED = 20
 pytestmark = pytest.mark.random_law
 
 
-@pytest.fixture(scope="module")
-def record() -> Record:
-    return measured(SEED, 0, COUNT)
+@pytest.fixture(scope="module", params=list(SUBJECTS))
+def record(request) -> Record:
+    return measured(request.param, SEED, 0, COUNT)
 
 
 @pytest.mark.parametrize("tier", TIERS)
 def test_no_claim_is_exceeded(record, tier):
-    tallies = [record.tallies[f"{tier} {family}"] for family in FAMILIES]
+    tallies = [record.tallies[f"{tier} {family}"] for family in SUBJECTS[record.subject]]
     assert not record.documents, "\n\n".join(record.documents)
     assert not any(tally.exceeded for tally in tallies)
-    # The tier high may refuse what doubles cannot hold; enough is left to say something about.
-    assert sum(tally.solved for tally in tallies) >= (COUNT // 2 if tier == "high" else 0.9 * COUNT)
-    assert all(sum(tally.ratios[claim].total() for tally in tallies) > COUNT // 3 for claim in CLAIMS)
+    # The tier high may refuse what doubles cannot hold, and every tier what errors grow too far in; enough is
+    # left to say something about.
+    least = {"smooth": 0.5 if tier == "high" else 0.9, "states": 0.05 if tier == "high" else 0.4}
+    assert sum(tally.solved for tally in tallies) >= least[record.subject] * COUNT
+    if record.subject == "smooth":
+        assert all(sum(tally.ratios[claim].total() for tally in tallies) > COUNT // 3 for claim in CLAIMS)
 
 
 @pytest.mark.parametrize("tier", TIERS)
@@ -34,7 +36,7 @@ def test_claims_are_of_use(record, tier):
     """A bound a million times too wide would be true and say nothing: half of them are within 1e4."""
     powers = [
         int(power)
-        for family in FAMILIES
+        for family in SUBJECTS[record.subject]
         for power, number in record.tallies[f"{tier} {family}"].ratios["samples"].items()
         for _ in range(number)
     ]

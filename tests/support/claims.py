@@ -36,6 +36,11 @@ class Case:
     times: list[float]
     reference: Certified
 
+    @property
+    def about(self) -> str:
+        """What is said of it in a list."""
+        return " to ".join(self.drawn.window.ends)
+
     def document(self, tier: Tier) -> Document:
         """Return the whole document that asks a tier for it."""
         return with_times(self.drawn.document, [repr(t) for t in self.times], tier)

@@ -23,7 +23,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import FormulaPotential, NoClosedFormError, Potential
-from workers.solvers.integration.errors import UnsupportedFormulaError
+from workers.solvers.integration.errors import UndefinedStartError, UnsupportedFormulaError
 from workers.solvers.integration.interface import (
     Moments,
     Rounding,
@@ -34,7 +34,6 @@ from workers.solvers.integration.interface import (
     step_has_collapsed,
     too_many_steps,
     trimmed,
-    undefined_start,
 )
 
 FloatArray = NDArray[np.float64]
@@ -128,6 +127,7 @@ class HeyokaIntegrator:
     name = "heyoka"
     finest = 1e-20
     coarsest = 1e-6
+    leaves_out = 0.2  # the terms after the last one, of steps of 0.15 of the radius
     tightening = 100.0  # two orders: two tolerances within one order would take the same steps
 
     def __init__(self, body: RigidBody, potential: Potential, rounding: Rounding = nearest_double) -> None:
@@ -156,7 +156,7 @@ class HeyokaIntegrator:
         """Integrate from ``state`` to ``end``; see Integrator.run."""
         start_gradient = self._potential.gradient(state[3:])
         if not np.isfinite(start_gradient).all():
-            return Run(np.zeros(1), np.zeros((0, 1, 6)), undefined_start())
+            return Run(np.zeros(1), np.zeros((0, 1, 6)), UndefinedStartError())
         stepper = self._stepper(state, local_tolerance)
         breaks, steps = [0.0], list[float]()
         series, converted = list[FloatArray](), list[FloatArray]()

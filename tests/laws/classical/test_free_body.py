@@ -57,9 +57,10 @@ def with_momentum(omega, moments=(A, B, C)):
 
 
 def integrate(body, state, times, integrator):
-    return integrate_state(
-        body, NO_FIELD, state[:3].tolist(), state[3:].tolist(), times, tolerance=1e-10, integrator=integrator
-    )
+    # Steps of DOP853 lose some 100 roundings; next to the separatrix these grow to 3e-10 in four periods.
+    tolerance = 1e-9 if integrator == "dop853" else 1e-10
+    start = state[:3].tolist(), state[3:].tolist()
+    return integrate_state(body, NO_FIELD, *start, times, tolerance=tolerance, integrator=integrator)
 
 
 @pytest.mark.parametrize("integrator", ["taylor", HEYOKA, "dop853"])

@@ -66,8 +66,9 @@ def test_horizon_shrinks_to_what_an_instability_leaves():
     period = motion.dense.period.hi
     check = compare(motion, rigid_body, HEAVY, 1e-10)
     assert check.agrees
-    # A factor 100 in the seed of the growth is 1.5 periods.
-    assert 3.5 * period <= check.horizon <= 7.0 * period
+    # A factor 100 in the seed of the growth is 1.5 periods; the claim begins with four standard deviations of
+    # what some dozen steps lose across the plane, each a few roundings: 500 times 1e-16 are 2.1 periods.
+    assert 3.0 * period <= check.horizon <= 7.0 * period
     assert check.disagreement <= 1e-8
     stable = compare(quadrature(body("3/2"), HEAVY, 2, tuple(range(0, 101, 5))), body("3/2"), HEAVY, 1e-10)
     assert stable.agrees

@@ -23,10 +23,15 @@ from workers.solvers.compiled.general.lanes import LANES
 from workers.solvers.compiled.general.many import solve_twin, solve_twins
 from workers.solvers.compiled.general.records import Asked, Formula, Gradient, Models
 from workers.solvers.compiled.general.sampling import TOGETHER, values_at
-from workers.solvers.compiled.general.series import STATE
-from workers.solvers.compiled.general.steps import ARRIVED, TIRED, new_pieces, seen, take_steps
+from workers.solvers.compiled.general.series import ORDER, STATE
+from workers.solvers.compiled.general.steps import ARRIVED, CAUTION, TIRED, new_pieces, seen, take_steps
 from workers.solvers.compiled.general.twin import COLLIDED, HELD, NUMBERS, OPEN
-from workers.solvers.integration.errors import IntegrationError, UnsupportedFormulaError
+from workers.solvers.integration.errors import (
+    CollisionError,
+    IntegrationError,
+    UndefinedStartError,
+    UnsupportedFormulaError,
+)
 from workers.solvers.integration.followed import BEFORE_THE_END, SLACK
 from workers.solvers.integration.followed import ROUNDING as STEP_ROUNDING
 from workers.solvers.integration.interface import (
@@ -36,13 +41,11 @@ from workers.solvers.integration.interface import (
     Run,
     Steps,
     collapse,
-    collapse_by,
     neighbour_of,
     too_many_steps,
-    undefined_start,
 )
 from workers.solvers.integration.programs import gradient_program
-from workers.solvers.integration.twin import LOOSER, ROUNDING, SAFETY, Span
+from workers.solvers.integration.twin import LOOSER, ROUNDING, SAFETY, UNIT, Span
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -62,6 +65,7 @@ class CompiledIntegrator:
     name = "taylor"
     finest = 1e-20
     coarsest = 1e-11  # longer steps are cut again when they are held against the equations, and cost more
+    leaves_out = 1.0
     tightening = 100.0
 
     def __init__(
@@ -121,7 +125,7 @@ class CompiledIntegrator:
             return Run(breaks, coefficients, too_many_steps(since + run.reached, since + end, max_steps))
         start_gradient = self._potential.gradient(state[3:])
         if not np.isfinite(start_gradient).all():
-            return Run(np.zeros(1), np.zeros((0, 1, 6)), undefined_start())
+            return Run(np.zeros(1), np.zeros((0, 1, 6)), UndefinedStartError())
         last = coefficients[-1].sum(axis=0) if len(coefficients) else state
         end_gradient = self._potential.gradient(last[3:])
         ending = collapse(since + run.reached, start_gradient, end_gradient)
@@ -249,6 +253,8 @@ class Held:
     energy_error: float
     defect: float
     drift: float
+    growth: float
+    """Part of the claim: what errors that the run makes on its way grow to."""
 
 
 def asked_of_twin(
@@ -277,12 +283,23 @@ def asked_of_twin(
         tolerance=tolerance,
         safety=SAFETY,
         rounding=ROUNDING,
+        noise=UNIT,
+        tail=_tail_of(finer),
         fine_defect=max(SLACK * finer, STEP_ROUNDING),
         coarse_defect=max(SLACK * local_tolerance, LOOSER * STEP_ROUNDING),
         goal=GOAL,
         finest=FINEST,
         is_last=is_last,
     )
+
+
+def _tail_of(local_tolerance: float) -> float:
+    """Return x / (1 - x) of steps that are up to x of the radius of convergence.
+
+    That is read off the largest variable: that of one of 1e-7 times its size may be half as large.
+    """
+    x: float = min(0.75, 2.0 * CAUTION * local_tolerance ** (1.0 / (ORDER + 1)))
+    return x / (1.0 - x)
 
 
 def held_twin(
@@ -305,7 +322,8 @@ def held_twin(
         return None
     numbers: list[float] = found.tolist()
     if status == COLLIDED:
-        return collapse_by(*numbers[:3])
+        time, error, *gradients = numbers[:4]
+        return CollisionError(time=time, error=error, start=gradients[0], end=gradients[1])
     if status == HELD:
         return Held(breaks, coefficients, *numbers)
     return numbers[0] if asked.is_last else inf
@@ -318,7 +336,7 @@ class HeldTwins:
     endings: IntArray
     """HELD, INACCURATE, OPEN or COLLIDED, shape (n,)."""
     numbers: FloatArray
-    """Error, difference, energy, its error, defect and drift, shape (n, 6)."""
+    """Error, difference, energy, its error, defect, drift, and the part of growth, shape (n, 7)."""
     samples: FloatArray
     """The six variables at the times, shape (n, times, 6)."""
 

@@ -76,6 +76,8 @@ class Steps(Protocol):
     """Local tolerance below which rounding, not truncation, makes the error."""
     coarsest: float
     """Largest local tolerance, whatever is asked: beyond it the method is not in its element."""
+    leaves_out: float
+    """What a step leaves out, relative to the largest variable, in local tolerances."""
     tightening: float
     """How much tighter the second of two runs must be for other steps and a smaller error."""
 
@@ -157,14 +159,13 @@ def collapse(time: float, start_gradient: FloatArray, end_gradient: FloatArray) 
     return collapse_by(time, math.hypot(*start_gradient.tolist()), math.hypot(*end_gradient.tolist()))
 
 
-def collapse_by(time: float, start: float, end: float) -> IntegrationError:
-    """Return what a collapsed step means, by the sizes of the potential's gradient."""
+def collapse_by(time: float, start: float, end: float, error: float = inf) -> IntegrationError:
+    """Return what a collapsed step means, by the sizes of the potential's gradient.
+
+    One run alone does not know the error of a collision's time.
+    """
     if not end <= SINGULAR_GRADIENT * start:
-        return CollisionError(
-            f"the motion runs into a singularity of the potential at t = {time:.15g} "
-            f"(its gradient has grown from {start:.1e} to {end:.1e}); ask for times nearer to 0",
-            time=time,
-        )
+        return CollisionError(time=time, error=error, start=start, end=end)
     return StepCollapseError(
         f"the steps shrink to nothing at t = {time:.15g} while the potential's gradient stays at {end:.1e}: "
         "the potential is not smooth, or not defined, there; ask for times nearer to 0",
@@ -177,11 +178,6 @@ def too_many_steps(time: float, end: float, max_steps: int) -> StepCollapseError
     return StepCollapseError(
         f"{max_steps} steps reach t = {time:.15g} only, of {end:.15g}; ask for times nearer to 0", time=time
     )
-
-
-def undefined_start() -> CollisionError:
-    """Return the error of a state in which the potential has no finite gradient."""
-    return CollisionError("the potential is singular or not defined at the initial state (t = 0)", time=0.0)
 
 
 def neighbour_of(number: Fraction | float) -> float:

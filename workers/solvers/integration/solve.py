@@ -39,6 +39,8 @@ MAX_STEPS = 200_000
 CHECK_TIMES = 257
 """Equidistant times, besides those asked for, at which the two runs are compared: with few times
 asked the difference may vanish there by chance."""
+GROWTH = "grown_errors"
+"""Key of the evidence: what errors that a run makes on its way have grown to, a part of the claim."""
 FIRST_TRY = 0.01
 """Local tolerance of the first try in parts of the tolerance: errors of some hundred steps add up."""
 
@@ -217,6 +219,7 @@ def _held_motion(held: "Held", times: FloatArray, rests: FloatArray | None, loca
             "steps": len(held.breaks) - 1,
             "local_tolerance": local_tolerance,
             "difference_of_runs": held.difference,
+            GROWTH: held.growth,
             DEFECT: held.defect,
             DRIFT: held.drift,
             COVERED: 1.0,
@@ -251,6 +254,7 @@ def _motion(
             "steps": twin.steps,
             "local_tolerance": twin.local_tolerance,
             "difference_of_runs": float(twin.difference(check).max()),
+            GROWTH: float(twin.growth.max()),
         },
     )
 

@@ -1,10 +1,12 @@
-"""Runs an integration twice; the difference measures the error of the better run.
+"""Runs an integration twice; the difference, and how far errors grow, tell the error of the better run.
 
 The second run has a looser local tolerance, hence other steps and other
 rounding, and solves a problem that the rounded data (state, moments,
 coefficients) might as well have meant. Their difference therefore shows
-truncation, rounding and the growth of both, also where the motion is unstable
-and no local estimate would see it.
+truncation, rounding and what has become of them. It is one draw: where errors grow,
+all of them grow in one direction, in which two runs may be at one place by chance, or lose the
+same by the same roundings. So the claim has another part: what errors of every step grow to along the motion
+(:mod:`workers.solvers.compiled.general.growth`), J being taken here from equations that any potential has.
 """
 
 from dataclasses import dataclass
@@ -17,8 +19,8 @@ from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import euler_poisson_rhs
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.solution.dense_output import DenseOutput
-from workers.solvers.integration.errors import IntegrationError
-from workers.solvers.integration.followed import followed
+from workers.solvers.integration.errors import CollisionError, IntegrationError
+from workers.solvers.integration.followed import BEFORE_THE_END, followed
 from workers.solvers.integration.interface import Integrator, Run, joined
 
 FloatArray = NDArray[np.float64]
@@ -27,13 +29,17 @@ SAFETY = 4.0
 """On the difference. Above the level of rounding it is the error of the worse run, and 1 would do; at that
 level two runs err alike and independently, and may differ by less than either errs. With both factors the
 claim was never below the actual error in thousands of random problems held against 64-bit significands."""
-ROUNDING = 4.0 * 2.0**-53
+UNIT = 2.0**-53
+"""A rounding, relative to the number."""
+ROUNDING = 4.0 * UNIT
 """What two runs share, relative to the variables: the rounded state, time, moments and coefficients."""
 
 
 LOOSER = 8.0
 """Times as much defect may the coarser run leave at a kink. With the same for both they err alike there, and
 their difference does not show it; like this it shows seven times what the finer one leaves."""
+PIECES_TOGETHER = 512
+"""Pieces of which J is found at once: some 50 MB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +66,8 @@ class Twin:
     """Why that is less than what was asked for, or None; the earlier one of two."""
     local_tolerance: float
     """Of the finer run."""
+    growth: FloatArray
+    """Part of the claim in each piece of the finer run: what errors that it makes on its way grow to."""
 
     @property
     def steps(self) -> int:
@@ -74,15 +82,16 @@ class Twin:
     def error_estimate(self, body: RigidBody, potential: Potential, times: FloatArray) -> FloatArray:
         """Return the estimated error of the finer run at ``times``, shape (n,).
 
-        To the difference comes what both runs share: the variables are rounded,
-        and so are the time and the constants of the problem, which set the rate
+        To the difference comes what errors on the way grow to, and what both runs share: the
+        variables are rounded, and so are the time and the constants of the problem, which set the rate
         at which the motion goes through time.
         """
         states = self.fine(times)
         rates = euler_poisson_rhs(body, potential, states[:, :3], states[:, 3:])
         speed = np.maximum(np.abs(rates.omega).max(axis=1), np.abs(rates.gamma).max(axis=1))
         rounding = ROUNDING * (np.abs(states).max(axis=1) + np.abs(times) * speed)
-        estimate: FloatArray = SAFETY * self.difference(times) + rounding
+        piece = np.searchsorted(self.fine.breaks[1:-1], times, side="right")
+        estimate: FloatArray = SAFETY * self.difference(times) + rounding + self.growth[piece]
         return estimate
 
 
@@ -113,22 +122,146 @@ def run_twin(
             other,
             equations,
             neighbour,
-            run.reached,
+            # Into a singularity each goes on its own: how much they differ there tells an error.
+            end if isinstance(run.ending, CollisionError) else run.reached,
             local_tolerance=local_tolerance,
             max_steps=max_steps,
             looseness=LOOSER,
         )
-        for run in fine
+        for run, end in zip(fine, ends, strict=True)
         if run.reached != 0.0
     ]
-    endings = [run.ending for run in (*fine, *coarse) if run.ending is not None]
-    reached = [run.reached for run in coarse]
+    moving = [run for run in fine if run.reached != 0.0]
+    apart = np.abs(neighbour - state)
+    left_out = finer * integrator.leaves_out
+    deviations = [errors_on_the_way(equations, run, apart, left_out) for run in moving]
+    pairs = list(zip(moving, coarse, deviations, strict=True))
+    endings = [_ending(*pair) for pair in pairs] + [run.ending for run in fine if run.reached == 0.0]
+    reached = [min(one.reached, two.reached, key=abs) for one, two, _ in pairs]
     return Twin(
         fine=_both_sides(fine, state),
         coarse=_both_sides(coarse, neighbour),
         span=Span(min([0.0, *reached]), max([0.0, *reached])),
-        ending=min(endings, key=lambda ending: abs(ending.time), default=None),
+        ending=min(
+            (ending for ending in endings if ending is not None),
+            key=lambda ending: abs(ending.time),
+            default=None,
+        ),
         local_tolerance=finer,
+        growth=_claimed(pairs),
+    )
+
+
+def _claimed(pairs: list[tuple[Run, Run, FloatArray]]) -> FloatArray:
+    """Return the part of the claim in each piece of both sides."""
+    from workers.solvers.compiled.general.twin import beyond_first_order  # noqa: PLC0415
+
+    parts = [np.zeros(0)]
+    for run, _, deviations in pairs:
+        size = float(np.abs(run.coefficients).max())
+        part = np.array([beyond_first_order(SAFETY * each, size) for each in deviations.tolist()])
+        parts.append(part[::-1] if run.reached < 0.0 else part)
+    return np.concatenate(parts) if len(parts) > 1 else np.zeros(1)
+
+
+def _ending(fine: Run, coarse: Run, deviations: FloatArray) -> IntegrationError | None:
+    """Return why two runs arrive no further; the time of a collision gets its error."""
+    found = [run.ending for run in (fine, coarse) if run.ending is not None]
+    if not (len(found) == 2 and all(isinstance(ending, CollisionError) for ending in found)):
+        return min(found, key=lambda ending: abs(ending.time), default=None)
+    from workers.solvers.compiled.general.twin import time_left  # noqa: PLC0415
+
+    ending = found[0]
+    assert isinstance(ending, CollisionError)
+    left = time_left(fine.breaks)
+    time = fine.reached + left
+    gap = abs(coarse.reached + time_left(coarse.breaks) - time)
+    last = int(np.searchsorted(np.abs(fine.breaks[1:]), (1.0 - BEFORE_THE_END) * abs(fine.reached)))
+    last = min(last, len(deviations) - 1)
+    step = fine.breaks[last + 1] - fine.breaks[last]
+    speed = float(np.abs(2.0 * fine.coefficients[last, 1::2].sum(axis=0) / step).max())
+    error = SAFETY * gap + abs(left) + SAFETY * deviations[last] / speed + 8.0 * UNIT * abs(time)
+    return CollisionError(time=time, error=error, start=ending.start, end=ending.end)
+
+
+def errors_on_the_way(equations: Equations, run: Run, start: FloatArray, left_out: float) -> FloatArray:
+    """Return the standard deviation of errors that a run has made, the largest in each of its pieces.
+
+    A step leaves out ``left_out``, relative to the largest variable. Kernels find the same of series whose
+    terms they know: see :func:`workers.solvers.compiled.general.growth.grown`.
+    """
+    from workers.solvers.compiled.general import growth  # noqa: PLC0415
+
+    size, found = float(np.abs(run.coefficients).max()), list[FloatArray]()
+    spread = np.diag((start / size) ** 2)
+    steps = np.diff(run.breaks)
+    for begin in range(0, len(steps), PIECES_TOGETHER):
+        series, times = (
+            run.coefficients[begin : begin + PIECES_TOGETHER],
+            steps[begin : begin + PIECES_TOGETHER],
+        )
+        apart = _distances(series)
+        middle = _derivatives(equations, series, apart, np.zeros((len(series), 1)))[1][:, 0]
+        norms = np.abs(middle).sum(axis=1).max(axis=1)
+        parts = np.array(
+            [growth.parts_of(*each) for each in zip(norms.tolist(), times.tolist(), strict=True)]
+        )
+        piece = np.repeat(np.arange(len(series)), parts)
+        first = np.cumsum(parts) - parts
+        half = (1.0 / parts)[piece]
+        centre = (2.0 * (np.arange(len(piece)) - first[piece]) + 1.0) * half - 1.0
+        nodes = centre[:, None] + half[:, None] * growth.OUTWARDS * np.array([-1.0, 0.0, 1.0])
+        states, jacobians = _derivatives(equations, series[piece], apart[piece], nodes)
+        lost = (np.abs(jacobians[:, 1]) * np.abs(states[:, 1, None])).sum(axis=2)
+        lost[:, :3] += _halves_of_torque(equations, states[:, 1, 3:]) / equations.moments
+        lost *= (UNIT * np.abs(times)[piece] * np.sqrt(half))[:, None]
+        # The tolerance is of the largest variable; of others, as their last coefficients are.
+        tails = np.abs(series[:, 2 * series.shape[1] // 3 :]).sum(axis=1)
+        shares = tails / np.maximum(tails.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        largest = np.abs(series).sum(axis=1).max(axis=1, keepdims=True)
+        lost[first + parts - 1] += left_out * largest * shares
+        lost /= size
+        deviations = growth.passed_on(jacobians, times[piece] * half, lost, spread)
+        found.append(size * np.maximum.reduceat(deviations, first))
+    return np.concatenate([np.zeros(0), *found])
+
+
+def _distances(series: FloatArray) -> FloatArray:
+    """Return half the distances of the states whose rates are compared, shape (pieces, 6)."""
+    from workers.solvers.compiled.general.growth import APART, FARTHEST, NEAREST  # noqa: PLC0415
+
+    way = np.abs(series[:, 1:]).sum(axis=1)
+    reach = way + np.abs(series[:, 0])
+    turn, goes, reach = reach[:, :3].max(axis=1), way[:, 3:].max(axis=1), reach[:, 3:].max(axis=1)
+    by_turn = APART * np.where(turn > 0.0, turn, 1.0)
+    by_way = np.minimum(np.maximum(APART * goes, NEAREST * reach), FARTHEST * reach)
+    return np.repeat(np.stack([by_turn, by_way], axis=1), 3, axis=1)
+
+
+def _derivatives(
+    equations: Equations, series: FloatArray, apart: FloatArray, nodes: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return states and J at the nodes, shapes (pieces, nodes, 6) and (pieces, nodes, 6, 6)."""
+    table = np.polynomial.chebyshev.chebvander(nodes, series.shape[1] - 1)
+    states = table @ series
+    offsets = apart[:, None, None, None] * np.eye(6)[:, None] * np.array([1.0, -1.0])[:, None]
+    around = states[:, :, None, None] + offsets
+    with np.errstate(all="ignore"):
+        rates = equations.at(around.reshape(-1, 6))[0].reshape(around.shape)
+        slopes = (rates[:, :, :, 0] - rates[:, :, :, 1]) * (0.5 / apart)[:, None, :, None]
+    return states, np.ascontiguousarray(np.swapaxes(slopes, 2, 3))
+
+
+@np.errstate(all="ignore")
+def _halves_of_torque(equations: Equations, gamma: FloatArray) -> FloatArray:
+    """Return the sums of the sizes of what γ × ∂V/∂γ is the difference of, shape (n, 3)."""
+    slopes = equations.potential.gradient(gamma)
+    return np.stack(
+        [
+            np.abs(gamma[:, i] * slopes[:, j]) + np.abs(gamma[:, j] * slopes[:, i])
+            for i, j in ((1, 2), (2, 0), (0, 1))
+        ],
+        axis=1,
     )
 
 

@@ -1,5 +1,6 @@
 """Motions that cannot be followed: each ends with its cause and the time that was reached."""
 
+import re
 from fractions import Fraction
 
 import numpy as np
@@ -45,9 +46,11 @@ def test_collision_is_reported_at_its_time(name, s_sign, b1, time):
             tolerance=1e-9,
             integrator=name,
         )
-    # The steps end some ten collapsed ones before; local tolerances of 1e-11 leave less than that in time.
-    assert caught.value.time == pytest.approx(time, abs=1e-11)
-    assert "1.066" in caught.value.message or "0.821" in caught.value.message
+    # A bound that is thousands of times the local tolerance of 1e-13 would be no estimate.
+    assert abs(caught.value.time - time) <= caught.value.error <= 1e-9
+    shown = re.search(r"t = ([0-9.]+) ± ([0-9.e-]+)", caught.value.message)
+    assert shown is not None
+    assert abs(float(shown[1]) - time) <= float(shown[2]) <= 2.0 * caught.value.error
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -91,13 +91,14 @@ def solve_twin(
     Return how that ends, breaks and series of the finer run, and what is found.
     """
     states, others, which = np.empty((1, STATE)), np.empty((1, STATE)), np.zeros(1, dtype=np.int64)
+    apart = np.empty(STATE)
     for a in range(STATE):
-        states[0, a], others[0, a] = state[a], other[a]
+        states[0, a], others[0, a], apart[a] = state[a], other[a], abs(state[a] - other[a])
     room = new_pieces(lanes_of(asked))
     statuses, counts, all_breaks, pieces, sizes = _run_all(models, which, states, others, 0, 1, asked, room)
     found = np.full(NUMBERS, math.nan)
     status, breaks, series, length = settle(
-        models, 0, 0, statuses, counts, all_breaks, pieces, sizes, check, asked, found
+        models, 0, 0, statuses, counts, all_breaks, pieces, sizes, apart, check, asked, found
     )
     return status, breaks.copy(), series[:, :length, :STATE].copy(), found
 
@@ -124,7 +125,7 @@ def solve_twins(
     than is allowed is told of the last runs alone: that of others is not held against the equations.
     """
     together = LANES // lanes_of(asked)
-    room = new_pieces(LANES)
+    room, apart = new_pieces(LANES), np.empty(STATE)
     for begin in range(0, len(states), together):
         count = min(together, len(states) - begin)
         statuses, counts, all_breaks, pieces, sizes = _run_all(
@@ -132,6 +133,8 @@ def solve_twins(
         )
         for n in range(count):
             place = begin + n
+            for a in range(STATE):
+                apart[a] = abs(states[place, a] - others[place, a])
             status, breaks, series, length = settle(
                 models,
                 which[place],
@@ -141,6 +144,7 @@ def solve_twins(
                 all_breaks,
                 pieces,
                 sizes,
+                apart,
                 check,
                 asked,
                 found[place],

@@ -72,6 +72,10 @@ class Asked(NamedTuple):
     """On the difference of the runs."""
     rounding: float
     """What they share, relative to the variables."""
+    noise: float
+    """What a step loses by rounding, relative to what it adds up."""
+    tail: float
+    """What a step of the finer run leaves out, relative to the last terms: see :mod:`.growth`."""
     fine_defect: float
     coarse_defect: float
     """What a step may leave of the equations, relative to the largest variable."""

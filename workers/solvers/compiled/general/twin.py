@@ -8,11 +8,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from workers.solvers.compiled.general.growth import grown
 from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.lanes import LANES
 from workers.solvers.compiled.general.records import Asked, Formula, Gradient, Models
 from workers.solvers.compiled.general.sampling import compare, new_values_at, widen
-from workers.solvers.compiled.general.steps import ARRIVED, FAILED, seen
+from workers.solvers.compiled.general.series import COUNT, STATE
+from workers.solvers.compiled.general.steps import ARRIVED, FAILED, SPACING, seen
 from workers.solvers.compiled.kernels import kernel
 
 FloatArray = NDArray[np.float64]
@@ -23,8 +25,10 @@ HELD, INACCURATE, OPEN, COLLIDED = range(4)
 bounds are kept up to a singularity of the potential."""
 RUNS = 4
 """Of a motion. What two have lost may be the same by chance, what four have hardly: see :mod:`.many`."""
-NUMBERS = 6
-"""Found of a motion: error, difference, energy, its error, defect and drift."""
+NUMBERS = 7
+"""Found of a motion: error, difference, energy, its error, defect, drift, and the error's part by growth."""
+LAST_STEPS = 8
+"""Those by which the steps towards a singularity are told to shrink."""
 
 
 @kernel
@@ -107,6 +111,40 @@ def _seen(pieces: FloatArray, first: int, second: int, counts: IntArray) -> tupl
 
 
 @kernel
+def beyond_first_order(error: float, size: float) -> float:
+    """Return what a motion may differ by that differs by ``error`` to first order; ``size`` is its own.
+
+    A motion that passes an unstable axis at a distance u, and another at u (1 - x), leave it as much apart in
+    time as log(1 - x) says, of which x is the first order; beyond x = 1 nothing is known.
+    """
+    return error / (1.0 - error / size) if error < size else math.inf
+
+
+@kernel
+def time_left(breaks: FloatArray) -> float:
+    """Return how far the singularity is beyond the end of a run: its steps shrink in proportion to that."""
+    last = len(breaks) - 1
+    step, many = float(breaks[last] - breaks[last - 1]), min(LAST_STEPS, last - 1)
+    if many < 1:
+        return step
+    before = float(breaks[last - many] - breaks[last - many - 1])
+    ratio = math.pow(abs(step / before), 1.0 / many)
+    return step * ratio / (1.0 - ratio) if ratio < 0.9 else 10.0 * step
+
+
+@kernel
+def _speed(series: FloatArray, time: float) -> float:
+    """Return how fast the fastest variable goes on the whole in a step with this series."""
+    most = 0.0
+    for a in range(STATE):
+        gone = 0.0
+        for k in range(1, COUNT, 2):
+            gone += series[k, a]
+        most = max(most, abs(gone))
+    return 2.0 * most / abs(time)
+
+
+@kernel
 def _collision(
     formula: Formula,
     slopes: Gradient,
@@ -117,17 +155,18 @@ def _collision(
     all_breaks: FloatArray,
     pieces: FloatArray,
     sizes: FloatArray,
+    apart: FloatArray,
     asked: Asked,
     found: FloatArray,
 ) -> int:
     """Say whether finer runs that do not arrive keep the equations up to a singularity.
 
-    Fill in the first time that a run cannot get beyond, and the sizes of the gradient that tell it.
+    Fill in the first time of one, its error, and the sizes of the gradient that tell it.
     """
     status = OPEN
-    for run in range(2):
-        lane, count = lanes[run], steps[run]
-        if statuses[lane] == ARRIVED or (asked.first if run == 0 else asked.last) == 0.0:
+    for side in range(2):
+        lane, count = lanes[side], steps[side]
+        if statuses[lane] == ARRIVED or (asked.first if side == 0 else asked.last) == 0.0:
             continue
         if statuses[lane] != FAILED or not sizes[lane, 1] > asked.singular * sizes[lane, 0] or count == 0:
             return OPEN
@@ -154,11 +193,21 @@ def _collision(
         )
         if not is_kept:
             return OPEN
-        time, other = breaks[count], lanes[run + 2]
-        if statuses[other] == FAILED and abs(all_breaks[other, steps[run + 2]]) < abs(time):
-            time = all_breaks[other, steps[run + 2]]
+        left, gap = time_left(breaks), 0.0
+        time = breaks[count] + left
+        for run in range(1, RUNS):
+            other = lanes[2 * run + side]
+            if statuses[other] != FAILED or steps[2 * run + side] == 0:
+                return OPEN
+            rival = all_breaks[other, : steps[2 * run + side] + 1]
+            gap = max(gap, abs(rival[len(rival) - 1] + time_left(rival) - time))
+        deviations = grown(
+            slopes, moments, breaks[: held + 1], own, length, apart, asked.noise, asked.tail, largest
+        )
+        late = asked.safety * deviations[held] / _speed(own[held - 1], breaks[held] - breaks[held - 1])
         if status == OPEN or abs(time) < abs(found[0]):
-            found[0], found[1], found[2] = time, sizes[lane, 0], sizes[lane, 1]
+            found[0], found[2], found[3] = time, sizes[lane, 0], sizes[lane, 1]
+            found[1] = asked.safety * gap + abs(left) + late + SPACING * abs(time)
         status = COLLIDED
     return status
 
@@ -173,13 +222,15 @@ def settle(
     all_breaks: FloatArray,
     pieces: FloatArray,
     sizes: FloatArray,
+    apart: FloatArray,
     check: FloatArray,
     asked: Asked,
     found: FloatArray,
 ) -> tuple[int, FloatArray, FloatArray, int]:
     """Compare the runs from ``lane`` on, hold them against the equations; see :func:`.many.solve_twins`.
 
-    Return the breaks, series and degrees of the finer run too.
+    ``apart`` says how far the state may be from the one that is meant. Return the breaks, series and degrees
+    of the finer run too.
     """
     width = lanes_of(asked)
     lanes, steps = np.empty(2 * RUNS, dtype=np.int64), np.zeros(2 * RUNS, dtype=np.int64)
@@ -195,7 +246,18 @@ def settle(
         has_arrived = has_arrived and statuses[lanes[run]] == ARRIVED
     if not has_arrived:
         status = _collision(
-            formula, slopes, moments, lanes, statuses, steps, all_breaks, pieces, sizes, asked, found
+            formula,
+            slopes,
+            moments,
+            lanes,
+            statuses,
+            steps,
+            all_breaks,
+            pieces,
+            sizes,
+            apart,
+            asked,
+            found,
         )
         return status, all_breaks[lane], pieces[lane], 1
     if steps[0] + steps[1] == 0:
@@ -237,6 +299,24 @@ def settle(
         asked.safety,
         asked.rounding,
     )
+    growth = 0.0
+    if error <= asked.tolerance or asked.is_last:
+        for run in range(2):
+            if steps[run] > 0:
+                own = all_breaks[lanes[run], : steps[run] + 1]
+                deviations = grown(
+                    slopes,
+                    moments,
+                    own,
+                    pieces[lanes[run]],
+                    length,
+                    apart,
+                    asked.noise,
+                    asked.tail,
+                    largest,
+                )
+                growth = max(growth, beyond_first_order(asked.safety * np.max(deviations), largest))
+        error += growth
     is_accurate = error <= asked.tolerance
     if not (is_accurate or asked.is_last):
         return INACCURATE, breaks, series, length
@@ -268,5 +348,5 @@ def settle(
         if is_fine:
             defect, drift = max(defect, by_defect), max(drift, by_drift)
     found[0], found[1], found[2], found[3] = error, difference, energy, stray
-    found[4], found[5] = defect, drift
+    found[4], found[5], found[6] = defect, drift, growth
     return (HELD if is_accurate else INACCURATE), breaks, series, length
