@@ -100,7 +100,11 @@ def make_periodic(problem: Problem, place: PeriodicPlace, found: Sampled) -> Mot
 
     One that shows a larger error than it claimed, and than the tolerance, cannot be believed: it is declined.
     """
-    motion, claimed = _with_claim(problem, place, found)
+    is_draft = _is_draft(problem, found)
+    motion, claimed = _with_claim(problem, place, found, is_draft=is_draft)
+    if is_draft and not is_within(motion.dense.error, problem.tolerance):
+        # Between the samples finer pieces keep what the tier promises.
+        motion, claimed = _with_claim(problem, place, found, is_draft=False)
     if found.late is not None and len(motion.times):
         motion = with_samples_shown(problem.body, problem.potential, motion)
     if is_within(motion.error, claimed) or is_within(motion.error, problem.tolerance):
@@ -108,7 +112,9 @@ def make_periodic(problem: Problem, place: PeriodicPlace, found: Sampled) -> Mot
     return Declined(motion.error, motion)
 
 
-def _with_claim(problem: Problem, place: PeriodicPlace, found: Sampled) -> tuple[Motion, float]:
+def _with_claim(
+    problem: Problem, place: PeriodicPlace, found: Sampled, *, is_draft: bool
+) -> tuple[Motion, float]:
     """Return the motion with claims that are not below what its function of time shows.
 
     And the error of its samples that was claimed before.
@@ -116,10 +122,12 @@ def _with_claim(problem: Problem, place: PeriodicPlace, found: Sampled) -> tuple
     period, start = found.period, place.start
     asked = asked_times(problem, period) if found.asked is None else found.asked
     times, rests = asked.doubles, asked.rests
-    resolved = _resolved(problem, place, found) if problem.wants_series else nothing_resolved(period.hi)
+    resolved = nothing_resolved(period.hi)
+    if problem.wants_series:
+        resolved = _resolved(problem, place, found, is_draft=is_draft)
     columns = COLUMNS[: resolved.coefficients.shape[2]]
     error, left_out = resolved.error + found.error + resolved.moved(found.time_error), 0.0
-    if _is_draft(problem, found) and problem.wants_series:
+    if is_draft and problem.wants_series:
         left_out = LEFT_OUT * DRAFTED * problem.tolerance
     dense = DenseOutput(columns, resolved.breaks, resolved.coefficients, period, error + left_out)
     samples, reached = np.zeros((0, len(COLUMNS))), 0.0
@@ -173,9 +181,9 @@ def _is_draft(problem: Problem, found: Sampled) -> bool:
     return is_drawn and problem.accuracy.tier == "draft" and found.late is not None
 
 
-def _resolved(problem: Problem, place: PeriodicPlace, found: Sampled) -> ResolvedMotion:
+def _resolved(problem: Problem, place: PeriodicPlace, found: Sampled, *, is_draft: bool) -> ResolvedMotion:
     """Return the function of time over one period, as fine as the problem can tell."""
-    tolerance, is_draft = problem.tolerance, _is_draft(problem, found)
+    tolerance = problem.tolerance
     # Finer than the samples themselves are known, pieces would follow their errors. A draft is not told to
     # more digits than it promises two of.
     least = DRAFTED * tolerance if is_draft else min(1e-14, 1e-3 * tolerance)

@@ -283,6 +283,8 @@ def test_a_corner_in_the_long_pieces_of_a_draft_is_settled_without_arrays(width,
         ("-g1 + (2*g1^2 + g3^2)*exp(g2)/20", 1e-7),
         # Narrow for its pieces, and too faint for their tails: its integrated defect is twice the claim.
         ("-g1 + 1/20/g3^2 - (2*g1^2 + g3^2)/(1 + ((g2 - 23/50)*155)^2)*118/10^8", 1e-6),
+        # So narrow and faint that four pieces would leave more than the tier promises: it has finer ones.
+        ("-g1 + 1/100/g3^2 + (g1^2 - g2^2)/3 + (2*g1^2 + g3^2)*exp(-((g2 + 74/125)*72)^2)*234/10^8", 1e-6),
     ],
 )
 def test_a_draft_claims_of_its_function_of_time_what_it_errs(text, most):
