@@ -55,11 +55,11 @@ def report(found: Mapping[Kind, str]) -> str:
 def sections(page: str) -> dict[Kind, str]:
     """Return the sections of a page as they were written."""
     starts = {kind: page.find(head) for kind, head in HEADS.items()}
-    ends = [*list(starts.values())[1:], len(page)]
-    return {
-        kind: page[start:end].removesuffix("\n") if start >= 0 else HEADS[kind]
-        for (kind, start), end in zip(starts.items(), ends, strict=True)
-    }
+    found: dict[Kind, str] = {}
+    for kind, start in starts.items():
+        end = min((other for other in starts.values() if other > start), default=len(page))
+        found[kind] = page[start:end].removesuffix("\n") if start >= 0 else HEADS[kind]
+    return found
 
 
 def smooth_section(record: Record, families: Sequence[Family], text: str) -> list[str]:
