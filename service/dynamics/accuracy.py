@@ -7,7 +7,7 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import Literal, Self, get_args
 
-from service.dynamics.bounds import is_within
+from service.dynamics.bounds import is_within, largest
 from service.dynamics.errors import BudgetTooSmallError, InvalidNumberError
 from service.dynamics.problem import (
     Accuracy,
@@ -228,7 +228,7 @@ def expected(
     rows = [row for row in _alike(table, kind, family) if row.tier == tier]
     if rows:
         slowest = max(row.seconds_for(samples) for row in rows)
-        return Expected(slowest, max(row.claimed_error for row in rows))
+        return Expected(slowest, largest(row.claimed_error for row in rows))
     failed = [row for row in table.unavailable if (row.tier, row.kind) == (tier, kind)]
     return next((row for row in failed if row.family == family), next(iter(failed), None))
 

@@ -33,7 +33,6 @@ from workers.solvers.integration.interface import (
     stacked,
     step_has_collapsed,
     too_many_steps,
-    trimmed,
 )
 
 FloatArray = NDArray[np.float64]
@@ -309,3 +308,12 @@ def _chebyshev(series: FloatArray, steps: FloatArray) -> FloatArray:
         ]
     )
     return trimmed(np.swapaxes(scaled @ matrix, 1, 2))
+
+
+def trimmed(coefficients: FloatArray) -> FloatArray:
+    """Drop the trailing coefficients that no double can see: 2^-54 of the largest, column by column."""
+    size = np.abs(coefficients).max(axis=0)
+    tail = np.cumsum(size[::-1], axis=0)[::-1]
+    visible = (~(tail <= 2.0**-54 * size.max(axis=0))).any(axis=1)
+    length = max(1, int(np.flatnonzero(visible)[-1]) + 1) if visible.any() else 1
+    return coefficients[:, :length]

@@ -68,6 +68,9 @@ class Compiling:
         code = task.wait()
         for reader in readers:
             reader.join()
+        for pipe in (task.stdin, task.stdout, task.stderr):
+            if pipe is not None:
+                pipe.close()
         return self._end(None if code == 0 else " ".join(said[-1:]).strip() or f"exit code {code}")
 
     def _end(self, fault: str | None) -> str | None:

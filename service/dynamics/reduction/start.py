@@ -124,13 +124,13 @@ def _at_rest(window: Window, start: StartAtRest, g3_sign: int, *, any_hemisphere
     ranked = sorted(
         candidates,
         key=lambda at: (
-            (at[1].cos() > 0) == (start.g2_sign > 0),
+            _is_northern(at[1]) == (start.g2_sign > 0),
             (at[1].sin() > 0) == (g3_sign > 0),
             float(abs(at[1].sin())),
         ),
         reverse=True,
     )
-    found = bool(ranked) and (any_hemisphere or (ranked[0][1].cos() > 0) == (start.g2_sign > 0))
+    found = bool(ranked) and (any_hemisphere or _is_northern(ranked[0][1]) == (start.g2_sign > 0))
     if not found:
         raise StartOutsideWindowError(
             f"no rest point (p = r = 0) with g2 of sign {start.g2_sign} in this window",
@@ -138,6 +138,11 @@ def _at_rest(window: Window, start: StartAtRest, g3_sign: int, *, any_hemisphere
         )
     arc, v = ranked[0]
     return StartingPoint(arc, v, 0)
+
+
+def _is_northern(v: arb) -> bool:
+    """Tell whether a place is in the northern hemisphere; one on the equator counts as such."""
+    return not v.cos() < 0
 
 
 def _at_point(window: Window, start: StartAtPoint, motion: PlanarMotion, g3_sign: int) -> StartingPoint:

@@ -13,7 +13,7 @@ def test_a_solution_is_found_from_its_job_and_names_it(client, stored):
     assert solution["job"] == stored.job.id
     assert solution["problem"] == STATE
     # What it was stored without is null.
-    later = {"cost": {"examination_seconds": None}, "provenance": {"threads": None}}
+    later = {"cost": {"examination_seconds": None}, "provenance": {"threads": None, "way": None}}
     for name, value in SUMMARY.items():
         assert solution[name] == (value | later[name] if name in later else value)
     assert client.get(f"/v1/jobs/{stored.job.id}").json()["solution"] == stored.solution_id
@@ -23,7 +23,9 @@ def test_a_solution_from_before_processors_were_told_says_none(client, jobs):
     assert client.post("/v1/jobs", json=STATE).status_code == 202
     found = finish(jobs, summary={**SUMMARY, "provenance": {"version": "0.1.0", "numerics": 1}})
     shown = client.get(f"/v1/solutions/{found.solution_id}").json()["provenance"]
-    assert shown == {"version": "0.1.0", "numerics": 1} | dict.fromkeys(("processor", "libraries", "threads"))
+    assert shown == {"version": "0.1.0", "numerics": 1} | dict.fromkeys(
+        ("processor", "libraries", "threads", "way")
+    )
 
 
 @pytest.fixture

@@ -40,7 +40,7 @@ def test_a_simple_zero_is_passed_plainly_and_a_narrow_pair_is_not():
 
 
 def test_what_is_narrower_than_the_grid_bends_the_zero():
-    """Beside the zero at 0.232 p² comes within 1e-9 of 0 once more, at 0.235, in a dent 1/100 wide."""
+    """SecondScale the zero at 0.232 p² comes within 1e-9 of 0 once more, at 0.235, in a dent 1/100 wide."""
     (loop,) = loops_of(f"{Q}*(g2-29/125)*((g2-47/200)^2/(1/10000+(g2-47/200)^2)+1/10^9)", "1")
     (seen,) = lows_of([loop], 1)
     assert not seen.passes_plainly(loop, arb(place_of(loop, 29 / 125)))

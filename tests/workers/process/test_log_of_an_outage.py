@@ -29,7 +29,7 @@ class Nobody:
         self.loop.stop()
         return []
 
-    def keep(self, *, is_warm):
+    def keep(self, *, is_warm, kernels):
         pass
 
     def keep_leases(self):
@@ -52,6 +52,7 @@ def test_it_is_told_once_and_once_that_it_is_over(monkeypatch, caplog):
         announcements=None,
         takes_jobs=lambda: True,
         is_warm=lambda: True,
+        kernels=lambda: None,
         poll_seconds=0.0,
         grace_seconds=0.0,
     )

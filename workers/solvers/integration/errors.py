@@ -1,6 +1,6 @@
 """Errors of an integration that ends before the requested time."""
 
-from math import floor, inf, log10, nan
+from math import floor, isfinite, log10, nan
 
 from service.dynamics.errors import DynamicsError
 
@@ -44,7 +44,7 @@ class UndefinedStartError(CollisionError):
 
 def _shown(time: float, error: float) -> str:
     """Return a time with the digits that its error leaves, and the error."""
-    if not 0.0 < error < inf:
+    if error == 0.0 or not isfinite(error):
         return f"{time:.15g} (its error is not known)"
     digits = max(0, 1 - floor(log10(error)))
     # What is shown is rounded once more.

@@ -139,15 +139,6 @@ def stacked(parts: Sequence[FloatArray]) -> FloatArray:
     return np.concatenate([np.zeros((0, length, 6)), *padded])
 
 
-def trimmed(coefficients: FloatArray) -> FloatArray:
-    """Drop the trailing coefficients that no double can see: 2^-54 of the largest, column by column."""
-    size = np.abs(coefficients).max(axis=0)
-    tail = np.cumsum(size[::-1], axis=0)[::-1]
-    visible = (~(tail <= 2.0**-54 * size.max(axis=0))).any(axis=1)
-    length = max(1, int(np.flatnonzero(visible)[-1]) + 1) if visible.any() else 1
-    return coefficients[:, :length]
-
-
 def step_has_collapsed(step: float, longest: float, time: float) -> bool:
     """Return whether a step is too short to go on with."""
     return not abs(step) > max(COLLAPSED_STEP * longest, 4.0 * float(np.spacing(abs(time))))

@@ -38,6 +38,8 @@ ROUNDING = 4.0 * UNIT
 LOOSER = 8.0
 """Times as much defect may the coarser run leave at a kink. With the same for both they err alike there, and
 their difference does not show it; like this it shows seven times what the finer one leaves."""
+ORDER = 9
+"""Of the series of the exponential: see :data:`workers.solvers.compiled.general.growth.LONGEST`."""
 PIECES_TOGETHER = 512
 """Pieces of which J is found at once: some 50 MB."""
 
@@ -203,9 +205,8 @@ def errors_on_the_way(equations: Equations, run: Run, start: FloatArray, left_ou
         apart = _distances(series)
         middle = _derivatives(equations, series, apart, np.zeros((len(series), 1)))[1][:, 0]
         norms = np.abs(middle).sum(axis=1).max(axis=1)
-        parts = np.array(
-            [growth.parts_of(*each) for each in zip(norms.tolist(), times.tolist(), strict=True)]
-        )
+        needed = np.abs(times) * norms / growth.LONGEST
+        parts = np.where(needed < np.inf, np.clip(np.ceil(needed), 1.0, growth.MOST_PARTS), 1.0).astype(int)
         piece = np.repeat(np.arange(len(series)), parts)
         first = np.cumsum(parts) - parts
         half = (1.0 / parts)[piece]
@@ -221,9 +222,42 @@ def errors_on_the_way(equations: Equations, run: Run, start: FloatArray, left_ou
         largest = np.abs(series).sum(axis=1).max(axis=1, keepdims=True)
         lost[first + parts - 1] += left_out * largest * shares
         lost /= size
-        deviations = growth.passed_on(jacobians, times[piece] * half, lost, spread)
+        deviations = passed_on(jacobians, times[piece] * half, lost, spread)
         found.append(size * np.maximum.reduceat(deviations, first))
     return np.concatenate([np.zeros(0), *found])
+
+
+@np.errstate(all="ignore")
+def passed_on(nodes: FloatArray, times: FloatArray, deviations: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return the largest standard deviation in any variable at the end of each part of a run.
+
+    J at the three nodes of the parts, their lengths, and the standard deviations of the errors that they
+    add, all relative to one size, have the shapes (n, 3, 6, 6), (n,) and (n, 6). ``spread`` is P at the
+    start, shape (6, 6), and is replaced by that at the end.
+    """
+    found, added = np.empty(len(times)), np.where(deviations < np.inf, deviations, 0.0) ** 2
+    for n, transition in enumerate(_transitions(nodes, times)):
+        spread[...] = transition @ spread @ transition.T + np.diag(added[n])
+        # Where one error is 1e8 times all others, roundings of P are more than these, of either sign.
+        found[n] = np.sqrt(np.abs(np.diag(spread)).max())
+    return found
+
+
+def _transitions(nodes: FloatArray, times: FloatArray) -> FloatArray:
+    """Return Φ over each part, shape (n, 6, 6): Magnus' exponential of order 6; 1 where J is not known."""
+    x, y, z = (nodes[:, k] for k in range(3))
+    h = times[:, None, None]
+    one, two, three = h * y, np.sqrt(15.0) / 3.0 * h * (z - x), 10.0 / 3.0 * h * ((z - y) - (y - x))
+    first = one @ two - two @ one
+    inner = 2.0 * three + first
+    second = two - (one @ inner - inner @ one) / 60.0
+    outer = first - 20.0 * one - three
+    exponent = one + three / 12.0 + (outer @ second - second @ outer) / 240.0
+    exponent[~np.isfinite(exponent).all(axis=(1, 2))] = 0.0
+    found = np.broadcast_to(np.eye(6), exponent.shape)
+    for k in range(ORDER, 0, -1):
+        found = np.eye(6) + exponent @ found / k
+    return found
 
 
 def _distances(series: FloatArray) -> FloatArray:

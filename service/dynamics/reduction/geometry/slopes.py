@@ -36,7 +36,7 @@ class _WithJumps(FirstOrderJets[T]):
         return Jet(base.call(name, argument.value), tuple([rate for _ in argument.first]))
 
 
-class Beside(NamedTuple, Generic[T]):
+class SecondScale(NamedTuple, Generic[T]):
     """A further input of a formula, a function u of g2, and X u: for derivatives up to the first."""
 
     u: T
@@ -49,7 +49,7 @@ def derivatives_along(
     body: RigidBody,
     g: Sequence[T],
     order: int,
-    beside: Beside[T] | None = None,
+    beside: SecondScale[T] | None = None,
 ) -> list[T | None]:
     """Return D, X D, … up to the derivative of this order at g = (g1, g2, g3), None where it is 0.
 

@@ -19,7 +19,7 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.algebras.long_intervals import LongInterval, LongIntervalAlgebra
 from service.dynamics.formula.vanishing import VanishingPart, vanishing_parts
-from service.dynamics.reduction.geometry.slopes import Beside, derivatives_along
+from service.dynamics.reduction.geometry.slopes import SecondScale, derivatives_along
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, enclose_zero
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
 from service.dynamics.reduction.sign_proofs.cells import Curves, Half
@@ -270,7 +270,9 @@ class _Neighbourhood:
         slope = LongInterval(self.slope.lower(), self.slope.upper())
         is_positive = (self.slope > 0) == (side > 0)
         u = LongInterval(arb(1), arb(1), Fraction(1))
-        beside = Beside(u if is_positive else algebra.negate(u), algebra.negate(algebra.multiply(slope, Q)))
+        beside = SecondScale(
+            u if is_positive else algebra.negate(u), algebra.negate(algebra.multiply(slope, Q))
+        )
         D, rate = derivatives_along(algebra, self.part.whole, self.curves.body, [g1, g2, g3], 1, beside)
         return D, rate, algebra.is_undefined
 

@@ -11,7 +11,7 @@ from service.dynamics.formula.algebras.long_intervals import LongInterval, LongI
 from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
 from service.dynamics.reduction.geometry.loop import ball
-from service.dynamics.reduction.geometry.slopes import Beside, derivatives_along, rates_along
+from service.dynamics.reduction.geometry.slopes import SecondScale, derivatives_along, rates_along
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Region, enclose_zero
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
 from service.dynamics.reduction.sign_proofs.cells import Half
@@ -39,11 +39,11 @@ def bound_on_cell(half: Half, hemisphere: float, low: float, high: float) -> Bou
     """Return what is known of P, or of its slope, on a cell, which may begin at the pole; None if nothing."""
     for log_power in (Fraction(0), LOG_POWER) if low == 0.0 else (Fraction(0),):
         algebra, g = _long(half, hemisphere, low, high, log_power)
-        forms: list[tuple[Tape, Beside[LongInterval] | None]] = [(half.tape, None)]
+        forms: list[tuple[Tape, SecondScale[LongInterval] | None]] = [(half.tape, None)]
         if high < NEAR_POLE:
             sigma = 1 if hemisphere > 0 else -1
             _, rate, _ = rates_along(algebra, half.body, g)
-            drop = Beside(_drop(algebra, g), algebra.negate(rate) if sigma > 0 else rate)
+            drop = SecondScale(_drop(algebra, g), algebra.negate(rate) if sigma > 0 else rate)
             forms.extend((form, drop) for form in half.pole_forms[sigma])
         for order in (0,) if low == 0.0 else (0, 1):
             for tape, beside in forms:

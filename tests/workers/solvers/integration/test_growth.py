@@ -13,14 +13,14 @@ from service.dynamics.potentials.families.expression import expression_potential
 from service.schemas.sweep.reading import read_sweep
 from tests.support import fixed_point
 from tests.workers.solvers.integration.cases import BODY
-from workers.solvers.compiled.general.growth import grown, passed_on
+from workers.solvers.compiled.general.growth import grown
 from workers.solvers.compiled.general.lanes import LANES
 from workers.solvers.compiled.general.series import STATE
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration import solve
 from workers.solvers.integration.compiled import integrator_of
 from workers.solvers.integration.solve import GROWTH, integrate_state
-from workers.solvers.integration.twin import UNIT, errors_on_the_way
+from workers.solvers.integration.twin import UNIT, errors_on_the_way, passed_on
 from workers.sweeping.chunk import ChunkSolver
 from workers.sweeping.plan import make_plan
 

@@ -170,36 +170,6 @@ def _pass_on(room: int, time: float) -> float:
 
 
 @kernel
-def passed_on(nodes: FloatArray, times: FloatArray, deviations: FloatArray, start: FloatArray) -> FloatArray:
-    """Return the largest standard deviation in any variable at the end of each part of a run.
-
-    J at the three nodes of the parts, their lengths, and the standard deviations of the errors that they
-    add, all relative to one size, have the shapes (n, 3, 6, 6), (n,) and (n, 6). ``start`` is P at the start,
-    shape (6, 6), and is replaced by that at the end.
-    """
-    owner = new_rows(_ROOM)
-    room = first_row(owner)
-    found = np.empty(len(times))
-    for i in range(STATE):
-        for k in range(STATE):
-            put_number(room, _SPREAD + i, k, start[i, k])
-    for n in range(len(times)):
-        for j in range(NODES):
-            for i in range(STATE):
-                for k in range(STATE):
-                    put_number(room, STATE * j + i, k, nodes[n, j, i, k])
-        for a in range(STATE):
-            put_number(room, _SIGMA, a, deviations[n, a])
-        found[n] = math.sqrt(_pass_on(room, times[n]))
-    for i in range(STATE):
-        for k in range(STATE):
-            start[i, k] = number_at(room, _SPREAD + i, k)
-    # Up to here the room has an owner.
-    owner[0, 0] = 0.0
-    return found
-
-
-@kernel
 def parts_of(norm: float, time: float) -> int:
     """Return into how many parts a step is cut, by the norm of J in its middle and its length."""
     needed = abs(time) * norm / LONGEST

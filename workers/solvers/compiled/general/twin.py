@@ -110,7 +110,6 @@ def _seen(pieces: FloatArray, first: int, second: int, counts: IntArray) -> tupl
     return length, largest
 
 
-@kernel
 def beyond_first_order(error: float, size: float) -> float:
     """Return what a motion may differ by that differs by ``error`` to first order; ``size`` is its own.
 
@@ -120,7 +119,10 @@ def beyond_first_order(error: float, size: float) -> float:
     return error / (1.0 - error / size) if error < size else math.inf
 
 
-@kernel
+_beyond_first_order = kernel(beyond_first_order)
+"""The same for kernels: where none is compiled, the other one is called."""
+
+
 def time_left(breaks: FloatArray) -> float:
     """Return how far the singularity is beyond the end of a run: its steps shrink in proportion to that."""
     last = len(breaks) - 1
@@ -130,6 +132,9 @@ def time_left(breaks: FloatArray) -> float:
     before = float(breaks[last - many] - breaks[last - many - 1])
     ratio = math.pow(abs(step / before), 1.0 / many)
     return step * ratio / (1.0 - ratio) if ratio < 0.9 else 10.0 * step
+
+
+_time_left = kernel(time_left)
 
 
 @kernel
@@ -193,14 +198,14 @@ def _collision(
         )
         if not is_kept:
             return OPEN
-        left, gap = time_left(breaks), 0.0
+        left, gap = _time_left(breaks), 0.0
         time = breaks[count] + left
         for run in range(1, RUNS):
             other = lanes[2 * run + side]
             if statuses[other] != FAILED or steps[2 * run + side] == 0:
                 return OPEN
             rival = all_breaks[other, : steps[2 * run + side] + 1]
-            gap = max(gap, abs(rival[len(rival) - 1] + time_left(rival) - time))
+            gap = max(gap, abs(rival[len(rival) - 1] + _time_left(rival) - time))
         deviations = grown(
             slopes, moments, breaks[: held + 1], own, length, apart, asked.noise, asked.tail, largest
         )
@@ -315,7 +320,7 @@ def settle(
                     asked.tail,
                     largest,
                 )
-                growth = max(growth, beyond_first_order(asked.safety * np.max(deviations), largest))
+                growth = max(growth, _beyond_first_order(asked.safety * np.max(deviations), largest))
         error += growth
     is_accurate = error <= asked.tolerance
     if not (is_accurate or asked.is_last):
