@@ -81,11 +81,14 @@ def solve(address: str, name: str) -> None:
 
 def tell_the_background(address: str) -> None:
     """Say what the workers do meanwhile."""
-    kernels = call(address, "GET", "/readyz")["checks"].get("kernels")
+    kernels = call(address, "GET", "/readyz").get("compiling")
     if kernels is None:
         say("\nThe kernels are compiled: solutions come from them.")
     else:
-        say(f"\nIn the background the kernels are compiled, which make jobs and sweeps faster ({kernels}).")
+        say(
+            f"\nIn the background the kernels are compiled, which make jobs and sweeps faster "
+            f"({kernels['done']} of {kernels['of']})."
+        )
         say("That goes on where it stops when a service runs, or at once by: .venv/bin/polhode compile")
 
 

@@ -189,10 +189,6 @@ def _digest(parts: Sequence[str]) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
 
 
-_usable = set[Path]()
-"""Folders that could be used once: every job asks."""
-
-
 def own_folder() -> Path | None:
     """Return the folder, made where it is missing; None if there is none, see :func:`why_no_folder`."""
     folder = _base() / "compiled"
@@ -202,8 +198,6 @@ def own_folder() -> Path | None:
 def why_no_folder() -> str | None:
     """Return what is wrong with the folder, and what to do; None if it can be used."""
     folder = _base() / "compiled"
-    if folder in _usable:
-        return None
     advice = f"set {FOLDER_VARIABLE} to a folder of your own"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -215,7 +209,6 @@ def why_no_folder() -> str | None:
     # One that only root writes to, as that of an image, is good for what is in it.
     if not os.access(folder, os.W_OK) and not any(folder.glob("ready-*")):
         return f"{folder} cannot be written to: {advice}"
-    _usable.add(folder)
     return None
 
 

@@ -112,17 +112,21 @@ def kernels_of(problem: Problem) -> tuple[Group, ...]:
 def _solve_read(document: Document, problem: Problem, began: float, way: Way | None) -> SolveOutcome:
     """Solve the ``problem`` that was read from ``document``."""
     chosen = way or way_for(*kernels_of(problem))
-    # Where nothing can be compiled, or somebody wants it so, the plain way is all there is.
-    waits = way is None and fixed_way() is None and why_no_folder() is None
     try:
         with on_way(chosen):
-            return _solve_on_way(document, problem, began, waits=waits and chosen == "plain")
+            waits = chosen == "plain" and way is None and _can_wait()
+            return _solve_on_way(document, problem, began, waits=waits)
     except NotReadyError as fault:
-        if way is not None or not waits:
+        if way is not None or not _can_wait():
             raise
         logger.warning("solved the plain way: %s", fault)
     with on_way("plain"):
         return _solve_on_way(document, problem, began, waits=False)
+
+
+def _can_wait() -> bool:
+    """Tell whether kernels will be there: else, or if somebody wants it so, the plain way is all there is."""
+    return fixed_way() is None and why_no_folder() is None
 
 
 def _solve_on_way(document: Document, problem: Problem, began: float, *, waits: bool) -> SolveOutcome:
