@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-KERNELS = 375
+KERNELS = 390
 """How many there are, each for the types of its arguments, as counted: what is told as to be done."""
 PLAIN_POINT_SECONDS = 0.1
 """What a point takes without kernels: 0.01 to 0.2 s."""
