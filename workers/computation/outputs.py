@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 from flint import ctx
@@ -105,8 +106,8 @@ def find_out(problem: Problem, motion: Motion, solved: InUnits) -> Findings:
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
     if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
         try:
-            stability = _stability(solved.problem, problem.motion, solved.motion)
-            stability = solved.units.stability(stability)
+            found = _stability(solved.problem, problem.motion, solved.motion)
+            stability = _finite(solved.units.stability(found))
             closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
@@ -182,6 +183,16 @@ def _stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stabil
     return with_enough_bits(problem, _assess)
 
 
+def _finite(found: Stability) -> Stability:
+    """Return the stability if doubles have it; raises StabilityUndefinedError."""
+    numbers = found.trace, found.error, found.multipliers_error, found.exponent, found.exponent_error
+    if not all(map(isfinite, numbers)):
+        raise StabilityUndefinedError(
+            "the multipliers, or their errors, are beyond all doubles", pointer="/outputs"
+        )
+    return found
+
+
 def _assess(problem: Problem, found: Place) -> Stability:
     if found.window.kind != "periodic":
         raise StabilityUndefinedError(
@@ -202,7 +213,8 @@ def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
     with ctx.workprec(LAME_BITS):
         trace = transverse_stability(motion.lambda_squared, body.B / body.C).trace
         value = float(trace)
-        return Estimate(value, float(abs(trace - value).abs_upper()))
+        error = float(abs(trace - value).abs_upper()) if isfinite(value) else value
+        return Estimate(value, error) if isfinite(error) else None
 
 
 def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:
