@@ -11,7 +11,8 @@ from motions import draw_motion, use_files
 
 from service.schemas.problem.problem import read_problem
 from workers.computation.compute import solve
-from workers.computation.outputs import find_out
+from workers.computation.outputs import InUnits, find_out
+from workers.solvers.units import Units
 
 TOP = Path(__file__).parents[2]
 PAGE = TOP / "docs" / "gallery.md"
@@ -73,13 +74,15 @@ def _draw(name: str) -> str:
     has_stability = document["motion"]["type"] == "planar" and "B" in document["body"]
     outputs = ["gamma", "omega", *(["stability"] if has_stability else [])]
     problem = read_problem({**document, "outputs": outputs, "method": "auto"})
-    solved = solve(problem)
+    units = Units()
+    posed = units.pose(problem)
+    solved = solve(posed)
     draw_motion(f"gallery-{name}", solved.times, solved.samples)
     said = f"Error of the six variables: at most {_upwards(solved.error)}."
     if (period := solved.dense.period) is None:
         return said
     facts = f"Period {period.hi} ± {_upwards(abs(period.lo) + period.error)}. {said}"
-    if (stability := find_out(problem, solved).stability) is None:
+    if (stability := find_out(problem, solved, InUnits(units, posed, solved)).stability) is None:
         return facts
     stands = "marginal" if stability.verdict == "marginal" else f"linearly {stability.verdict}"
     trace = f"{stability.trace:.6f} ± {_upwards(stability.error + 5e-7)}"
