@@ -3,7 +3,7 @@
 from alembic import context
 from sqlalchemy import Connection, Engine
 
-from service.storage.database.new_file import set_write_ahead_log
+from service.storage.database.migration import as_one_writer
 from service.storage.tables.schema import METADATA
 
 
@@ -24,8 +24,6 @@ def require_references(connection: Connection) -> None:
 
 def run_migrations(engine: Engine) -> None:
     """Upgrade within one transaction, so that a failed migration leaves the old schema."""
-    if engine.dialect.name == "sqlite":
-        set_write_ahead_log(engine)
     # The writer's BEGIN: of two processes that migrate at once, the second finds nothing left to do.
     with engine.execution_options(sqlite_begin="BEGIN IMMEDIATE").connect() as connection:
         if engine.dialect.name == "sqlite":
@@ -37,6 +35,7 @@ def run_migrations(engine: Engine) -> None:
             render_as_batch=engine.dialect.name == "sqlite",
         )
         with context.begin_transaction():
+            as_one_writer(connection)
             context.run_migrations()
             if engine.dialect.name == "sqlite":
                 require_references(connection)

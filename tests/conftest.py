@@ -8,6 +8,7 @@ from service.collector import collect_seldom
 from tests.support.api import app, client, stored, verdicts
 from tests.support.databases import (
     database,
+    empty_url,
     jobs,
     postgres,
     postgres_template,
@@ -34,6 +35,7 @@ __all__ = [
     "app",
     "client",
     "database",
+    "empty_url",
     "jobs",
     "postgres",
     "postgres_template",

@@ -20,6 +20,10 @@ def url_of(file: Path) -> str:
     return f"sqlite:///{file}"
 
 
+FIRST = "0015"
+"""The first schema of the migrations."""
+
+
 def upgrade_to(url: str, revision: str) -> None:
     config = Config()
     config.set_main_option("script_location", str(migrations_folder()))
@@ -86,6 +90,18 @@ def url(request: pytest.FixtureRequest) -> str:
     found = request.getfixturevalue(f"{request.param}_url")
     assert isinstance(found, str)
     return found
+
+
+@pytest.fixture(params=["sqlite", "postgres"])
+def empty_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """The URL of a database without tables."""
+    if request.param == "sqlite":
+        yield url_of(tmp_path / "empty.db")
+        return
+    postgres = request.getfixturevalue("postgres")
+    name = postgres.create_database()
+    yield postgres.url(name)
+    postgres.drop_database(name)
 
 
 @pytest.fixture

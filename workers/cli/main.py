@@ -74,9 +74,9 @@ def _reasons_to_end() -> tuple[type[Exception], ...]:
     """Return the faults that a message explains; asked, and loaded, only after a fault."""
     from service.local.hosts import OtherHostError  # noqa: PLC0415
     from service.storage.database.migration import MigrationError  # noqa: PLC0415
-    from service.storage.database.revisions import NewerSchemaError  # noqa: PLC0415
+    from service.storage.database.revisions import UnknownRevisionError  # noqa: PLC0415
 
-    return MigrationError, NewerSchemaError, OtherHostError
+    return MigrationError, UnknownRevisionError, OtherHostError
 
 
 @app.command()

@@ -11,7 +11,7 @@ from service.sandbox import Sandbox
 from service.settings import Settings
 from service.stopping import StopAsked
 from service.storage.database.database import Database
-from service.storage.database.revisions import refuse_newer
+from service.storage.database.revisions import refuse_unknown
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import WorkerRegistry
@@ -47,7 +47,7 @@ def use_database(computations: Computations, settings: Settings, slots: int, equ
 
     Raises
     ------
-    OtherHostError, NewerSchemaError
+    OtherHostError, UnknownRevisionError
         See :func:`workers.process.worker.run_worker`.
     """
     host = settings.host_name or this_host()
@@ -56,7 +56,7 @@ def use_database(computations: Computations, settings: Settings, slots: int, equ
     registry = WorkerRegistry(database, lease_seconds=settings.lease_seconds)
     presence = Presence(registry, worker, seconds=min(settings.lease_seconds, PRESENT_SECONDS))
     try:
-        refuse_newer(database.engine)
+        refuse_unknown(database.engine)
         presence.begin(alone=settings.engine == "local")
         try:
             with about(worker=worker.name):

@@ -39,7 +39,7 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
     ------
     OtherHostError
         The engine is for one machine, and another machine uses the database.
-    NewerSchemaError
+    UnknownRevisionError
         A later version has changed the database, perhaps since the service that starts this worker began.
     """
     use_one_thread()

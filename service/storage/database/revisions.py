@@ -11,15 +11,17 @@ from service.versions import version_of
 _REVISION = re.compile(r'^revision = "(\w+)"\ndown_revision = (?:None|"(\w+)")$', re.MULTILINE)
 
 
-class NewerSchemaError(Exception):
-    """The database was made by a later version."""
+_EARLIER = frozenset(f"{number:04}" for number in range(1, 15))
+"""Schemas from before the first one of ``migrations``."""
+_LAST_THAT_UPGRADES = "d38f90f"
+"""The revision of the project that brings them to the first schema of ``migrations``."""
+
+
+class UnknownRevisionError(Exception):
+    """The database has a schema that this version can neither use nor upgrade."""
 
     def __init__(self, stored: str) -> None:
-        super().__init__(
-            f"the database has the schema {stored}, made by a later version; this is version "
-            f"{version_of('polhode')} with the schema {newest_revision()}. Use the later version, or "
-            "restore a backup from before the upgrade"
-        )
+        super().__init__(f"the database has the schema {stored}, {origin_of(stored)}")
         self.stored = stored
 
 
@@ -52,6 +54,18 @@ def _written_before() -> dict[str, str | None]:
     return dict(_REVISION.search(text).groups() for text in texts)  # type: ignore[union-attr,misc]
 
 
+def origin_of(stored: str) -> str:
+    """Return which version made a schema that this one does not know, and the remedy."""
+    this = f"this is version {version_of('polhode')} with the schema {newest_revision()}"
+    if stored in _EARLIER:
+        return (
+            f"made by an early version; {this}. `polhode migrate` of the project's revision "
+            f"{_LAST_THAT_UPGRADES} upgrades it first, then that of this version"
+        )
+    remedy = "Use the later version, or restore a backup from before the upgrade"
+    return f"made by a later version; {this}. {remedy}"
+
+
 def stored_revision(connection: Connection) -> str | None:
     """Return the schema of a database; None if it has no tables of ours."""
     if not inspect(connection).has_table("alembic_version"):
@@ -60,12 +74,12 @@ def stored_revision(connection: Connection) -> str | None:
     return None if found is None else str(found)
 
 
-def refuse_newer(engine: Engine) -> str | None:
-    """Return the schema of a database; raise :class:`NewerSchemaError` if a later version has made it."""
+def refuse_unknown(engine: Engine) -> str | None:
+    """Return the schema of a database; raise :class:`UnknownRevisionError` if it is not known here."""
     with engine.connect() as connection:
         stored = stored_revision(connection)
     if stored is not None and stored not in known_revisions():
-        raise NewerSchemaError(stored)
+        raise UnknownRevisionError(stored)
     return stored
 
 
@@ -78,4 +92,4 @@ def fault_of(stored: str | None) -> str | None:
         return f"it has no tables of polhode, needed is the schema {wanted}; polhode migrate makes them"
     if stored in known_revisions():
         return f"schema {stored}, needed is {wanted}; polhode migrate brings it there"
-    return str(NewerSchemaError(stored))
+    return str(UnknownRevisionError(stored))

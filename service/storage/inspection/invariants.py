@@ -8,7 +8,7 @@ counts and compares inside the database, whatever its size.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from sqlalchemy import CheckConstraint, ColumnElement, and_, exists, func, not_, or_, select, text
+from sqlalchemy import CheckConstraint, ColumnElement, TextClause, and_, exists, func, not_, or_, select, text
 from sqlalchemy.orm import aliased
 
 from service.jobs.states import FINISHED, JobKind, JobState
@@ -28,6 +28,7 @@ from service.storage.inspection.repairs import (
 )
 from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.audits import AuditRow
+from service.storage.tables.base import Word
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.schema import METADATA, TABLES
 from service.storage.tables.solutions import DenseOutputRow, SolutionRow
@@ -74,15 +75,21 @@ def differ(left: ColumnElement[bool], right: ColumnElement[bool]) -> ColumnEleme
 
 
 def _checks() -> Iterator[Invariant]:
-    """Yield the check constraints of every table: a damaged or patched file may violate them."""
+    """Yield what every row must hold by itself: a damaged or patched file may violate it.
+
+    That are the check constraints of its table, and that the words in it are known ones.
+    """
     for name in (row.__tablename__ for row in TABLES):
         table = METADATA.tables[name]
-        conditions = [check.sqltext for check in table.constraints if isinstance(check, CheckConstraint)]
-        if conditions:
-            broken = or_(*(text(f"NOT ({condition})") for condition in conditions))
+        checks = [check.sqltext for check in table.constraints if isinstance(check, CheckConstraint)]
+        broken: list[ColumnElement[bool] | TextClause] = [text(f"NOT ({condition})") for condition in checks]
+        for column in table.columns:
+            if isinstance(column.type, Word):
+                broken.append(column.not_in(sorted(column.type.words)))
+        if broken:
             key, *_ = table.primary_key.columns
             yield Invariant(
-                f"{name}_checks", f"every row of {name} is legal by itself", select(key).where(broken)
+                f"{name}_checks", f"every row of {name} is legal by itself", select(key).where(or_(*broken))
             )
 
 

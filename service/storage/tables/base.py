@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import ClassVar, cast
 
-from sqlalchemy import JSON, Double, LargeBinary, MetaData, String, Table
+from sqlalchemy import JSON, Dialect, Double, LargeBinary, MetaData, String, Table, TypeDecorator
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import DeclarativeBase
 
@@ -48,6 +48,28 @@ def table_of(row: type[Base]) -> Table:
     return cast(Table, row.__table__)
 
 
-def one_of(column: str, words: type[StrEnum]) -> str:
-    """Return the SQL condition that ``column`` holds one of the words."""
-    return f"{column} IN ({', '.join(repr(word.value) for word in words)})"
+class Word(TypeDecorator[str]):
+    """One word of an enumeration; another one is refused when it is written or compared with.
+
+    The table itself has no check of it, so that a word that is added needs no migration: ``polhode doctor``
+    finds what another program has written.
+    """
+
+    impl = String
+    cache_ok = True
+
+    def __init__(self, words: type[StrEnum]) -> None:
+        super().__init__(16)
+        self.words = frozenset(word.value for word in words)
+
+    def process_bind_param(self, value: str | None, dialect: Dialect) -> str | None:
+        """Return the word as it is stored.
+
+        Raises
+        ------
+        ValueError
+            The enumeration has no such word.
+        """
+        if value is not None and value not in self.words:
+            raise ValueError(f"{value!r} is none of {', '.join(sorted(self.words))}")
+        return value

@@ -6,7 +6,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobKind, JobState
 from service.schemas.reading.marks import LONGEST_NOTE
-from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, one_of
+from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, Word
 from service.storage.tables.now import DatabaseNow
 from service.storage.tables.sweeps import SweepRow
 
@@ -16,8 +16,6 @@ class JobRow(Base):
 
     __tablename__ = "jobs"
     __table_args__ = (
-        CheckConstraint(one_of("state", JobState), name="state"),
-        CheckConstraint(one_of("kind", JobKind), name="kind"),
         CheckConstraint(
             "(state = 'succeeded' AND kind = 'solve') = (solution_id IS NOT NULL)", name="solution"
         ),
@@ -55,8 +53,8 @@ class JobRow(Base):
     )
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
-    kind: Mapped[str] = mapped_column(String(16), default=JobKind.SOLVE.value, server_default="solve")
-    state: Mapped[str] = mapped_column(String(16))
+    kind: Mapped[str] = mapped_column(Word(JobKind), default=JobKind.SOLVE.value, server_default="solve")
+    state: Mapped[str] = mapped_column(Word(JobState))
     priority: Mapped[int] = mapped_column(default=0, server_default="0")
     lane: Mapped[int] = mapped_column(SmallInteger, default=Lane.SINGLE.value, server_default="0")
     turn: Mapped[float] = mapped_column(default=0.0, server_default="0")
@@ -103,7 +101,6 @@ class AttemptRow(Base):
 
     __tablename__ = "attempts"
     __table_args__ = (
-        CheckConstraint(one_of("outcome", AttemptOutcome), name="outcome"),
         # For counting the attempts that ended since the last look.
         Index("ix_attempts_ended_at", "ended_at"),
     )
@@ -115,5 +112,5 @@ class AttemptRow(Base):
     worker: Mapped[str] = mapped_column(String(128))
     started_at: Mapped[float]
     ended_at: Mapped[float | None]
-    outcome: Mapped[str | None] = mapped_column(String(16))
+    outcome: Mapped[str | None] = mapped_column(Word(AttemptOutcome))
     detail: Mapped[str | None] = mapped_column(String(512))

@@ -1,23 +1,22 @@
 """The tables of the installation: API keys, answers kept, live workers and services, calibrations."""
 
-from sqlalchemy import JSON, BigInteger, CheckConstraint, String, Uuid, true
+from sqlalchemy import JSON, BigInteger, String, Uuid, true
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.keys import Role
-from service.storage.tables.base import Base, Document, one_of
+from service.storage.tables.base import Base, Document, Word
 
 
 class ApiKeyRow(Base):
     """A key without its secret: only the hash is kept."""
 
     __tablename__ = "api_keys"
-    __table_args__ = (CheckConstraint(one_of("role", Role), name="role"),)
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
     prefix: Mapped[str] = mapped_column(String(32), unique=True)
     hash: Mapped[bytes]
     name: Mapped[str] = mapped_column(String(128))
-    role: Mapped[str] = mapped_column(String(16))
+    role: Mapped[str] = mapped_column(Word(Role))
     created_at: Mapped[float]
     expires_at: Mapped[float | None]
     revoked_at: Mapped[float | None]

@@ -5,7 +5,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.states import JobState
 from service.schemas.reading.marks import LONGEST_NOTE
-from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, one_of
+from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, Word
 from service.storage.tables.now import DatabaseNow
 
 
@@ -14,7 +14,6 @@ class SweepRow(Base):
 
     __tablename__ = "sweeps"
     __table_args__ = (
-        CheckConstraint(one_of("state", JobState), name="state"),
         CheckConstraint("done <= next_index AND next_index <= points", name="progress"),
         CheckConstraint("refused <= done", name="refused"),
         Index("ix_sweeps_state_id", "state", "id"),
@@ -22,7 +21,7 @@ class SweepRow(Base):
     )
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
-    state: Mapped[str] = mapped_column(String(16))
+    state: Mapped[str] = mapped_column(Word(JobState))
     document: Mapped[Document]
     facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
     """Family and numbers of the base, for conditions."""

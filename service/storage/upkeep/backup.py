@@ -16,7 +16,7 @@ from sqlalchemy.exc import ArgumentError, DBAPIError
 from service.storage.database.availability import is_away
 from service.storage.database.database import make_engine
 from service.storage.database.migration import migrate
-from service.storage.database.revisions import known_revisions
+from service.storage.database.revisions import known_revisions, origin_of
 from service.storage.upkeep import postgres_backup, sqlite_backup
 from service.storage.upkeep.backup_checks import BackupError, Contents
 from service.storage.upkeep.presence import GONE_SECONDS, forget_everybody, who_is_present
@@ -64,7 +64,7 @@ def restore(url: str, file: Path, *, force: bool = False) -> Contents:
     revision = postgres_backup.revision(file) if _is_postgres(url) else sqlite_backup.revision(file)
     if revision not in known_revisions():
         raise BackupError(
-            f"{file} has the schema {revision}, which this version does not know; restore it with a later one"
+            f"{file} has the schema {revision}, which this version does not know: {origin_of(revision)}"
         )
     _require_alone(url)
     if _is_postgres(url):

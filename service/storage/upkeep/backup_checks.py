@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from service.storage.database.revisions import known_revisions, newest_revision
+from service.storage.database.revisions import known_revisions, origin_of
 
 NOT_OURS = "it is not a database of polhode, or has never been migrated"
 
@@ -23,13 +23,10 @@ class Contents:
 
     @property
     def schema(self) -> str:
-        """The schema in words, with a warning if a later version made the database."""
+        """The schema in words, with a warning if this version cannot restore it."""
         if self.revision in known_revisions():
             return f"schema {self.revision}"
-        return (
-            f"schema {self.revision}, of a later version: this one, with {newest_revision()}, "
-            "cannot restore it"
-        )
+        return f"schema {self.revision}, which this version cannot restore: {origin_of(self.revision)}"
 
 
 def refuse_jobs(jobs: int) -> None:

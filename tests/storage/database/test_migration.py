@@ -8,48 +8,71 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import CheckConstraint, event, insert, inspect, text
-from sqlalchemy.exc import OperationalError
+from sqlalchemy import event, insert, inspect, text
+from sqlalchemy.exc import DBAPIError
 
 from service.jobs.lanes import Lane
-from service.storage.database import new_file
-from service.storage.database.database import Database, make_engine
+from service.storage.database import migration
+from service.storage.database.database import make_engine
 from service.storage.database.ids import new_id
 from service.storage.database.migration import migrate
 from service.storage.database.revisions import migrations_folder
-from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.table_dispatcher import TableDispatcher
-from service.storage.solutions.accuracy_store import AccuracyStore
-from service.storage.solutions.solution_store import SolutionStore
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.schema import METADATA
-from tests.support import accuracy
-from tests.support.databases import upgrade_to, url_of
-from tests.support.new_file import migrated, schema_of, statements_of
+from tests.support.databases import FIRST, upgrade_to, url_of
 
 
-def is_comparable(element, name, kind, reflected, other):
-    # SQLite's reflection does not tell DESC; the plans of claims, below, say that the indexes serve.
+def test_the_models_and_the_migrations_make_one_schema(empty_url):
+    """Columns with their types and defaults, keys, references, checks, indexes with their conditions."""
+    migrate(empty_url)
+    engine = make_engine(empty_url)
+    by_models = parts_of(engine)
+    with engine.begin() as connection:
+        METADATA.drop_all(connection)
+        connection.execute(text("DROP TABLE alembic_version"))
+    upgrade_to(empty_url, "head")
+    assert parts_of(engine) == by_models
+    with engine.connect() as connection:
+        options = {"compare_type": True, "include_object": is_told}
+        context = MigrationContext.configure(connection, opts=options)
+        assert compare_metadata(context, METADATA) == []
+    engine.dispose()
+
+
+def is_told(element, name, kind, reflected, other):
+    # SQLite's reflection does not tell DESC.
     return name not in ("ix_jobs_queue", "ix_jobs_lanes")
 
 
-def test_the_models_are_the_migrated_schema(database):
-    with database.engine.connect() as connection:
-        options = {"compare_type": True, "include_object": is_comparable}
-        context = MigrationContext.configure(connection, opts=options)
-        assert compare_metadata(context, METADATA) == []
+_POSTGRES_PARTS = (
+    "SELECT table_name, column_name, data_type, character_maximum_length, is_nullable, column_default "
+    "FROM information_schema.columns WHERE table_schema = 'public'",
+    "SELECT conrelid::regclass::text, conname, pg_get_constraintdef(oid) FROM pg_constraint "
+    "WHERE connamespace = 'public'::regnamespace",
+    "SELECT tablename, indexname, indexdef FROM pg_indexes WHERE schemaname = 'public'",
+    "SELECT 'alembic_version', version_num FROM alembic_version",
+)
 
 
-def test_the_checks_of_the_models_are_in_the_schema(database):
-    # Autogenerate does not compare them.
-    schema = inspect(database.engine)
-    for table in METADATA.sorted_tables:
-        expected = {str(c.name): str(c.sqltext) for c in table.constraints if isinstance(c, CheckConstraint)}
-        found = {c["name"]: c["sqltext"] for c in schema.get_check_constraints(table.name)}
-        if database.engine.dialect.name == "sqlite":
-            assert found == expected
-        else:  # Postgres tells a condition in its own words
-            assert found.keys() == expected.keys()
+# Alembic lays its own table out otherwise.
+_SQLITE_PARTS = "SELECT sql FROM sqlite_master WHERE sql IS NOT NULL AND tbl_name <> 'alembic_version'"
+
+
+def parts_of(engine):
+    """Return all that a schema is made of, in the database's own words, in an order of its own."""
+    with engine.connect() as connection:
+        if engine.dialect.name == "postgresql":
+            rows = [tuple(row) for query in _POSTGRES_PARTS for row in connection.exec_driver_sql(query)]
+            return sorted(rows, key=repr)
+        statements = connection.exec_driver_sql(_SQLITE_PARTS)
+        found = [lines_of(sql.replace('"', "")) for (sql,) in statements]
+        return sorted([*found, list(connection.exec_driver_sql("SELECT * FROM alembic_version").one())])
+
+
+def lines_of(statement):
+    """Return the lines of a statement: the constraints of a table come in any order."""
+    return sorted(line.strip(" \t,;") for line in statement.splitlines())
 
 
 @pytest.mark.parametrize(("owed", "index"), [((), "ix_jobs_queue"), ((Lane.SWEEP,), "ix_jobs_lanes")])
@@ -81,42 +104,21 @@ def test_a_claim_needs_no_sorting_however_long_the_queue(database, owed, index):
         assert "Sort" not in plan
 
 
-def test_a_new_file_is_what_all_migrations_make(tmp_path):
-    new, by_migrations = tmp_path / "new.db", migrated(tmp_path)
-    migrate(url_of(new))
-    assert contents(new) == contents(by_migrations)
-    # If this fails after a migration was added: python -m tests.support.new_file
-    assert [lines_of(each) for each in new_file.statements()] == [
-        lines_of(each) for each in statements_of(by_migrations)
-    ]
-
-
-def contents(file):
-    """Everything in a file: tables and indexes in their order, columns in theirs, rows, mode of its log."""
-    connection = sqlite3.connect(file)
-    mode = connection.execute("PRAGMA journal_mode").fetchall()
-    names = connection.execute("SELECT type, name, tbl_name FROM sqlite_master ORDER BY rowid").fetchall()
-    tables = [name for kind, name, _ in names if kind == "table"]
-    columns = [connection.execute(f"PRAGMA table_xinfo({name})").fetchall() for name in tables]
-    text = [lines_of(statement) for statement in connection.iterdump()]
-    connection.close()
-    return mode, names, columns, text
-
-
-def lines_of(statement):
-    """Return the lines of a statement: Alembic writes the constraints of a table in any order."""
-    return sorted(line.strip(" \t,;") for line in statement.splitlines())
-
-
-def test_a_new_file_has_all_of_its_tables_or_none(tmp_path, monkeypatch):
-    made = new_file.statements()
-    monkeypatch.setattr(new_file, "statements", lambda: [*made, "CREATE TABLE jobs (broken)"])
-    with pytest.raises(OperationalError, match="already exists"):
-        migrate(url_of(tmp_path / "new.db"))
-    assert schema_of(tmp_path / "new.db") == []
+def test_a_new_database_has_all_of_its_tables_or_none(empty_url, monkeypatch):
+    monkeypatch.setattr(migration, "_STAMP", "CREATE TABLE jobs (broken INTEGER)")
+    with pytest.raises(DBAPIError, match="already exists"):
+        migrate(empty_url)
+    assert tables_of(empty_url) == set()
     monkeypatch.undo()
-    migrate(url_of(tmp_path / "new.db"))
-    assert schema_of(tmp_path / "new.db") == made[:-1]
+    migrate(empty_url)
+    assert tables_of(empty_url) == {*METADATA.tables, "alembic_version"}
+
+
+def tables_of(url):
+    engine = make_engine(url)
+    found = set(inspect(engine).get_table_names())
+    engine.dispose()
+    return found
 
 
 def test_a_file_with_tables_of_somebody_else_keeps_them(tmp_path):
@@ -137,53 +139,24 @@ def test_migrating_again_changes_nothing(url, database, jobs):
     assert jobs.get(job.id) == job
 
 
-def test_a_database_of_the_first_version_keeps_its_data(tmp_path):
-    url = url_of(tmp_path / "old.db")
-    upgrade_to(url, "0001")
-    database = Database(url)
-    job_id, solution_id = new_id(), new_id()
-    with database.write() as session:
-        session.execute(
-            text(
-                "INSERT INTO solutions (id, job_id, digest, problem, summary, created_at) "
-                "VALUES (:id, :job, 'digest', '{}', '{}', 1.5)"
-            ),
-            {"id": solution_id.replace("-", ""), "job": job_id.replace("-", "")},
-        )
-        session.execute(
-            text(
-                "INSERT INTO jobs "
-                "(id, state, attempt, progress, reused, solution_id, problem, digest, created_at) "
-                "VALUES (:id, 'succeeded', 1, 1, 0, :solution, '{}', 'digest', 1.25)"
-            ),
-            {"id": job_id.replace("-", ""), "solution": solution_id.replace("-", "")},
-        )
-        session.execute(
-            text("INSERT INTO attempts (job_id, number, worker, started_at) VALUES (:id, 1, 'w', 1.25)"),
-            {"id": job_id.replace("-", "")},
-        )
-    migrate(url)
-    jobs = SqlJobStore(database)
-    assert jobs.get(job_id).solution_id == solution_id
-    # Rebuilding the table of jobs must not take its attempts with it.
-    assert [attempt.worker for attempt in jobs.attempts(job_id)] == ["w"]
-    assert SolutionStore(database).get(solution_id).job_id == job_id
-    AccuracyStore(database).add(accuracy.table())
-    assert AccuracyStore(database).latest() == accuracy.table()
-    database.close()
-
-
-def test_several_processes_may_migrate_at_once(tmp_path):
-    url = url_of(tmp_path / "100%" / "new.db")
-    (tmp_path / "100%").mkdir()
+@pytest.mark.parametrize("begin", ["empty", FIRST])
+def test_several_processes_may_migrate_at_once(begin, empty_url):
+    if begin != "empty":
+        upgrade_to(empty_url, begin)
     # Alembic keeps its context in a module, so that processes it must be, not threads.
-    import_and_migrate = f"from service.storage.database.migration import migrate; migrate({url!r})"
+    import_and_migrate = f"from service.storage.database.migration import migrate; migrate({empty_url!r})"
     with ThreadPoolExecutor(3) as pool:
         results = list(pool.map(run_python, [import_and_migrate] * 3))
     assert [result.stderr for result in results] == [""] * 3
-    engine = make_engine(url)
-    assert set(METADATA.tables) <= set(inspect(engine).get_table_names())
-    engine.dispose()
+    assert set(METADATA.tables) <= tables_of(empty_url)
+
+
+def test_a_folder_may_have_a_name_that_alembic_would_interpolate(tmp_path):
+    (tmp_path / "100%").mkdir()
+    url = url_of(tmp_path / "100%" / "old.db")
+    upgrade_to(url, FIRST)
+    migrate(url)
+    assert set(METADATA.tables) <= tables_of(url)
 
 
 def run_python(code):

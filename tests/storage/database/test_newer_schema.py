@@ -14,7 +14,7 @@ from service.local.wakeup import Doorbell
 from service.settings import Settings
 from service.storage.database.database import make_engine
 from service.storage.database.migration import migrate
-from service.storage.database.revisions import NewerSchemaError, newest_revision
+from service.storage.database.revisions import UnknownRevisionError, newest_revision
 from tests.support.api import TestClient
 from workers.cli.main import main as run_workers
 
@@ -104,13 +104,24 @@ def test_a_backup_of_it_is_made_and_told_for_what_it_is(sqlite_url, tmp_path):
     file, choice = str(tmp_path / "backup"), ["--database-url", sqlite_url]
     made = CliRunner().invoke(app, ["backup", file, *choice])
     assert made.exit_code == 0
-    assert "schema 9999, of a later version" in made.stderr
+    assert "schema 9999, which this version cannot restore: made by a later version" in made.stderr
     refused = CliRunner().invoke(app, ["restore", file, "--force", *choice])
     assert refused.exit_code == 1
     assert "9999, which this version does not know" in refused.stderr
 
 
 def test_it_is_refused_before_anything_is_changed(newer_url):
-    with pytest.raises(NewerSchemaError) as refused:
+    with pytest.raises(UnknownRevisionError) as refused:
         migrate(newer_url)
     assert refused.value.stored == "9999"
+
+
+def test_an_early_schema_is_told_what_upgrades_it_first(sqlite_url):
+    engine = make_engine(sqlite_url)
+    with engine.begin() as connection:
+        connection.execute(text("UPDATE alembic_version SET version_num = '0007'"))
+    engine.dispose()
+    with pytest.raises(
+        UnknownRevisionError, match=r"0007, made by an early version.*revision d38f90f upgrades"
+    ):
+        migrate(sqlite_url)

@@ -1,27 +1,21 @@
-"""A database of the first version, with jobs at every point of their lives, brought to this version."""
+"""A database of the first schema, with jobs at every point of their lives, brought to this version."""
 
 import json
 import uuid
 
 import pytest
-from sqlalchemy import LargeBinary, MetaData, inspect, select, text
+from sqlalchemy import MetaData, inspect, text
 
-from service.jobs.lanes import Lane
 from service.jobs.states import AttemptOutcome, JobState
-from service.schemas.query.facts import facts_of
 from service.schemas.query.kinds import Kind
 from service.schemas.query.list_query import ListQuery, equals
-from service.schemas.query.where import read_where
-from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import Database, make_engine
 from service.storage.database.ids import new_id
 from service.storage.database.migration import migrate
 from service.storage.inspection.inspect import inspect as inspect_database
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.searching.sources import SOLUTIONS
 from service.storage.solutions.solution_store import SolutionStore
-from service.storage.tables.solutions import SolutionRow
-from tests.support.databases import SUMMARY, upgrade_to, url_of
+from tests.support.databases import FIRST, SUMMARY, upgrade_to
 from tests.support.finishing import finish_success
 
 PROBLEM = {
@@ -33,10 +27,10 @@ NOW = 1.7e9
 
 
 class Old:
-    """The database of the first version, written as that version did."""
+    """A database of the first schema, written without the models of this version."""
 
     def __init__(self, url):
-        upgrade_to(url, "0001")
+        upgrade_to(url, FIRST)
         self.engine = make_engine(url)
         self.metadata = MetaData()
         self.metadata.reflect(self.engine)
@@ -88,20 +82,9 @@ def rows(engine):
     return found
 
 
-@pytest.fixture(params=["sqlite", "postgres"])
-def old_url(request, tmp_path):
-    if request.param == "sqlite":
-        yield url_of(tmp_path / "old.db")
-        return
-    postgres = request.getfixturevalue("postgres")
-    name = postgres.create_database()
-    yield postgres.url(name)
-    postgres.drop_database(name)
-
-
 @pytest.fixture
-def old(old_url):
-    old = Old(old_url)
+def old(empty_url):
+    old = Old(empty_url)
     yield old
     old.engine.dispose()
 
@@ -133,9 +116,9 @@ def ids(old):
     return made
 
 
-def test_every_old_value_is_what_it_was(old, ids, old_url):
+def test_every_old_value_is_what_it_was(old, ids, empty_url):
     before = rows(old.engine)
-    migrate(old_url)
+    migrate(empty_url)
     after = rows(old.engine)
     for table, listed in before.items():
         if table == "alembic_version":
@@ -147,41 +130,16 @@ def test_every_old_value_is_what_it_was(old, ids, old_url):
     assert [len(before[t]) for t in ("jobs", "attempts", "solutions", "dense_outputs")] == [7, 6, 1, 1]
 
 
-def test_the_new_columns_say_what_has_always_been_so(old, ids, old_url):
-    migrate(old_url)
-    for row in rows(old.engine)["jobs"]:
-        assert (row["kind"], row["priority"], row["ready_at"]) == ("solve", 0, 0.0)
-        assert (row["sweep_id"], row["key_id"]) == (None, None)
-
-
 @pytest.fixture
-def upgraded(old, ids, old_url):
-    migrate(old_url)
-    database = Database(old_url)
+def upgraded(old, ids, empty_url):
+    migrate(empty_url)
+    database = Database(empty_url)
     yield database
     database.close()
 
 
 def test_the_upgraded_database_is_in_order(upgraded):
     assert [finding.code for finding in inspect_database(upgraded) if not finding.is_clean] == []
-
-
-def test_old_rows_are_found_by_the_numbers_of_their_problems(upgraded, ids):
-    conditions, faults = read_where(
-        ["/body/A=17/10,/potential/parameters/γ>1e29,family=expression"], SOLUTIONS
-    )
-    assert not faults
-    found = SolutionStore(upgraded).find(ListQuery(conditions))
-    assert [solution.id for solution in found.solutions] == [str(ids["solution"])]
-    page = SqlJobStore(upgraded).find(ListQuery(conditions))
-    assert page.total == 7
-    with upgraded.read() as session:
-        (row,) = session.scalars(select(SolutionRow))
-        written = summary_columns(row.problem, row.summary)
-        for name in ("B", "lambda_", "drift", "trace", "seconds", "stability", "aperiodic"):
-            assert getattr(row, name) == written[name], name
-        # Postgres tells the double 1e30 as the integer 10**30.
-        assert {k: v if k == "family" else float(v) for k, v in row.facts.items()} == facts_of(row.problem)
 
 
 def test_lives_go_on_where_they_were(upgraded, ids):
@@ -209,47 +167,3 @@ def test_old_solutions_are_found_read_and_used_again(upgraded, ids):
     assert solutions.samples(solution_id) == b""
     again = SqlJobStore(upgraded).submit(PROBLEM, "solved")
     assert (again.state, again.solution_id) == (JobState.SUCCEEDED, solution_id)
-
-
-def test_the_large_columns_are_bytes_as_before(old, ids, old_url):
-    migrate(old_url)
-    columns = {column["name"]: column["type"] for column in inspect(old.engine).get_columns("samples")}
-    assert isinstance(columns["data"], LargeBinary)
-
-
-def test_what_waits_at_the_upgrade_is_shared_out_like_what_comes(old_url):
-    """Jobs of two keys and chunks of a sweep that the version before has queued."""
-    upgrade_to(old_url, "0004")
-    engine = make_engine(old_url)
-    metadata = MetaData()
-    metadata.reflect(engine)
-    raw = (lambda value: value.hex) if engine.dialect.name == "sqlite" else (lambda value: value)
-    alice, bob, sweep = (uuid.UUID(new_id()) for _ in range(3))
-    common = {"attempt": 0, "progress": 0.0, "reused": False, "problem": PROBLEM, "created_at": NOW}
-    numbers = {"points": 10, "next_index": 2, "done": 0, "refused": 0, "chunk_points": 1, "priority": 0}
-    with engine.begin() as connection:
-        connection.execute(
-            metadata.tables["sweeps"].insert(),
-            {"id": raw(sweep), "state": "queued", "document": {}, "created_at": NOW, **numbers},
-        )
-        for key, count, further in (
-            (alice, 2, {"kind": "chunk", "sweep_id": raw(sweep)}),
-            (alice, 20, {"kind": "solve"}),
-            (bob, 2, {"kind": "solve"}),
-            (alice, 1, {"kind": "solve", "priority": 3}),
-        ):
-            rows = [
-                {"id": raw(uuid.UUID(new_id())), "state": "queued", "digest": str(k), "key_id": raw(key)}
-                for k in range(count)
-            ]
-            given = [{**common, **row, **further} for row in rows]
-            connection.execute(metadata.tables["jobs"].insert(), given)
-    engine.dispose()
-    migrate(old_url)
-    database = Database(old_url)
-    claims = SqlJobStore(database).take("worker", 25, lease_seconds=60.0).claims
-    database.close()
-    keys = [claim.key_id for claim in claims]
-    assert keys[0] == str(alice)  # of the largest priority
-    assert sorted(keys[1:5]) == sorted([str(alice), str(bob)] * 2)
-    assert [claim.lane for claim in claims] == [Lane.SINGLE] * 23 + [Lane.SWEEP] * 2

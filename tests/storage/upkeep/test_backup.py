@@ -17,7 +17,7 @@ from service.storage.solutions.solution_store import SolutionStore
 from service.storage.tables.jobs import JobRow
 from service.storage.upkeep.backup import back_up, restore
 from service.storage.upkeep.backup_checks import BackupError
-from tests.support.databases import PROBLEM, SUMMARY, upgrade_to, url_of
+from tests.support.databases import FIRST, PROBLEM, SUMMARY, upgrade_to, url_of
 from tests.support.finishing import finish_success
 from tests.support.lists import list_jobs
 from tests.support.postgres import binaries
@@ -145,8 +145,8 @@ def test_a_database_without_jobs_may_be_replaced(jobs, url, other_url, tmp_path)
 
 
 def test_an_older_backup_is_brought_to_this_version(url, other_url, tmp_path):
-    upgrade_to(other_url, "0001")
-    assert back_up(other_url, tmp_path / "old").revision == "0001"
+    upgrade_to(other_url, FIRST)
+    assert back_up(other_url, tmp_path / "old").revision == FIRST
     # Tables of this version, which the backup has not, are in the way.
     restore(url, tmp_path / "old", force=True)
     opened(url, assert_in_order)
