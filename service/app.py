@@ -17,12 +17,12 @@ from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.reading_threads import ReadingThreads, SharedAnswer
-from service.api.replies.kept_answers import KeptAnswers
 from service.api.routes.events import documents_of
 from service.api.routes.installation.health import checks_of
 from service.api.routing import install
 from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
+from service.cache import Cache
 from service.local.restarts import WorkerStanding
 from service.local.wakeup import Doorbell
 from service.sandbox import Sandbox
@@ -50,6 +50,8 @@ from service.versions import version_of
 
 logger = logging.getLogger(__name__)
 
+_ANSWER_BYTES = 8_000_000
+"""Answers that are kept as they were sent."""
 _MONITORING = 2
 """Threads for /readyz and /metrics, so that these are answered although all other threads are busy."""
 
@@ -113,7 +115,7 @@ def create_app(
             keys=ring,
             limits=LimitGuard(settings, keys),
             idempotency=IdempotencyDesk(answers),
-            answers=KeptAnswers(),
+            answers=Cache(_ANSWER_BYTES, len),
             remembered=remembered,
             presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),

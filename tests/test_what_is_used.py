@@ -23,6 +23,7 @@ CALLED_FROM_OUTSIDE = {
     "service.connections.refusals.malformed": "what the protocol answers when uvicorn asks it to refuse",
     "service.client.polhode.": "people call it from Python",
     "service.cli.common.Command.get_short_help_str": "typer lists it in help",
+    "service.storage.tables.base.Word.process_bind_param": "SQLAlchemy calls it",
     "workers.cli.sweep._RateColumn.render": "rich draws it",
     "workers.computation.compiled_code.KernelCode.": "numba calls the methods of a cache",
 }

@@ -14,9 +14,9 @@ from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.reading_threads import ReadingThreads, SharedAnswer
-from service.api.replies.kept_answers import KeptAnswers
 from service.api.verdicts.examined import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
+from service.cache import Cache
 from service.jobs.kernels import Kernels
 from service.jobs.store import JobStore
 from service.local.restarts import WorkerStanding
@@ -56,7 +56,8 @@ class Resources:
     keys: KeyRing
     limits: LimitGuard
     idempotency: IdempotencyDesk
-    answers: KeptAnswers
+    answers: Cache[str, bytes]
+    """Bytes of answers that were written before, by their entity tags: one names exactly one content."""
     remembered: Remembered
     presence: ServicePresence
     """Keeps the presence row of this service, and knows whether the database can be written to."""

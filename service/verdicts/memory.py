@@ -1,10 +1,10 @@
 """Keeps examinations in memory, in front of the store of the installation."""
 
 import threading
-from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
+from service.cache import Cache
 from service.verdicts.entries import Entry
 
 MOST_BYTES = 32_000_000
@@ -23,10 +23,9 @@ class KeptExaminations:
     """The entries used last in this process, then those of the store. Safe between threads."""
 
     def __init__(self, store: EntryStore, *, most_bytes: int = MOST_BYTES) -> None:
-        self._store, self._most = store, most_bytes
+        self._store = store
         self._lock = threading.Lock()
-        self._known: OrderedDict[str, str] = OrderedDict()
-        self._bytes = 0
+        self._cache: Cache[str, str] = Cache(most_bytes, len)
         self._hits = self._misses = 0
 
     @property
@@ -50,22 +49,10 @@ class KeptExaminations:
 
     def in_memory(self, keys: Sequence[str]) -> dict[str, str]:
         """Return the contents of those keys that this process has."""
-        found: dict[str, str] = {}
-        with self._lock:
-            for key in keys:
-                content = self._known.get(key)
-                if content is not None:
-                    self._known.move_to_end(key)
-                    found[key] = content
-        return found
+        known = {key: self._cache.get(key) for key in keys}
+        return {key: content for key, content in known.items() if content is not None}
 
     def remember(self, entries: Iterable[Entry]) -> None:
         """Hold entries in memory, and drop those that were not used for longest."""
-        with self._lock:
-            for entry in entries:
-                self._bytes -= len(self._known.pop(entry.key, ""))
-                self._known[entry.key] = entry.content
-                self._bytes += len(entry.content)
-            while self._bytes > self._most and self._known:
-                _, dropped = self._known.popitem(last=False)
-                self._bytes -= len(dropped)
+        for entry in entries:
+            self._cache.put(entry.key, entry.content)

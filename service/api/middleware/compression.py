@@ -9,8 +9,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.formats.codings import Encoder, encoded, encoder, preferred_coding
 from service.api.replies.conditional import coded
-from service.api.replies.kept_answers import KeptAnswers
 from service.api.replies.pieces import PART_BYTES
+from service.cache import Cache
 
 LEAST_BYTES = 1024
 """Below, an answer fits into one packet anyway."""
@@ -39,7 +39,7 @@ class Compression:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
-        self._threads, self._kept = CapacityLimiter(_THREADS), KeptAnswers(_KEPT_BYTES)
+        self._threads, self._kept = CapacityLimiter(_THREADS), Cache[str, bytes](_KEPT_BYTES, len)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, and encode its answer."""
@@ -53,7 +53,9 @@ class Compression:
 class _Answer:
     """One answer. Its start is held back until the first part of its body is there to be tried."""
 
-    def __init__(self, coding: str | None, send: Send, threads: CapacityLimiter, kept: KeptAnswers) -> None:
+    def __init__(
+        self, coding: str | None, send: Send, threads: CapacityLimiter, kept: Cache[str, bytes]
+    ) -> None:
         self._coding, self._send, self._threads, self._kept = coding, send, threads, kept
         self._start: Message | None = None
         self._encoder: Encoder | None = None
@@ -87,7 +89,7 @@ class _Answer:
         if self._coding is None or not _may_pay(start["status"], headers, body, is_whole):
             return first
         tag = coded(headers["etag"], self._coding) if "etag" in headers else None
-        known = self._kept.find(tag) if tag is not None and is_whole else None
+        known = self._kept.get(tag) if tag is not None and is_whole else None
         if known is not None:
             return _whole(headers, known, first, self._coding)
         sample = await self._in_time(encoded, body[:_SAMPLE_BYTES], self._coding)
@@ -108,7 +110,9 @@ class _Answer:
         """Return a whole answer in a coding; it is kept, since static files are asked for again and again."""
         if tag is None:
             return await self._in_time(encoded, body, coding)
-        return await self._in_time(lambda body: self._kept.get(tag, lambda: encoded(body, coding)), body)
+        return await self._in_time(
+            lambda body: self._kept.get_or_make(tag, lambda: encoded(body, coding)), body
+        )
 
     async def _encoded(self, message: Message, encoder: Encoder) -> Message:
         body = message.get("body", b"")

@@ -8,10 +8,10 @@ here. Postgres has no such number: there everything is read each time.
 
 import sqlite3
 import threading
-from collections import OrderedDict
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from service.cache import Cache
 from service.storage.database.database import Database
 from service.storage.database.sqlite_file import DatabaseFile, DatabaseFileError
 
@@ -27,10 +27,9 @@ class Remembered:
     """Reads things, and gives them again. Thread-safe."""
 
     def __init__(self, database: Database, most: int = MOST) -> None:
-        self._database, self._most = database, most
+        self._database = database
         self._commits = None if database.file is None else _Commits(database.file)
-        self._lock = threading.Lock()
-        self._kept: OrderedDict[tuple[object, str], _Kept[object]] = OrderedDict()
+        self._kept: Cache[tuple[object, str], _Kept[object]] = Cache(most)
 
     def at_hand(self, read: Read[Thing], thing_id: str) -> Thing | None:
         """Return a thing if it is known that it is still so; this waits for no disk, and needs no thread."""
@@ -48,11 +47,7 @@ class Remembered:
         commits = self._number()
         thing = read(self._database, thing_id)
         if commits is not None:
-            with self._lock:
-                self._kept[read, thing_id] = _Kept(thing, commits)
-                self._kept.move_to_end((read, thing_id))
-                while len(self._kept) > self._most:
-                    self._kept.popitem(last=False)
+            self._kept.put((read, thing_id), _Kept(thing, commits))
         return thing
 
     def close(self) -> None:

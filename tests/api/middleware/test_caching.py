@@ -12,8 +12,8 @@ from service.api.replies.conditional import (
     REVALIDATE,
     VOLATILE,
 )
-from service.api.replies.kept_answers import KeptAnswers
 from service.api.tagged import TAGGED
+from service.cache import Cache
 from service.jobs.keys import Role
 from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
@@ -131,7 +131,7 @@ def test_what_never_changes_is_kept_and_what_may_change_is_asked_for(client, pla
 
 def shut(monkeypatch):
     """Let whoever reads documents or arrays fail."""
-    monkeypatch.setattr(KeptAnswers, "get", lambda self, tag, write: write())  # as in a service just started
+    monkeypatch.setattr(Cache, "get", lambda self, key: None)  # as in a service just started
     for store, names in (
         (SolutionStore, (*ARRAYS, "get")),
         (SweepStore, ("get", "chunks", "data")),

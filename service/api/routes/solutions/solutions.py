@@ -121,7 +121,7 @@ def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> R
         solution = replace(inside.solutions.get(solution_id), marks=marks)
         return json_content(solution_out(solution))
 
-    return Response(inside.answers.get(told["ETag"], content), media_type=JSON, headers=told)
+    return Response(inside.answers.get_or_make(told["ETag"], content), media_type=JSON, headers=told)
 
 
 def _filters(query: SolutionsQuery) -> Iterator[Condition]:
