@@ -50,9 +50,10 @@ class SharedGradient:
     """The gradient of potentials that differ in numbers alone: one program, and what its constants are."""
 
     gradient: Gradient
-    """Of one of them."""
+    """The gradient of one of them."""
     sources: tuple[float | int, ...]
-    """Of what the program begins with: a constant, or the place of a number among those of the tape."""
+    """Sources of the constants at the program's beginning: a constant, or the index of a number of the
+    tape."""
     folded: tuple[tuple[Operation, tuple[int, ...]], ...]
     """The constants after these, each by an operation on constants."""
     rounding: Rounding
