@@ -54,7 +54,7 @@ class Lookout:
         self._changes, self._sweeps, self._documents = changes, sweeps, documents
         self._position: float | None = None
         self._seen: dict[Subject, float] = {}
-        """What changed lately, and was told: a later look finds it again."""
+        """Changes of late that were reported: a later look finds them again."""
         self._status: Told | None = None
         self._substance: object = None
         self._status_due = 0.0

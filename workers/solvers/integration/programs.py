@@ -143,7 +143,7 @@ class _Writer:
         self._count = series.STATE
         self._waves: dict[int, tuple[int, int]] = {}
         self.folded = list[tuple[Operation, tuple[int, ...]]]()
-        """What was carried out on constants, by their places."""
+        """Operations that were carried out on constants, by the indices of these."""
 
     def constant(self, value: float) -> int:
         self._constants.append(value)
