@@ -44,7 +44,7 @@ _context: ContextVar[Mapping[str, object]] = ContextVar("about", default=Mapping
 
 @dataclass(frozen=True, slots=True)
 class Logging:
-    """How a process writes its log."""
+    """The format and the level of a process's log."""
 
     format: LogFormat
     level: LogLevel

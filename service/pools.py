@@ -1,4 +1,4 @@
-"""What is known of pebble's pools: the faults of processes around a child, and how a pool is stopped."""
+"""Helpers for pebble's pools: the faults of processes around a child, and stopping a pool."""
 
 import contextlib
 import signal

@@ -59,9 +59,9 @@ class Settings(BaseModel):
     grace_seconds: float = Field(default=20.0, ge=0)
     """How long a stopping worker lets its running jobs finish."""
     log_format: LogFormat | None = None
-    """By default text on a terminal and JSON elsewhere."""
+    """None means text on a terminal and JSON elsewhere."""
     log_level: LogLevel | None = None
-    """By default warning for the service and info for workers."""
+    """None means warning for the service and info for workers."""
     max_connections: int = Field(default=1000, ge=1)
     """Client connections to ``serve``; fewer if the limit of file descriptors is lower."""
     header_seconds: float = Field(default=10.0, gt=0)

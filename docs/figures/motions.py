@@ -1,4 +1,4 @@
-"""How the documentation draws motions: paths on the sphere and in the body."""
+"""Drawings of motions for the documentation: paths on the sphere and in the body."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What MkDocs asks for while it builds the pages: pages that are made of other things, formulas, links.
+"""Hooks of MkDocs while it builds the pages: pages that are made of other things, formulas, links.
 
 The first page is the README, the references are made from the OpenAPI
 document, the commands and the client themselves, the tutorials from notebooks, which are executed if

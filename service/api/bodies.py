@@ -16,7 +16,7 @@ from service.schemas.reading.strict_json import InvalidJsonError, parse_json
 MAX_BODY_BYTES = 1_000_000
 JSON, UTF_8 = "application/json", "utf-8"
 MERGE_PATCH = "application/merge-patch+json"
-"""What RFC 7396 calls a change of a JSON document; plain JSON means the same here."""
+"""The media type of a change of a JSON document (RFC 7396); plain JSON means the same here."""
 
 
 async def _read_body(request: Request, inside: Inside) -> bytes:

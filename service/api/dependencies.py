@@ -64,9 +64,9 @@ class Resources:
     waiting: threading.BoundedSemaphore
     """Limits the number of clients that wait for their job, since each one polls the database."""
     metrics_text: SharedAnswer[bytes]
-    """What /metrics answers."""
+    """The answer of /metrics."""
     checks: SharedAnswer[tuple[dict[str, str], WorkersState, Kernels | None]]
-    """What /readyz tells."""
+    """The facts that /readyz answers with."""
     local_worker: Callable[[], WorkerStanding] | None
     """Returns the status of the worker process beside this service, if there is one."""
 

@@ -42,7 +42,7 @@ _SHARE = 2
 _TIDY_SECONDS = 1.0
 """So long after a read free memory is given back."""
 _ROOM_SECONDS = 0.05
-"""In which the connection that was closed to make room lets go of what it held."""
+"""Seconds in which the connection that was closed to make room lets go of what it held."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class HeavyReads:
         self._make_room = make_room
         self._threads = ThreadPoolExecutor(settings.reading_places, thread_name_prefix="reading")
         self._lines: OrderedDict[Reader, deque[asyncio.Future[None]]] = OrderedDict()
-        """Those that wait, by the order of turns; who was served last is at the end."""
+        """The waiting reads, by the order of turns; the reader that was served last is at the end."""
         self._firsts: dict[Reader, int] = {}
         """How many answers wait for their first part."""
         self._held: dict[str | None, int] = {}

@@ -24,7 +24,7 @@ Show = Callable[[Job], tuple[ResponseModel, str]]
 
 @dataclass(frozen=True, slots=True)
 class SubmissionTerms:
-    """Who submits, how urgently, under which Idempotency-Key, and how long the client waits."""
+    """The key that submits, the priority, the Idempotency-Key, and how long the client waits."""
 
     holder: ApiKey | None
     priority: int

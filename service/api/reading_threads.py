@@ -22,7 +22,7 @@ _SMALL_AT_ONCE = 4
 
 
 class ReadingThreads:
-    """Where documents are read, off the event loop."""
+    """The threads in which documents are read, off the event loop."""
 
     def __init__(self) -> None:
         self._small, self._large = CapacityLimiter(_SMALL_AT_ONCE), CapacityLimiter(1)

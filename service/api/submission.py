@@ -68,7 +68,7 @@ class Accepted:
     examination: Examination | None = None
     """None for a motion from any state."""
     entries: tuple[Entry, ...] = ()
-    """What its examination found, to be stored with it."""
+    """The results of its examination, to be stored with it."""
     marks: Marks = UNMARKED
 
 
@@ -81,7 +81,7 @@ class JudgedDocument:
     table: AccuracyTable | None
     entries: tuple[Entry, ...] = ()
     seconds: float = 0.0
-    """Of the examination."""
+    """Seconds that the examination took."""
 
     def accepted(self) -> Accepted:
         """Return the problem as it is queued: a budget is turned into a tier."""

@@ -38,12 +38,12 @@ Standing = TypeVar("Standing")
 
 @dataclass(frozen=True, slots=True)
 class Tagged(Generic[Standing]):
-    """How the tag of an answer is known."""
+    """The functions that give the tag of an answer before the answer is made."""
 
     read: Read[Standing]
     """Reads what is stored, without documents and arrays."""
     identity: Callable[[Standing], tuple[object, ...]]
-    """What the bytes of the answer depend on."""
+    """Returns all that the bytes of the answer depend on."""
     keeping: Callable[[Standing], str]
     """Its Cache-Control."""
     formats: Mapping[Any, str]
@@ -110,7 +110,7 @@ TAGGED: Mapping[str, Tagged[Any]] = {
     ),
     "/v1/sweeps/{sweep_id}/package": Tagged(sweep_standing_of, _computed, _for_ever, {"zip": ZIP}),
 }
-"""By the templates of their paths, which have one parameter: the id."""
+"""The answers with such a tag, by the templates of their paths, which have one parameter: the id."""
 
 
 async def unchanged(request: Request, tagged: Tagged[Any]) -> Response | None:

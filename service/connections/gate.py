@@ -52,7 +52,7 @@ class Gate:
     ) -> None:
         self.capacity, self.complaints, self._clock = capacity, complaints, clock
         self._unread: OrderedDict[Closable, float] = OrderedDict()
-        """Those whose clients do not read, and since when."""
+        """Connections whose clients do not read, with the instants since when."""
         self._open: set[Closable] = set()
         self._waiting: dict[Phase, OrderedDict[Closable, None]] = {
             phase: OrderedDict() for phase in (Phase.IDLE, Phase.HEAD, Phase.BODY)

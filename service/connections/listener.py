@@ -18,7 +18,7 @@ _PAUSE_SECONDS = 1.0
 _BACKLOG = 2048
 """Clients that may wait to be accepted."""
 _SEND_BYTES = 256 * 1024
-"""That the system buffers of an answer; a client 50 ms away still gets 5 MB a second."""
+"""Bytes of an answer that the system buffers; a client 50 ms away still gets 5 MB a second."""
 _KEPT_DESCRIPTORS = 24
 """Descriptors reserved for the database, the children and the log."""
 

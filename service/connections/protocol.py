@@ -21,7 +21,7 @@ class Deadlines:
     """Seconds that a client may take."""
 
     head: float
-    """From the first byte of a request to the end of its head; and from opening a connection to that."""
+    """For the head of a request, from its first byte on; and for that byte, from opening a connection on."""
     body: float
     """For the rest of a body that was answered without being read."""
     send: float

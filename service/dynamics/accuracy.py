@@ -17,7 +17,7 @@ from service.dynamics.problem import (
 )
 
 TIERS: tuple[Tier, ...] = get_args(Tier)
-"""From the cheapest to the best."""
+"""All tiers, from the cheapest to the best."""
 
 CERTIFIED_BITS = (64, 128, 333)
 """Precisions of proven digits; the first is the default. Radii are at most 2^(8 − bits)."""
@@ -63,7 +63,7 @@ def keeps(accuracy: Accuracy, groups: Iterable[GroupError]) -> bool:
 MotionKind = Literal[
     "pole to equator", "rest to equator", "pole to rest", "rest to rest", "aperiodic", "any state"
 ]
-"""Of a periodic planar motion its ends, where |g1| is smallest and where it is largest."""
+"""The kinds of motions; a periodic planar one is named by its ends, where |g1| is smallest and largest."""
 MOTION_KINDS: tuple[MotionKind, ...] = get_args(MotionKind)
 
 Family = Literal["three-term", "rational", "general alpha", "function", "integral"]
@@ -80,7 +80,7 @@ Reference = Literal["certified", "integration"]
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """Where the seconds were measured."""
+    """The machine on which the seconds were measured."""
 
     cpus: int
     model: str | None
@@ -102,7 +102,7 @@ class AccuracyRow:
     reference_error: float
     """Bound of the reference's own error."""
     seconds: float
-    """Of a whole job with 1000 samples of the six variables, from its submission to its stored solution.
+    """Seconds of a whole job with 1000 samples of the six variables, from submission to stored solution.
 
     Median, when a problem of the same structure has been solved before.
     """
@@ -214,7 +214,7 @@ def best_tier(
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What is expected of a tier by its slowest comparable row."""
+    """The expected cost and error of a tier, by its slowest comparable row."""
 
     seconds: float
     error: float

@@ -8,7 +8,7 @@ from service.dynamics.potentials.recognition.three_terms import recognise
 MOST_PRODUCTS = 500
 """Usual three-term formulas need some ten products; the limit protects against costly formulas."""
 FUNCTIONS = frozenset({"exp", "log", "sin", "cos", "tan"})
-"""That are no powers: series of them have no end."""
+"""Functions that are no powers: their series have no end."""
 
 
 def family_of(body: RigidBody, potential: Potential) -> Family:

@@ -52,7 +52,7 @@ T = TypeVar("T", FloatArray, arb)
 N = TypeVar("N")
 
 BITS = 128
-"""Of the balls for a drift: near a collision the terms of W cancel like those of the energy."""
+"""Precision of the balls for a drift: near a collision the terms of W cancel like those of the energy."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -129,8 +129,8 @@ Times = TimeSpan | TimePeriods | TimeList
 
 
 Measure = Literal["absolute", "above 1", "relative"]
-"""What a tolerance is compared with: an absolute error; one relative to the size of the variable's group
-where that is above 1; one relative to it everywhere."""
+"""The size that a tolerance is compared with: an absolute error; one relative to the size of the variable's
+group where that is above 1; one relative to it everywhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ class Accuracy:
     """Largest error allowed over the requested times, as ``measure`` says."""
     tier: Tier = "standard"
     bits: int = 64
-    """Of the tier ``certified``: radii are at most 2^(8 − bits)."""
+    """Precision of the tier ``certified``: radii are at most 2^(8 − bits)."""
     budget_seconds: float | None = None
     """A budget that has not been turned into a tier yet."""
     measure: Measure = "absolute"

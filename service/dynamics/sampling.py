@@ -20,7 +20,7 @@ from service.dynamics.solution.dense_output import Period, rest_of_product, spli
 FloatArray = NDArray[np.float64]
 
 FEW_SAMPLES = 4096
-"""Of what is remembered."""
+"""Largest number of samples for which the numbers of periods are cached."""
 _WHOLE_DOUBLES = 2**53
 """Every integer up to it is a double."""
 

@@ -39,7 +39,7 @@ class Axis(Protocol):
 
     @property
     def length(self) -> int:
-        """How many values there are."""
+        """Number of values."""
         ...
 
     def value(self, index: int) -> Fraction:
@@ -59,7 +59,7 @@ class ListedAxis:
 
     @property
     def length(self) -> int:
-        """How many values there are."""
+        """Number of values."""
         return len(self.listed)
 
     def value(self, index: int) -> Fraction:

@@ -1,4 +1,4 @@
-"""How many jobs one call of a child computes: as many as take a moment, judged by the calls before."""
+"""The number of jobs that one call of a child computes: as many as take a moment, judged by earlier calls."""
 
 BATCH_SECONDS = 0.05
 """A call begins no further job after so long; nobody waits longer for a place because of a batch."""

@@ -44,7 +44,7 @@ class AtlasNotFoundError(LookupError):
 
 
 class StillAtWorkError(Exception):
-    """What has not finished cannot be deleted."""
+    """A job or a sweep that has not finished cannot be deleted."""
 
     def __init__(self, kind: str, its_id: str, state: JobState) -> None:
         super().__init__(f"{kind} {its_id} is {state}: only finished ones can be deleted; cancel it first")

@@ -19,7 +19,7 @@ class GivenKey:
     """Id of the API key that sent it, empty if there are no keys: nobody can use another's keys."""
     key: str
     fingerprint: str
-    """Of method, path, query and body: the same key with another request is a mistake."""
+    """Hash of method, path, query and body: the same key with another request is a mistake."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class GivenAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Receipt(Generic[Made]):
-    """What a store writes in the transaction that makes something: the key, and the answer about it."""
+    """The key and the answer, which a store writes in the transaction that makes something."""
 
     given: GivenKey
     answer: Callable[[Made], GivenAnswer]

@@ -22,13 +22,13 @@ class Job:
     attempt: int
     """Number of times it was claimed; 0 if never."""
     progress: float
-    """From 0 to 1."""
+    """Finished share, 0 to 1."""
     error: Mapping[str, object] | None
     reused: bool
     """Its solution was computed for an earlier job."""
     solution_id: str | None
     problem: Mapping[str, object]
-    """Of an atlas: what was asked."""
+    """The problem document; for an atlas, the document that asks for it."""
     digest: str
     """Equal for equal problems under equal numerics."""
     created_at: datetime
@@ -36,7 +36,7 @@ class Job:
     """When the last attempt began."""
     finished_at: datetime | None
     key_id: str | None
-    """Of the key that submitted it; None if there were no keys."""
+    """Id of the key that submitted it; None if there were no keys."""
     marks: Marks = UNMARKED
     kind: JobKind = JobKind.SOLVE
 
@@ -67,15 +67,15 @@ class Claim:
     windows: str = ""
     """The windows of its curve, as its examination found them; empty where they are not kept."""
     examined_seconds: float | None = None
-    """That its examination took; None without one."""
+    """Seconds that its examination took; None without one."""
     audited: StoredSolution | None = None
-    """Of an audit: the solution that is solved again and compared."""
+    """For an audit, the solution that is solved again and compared."""
     alone: bool = False
     """A child computes nothing else with it: a worker was lost that had it, perhaps because of it."""
 
     @property
     def payload(self) -> Mapping[str, object]:
-        """What the computation gets: the problem, or {"sweep", "way", "first", "count"} of a chunk."""
+        """The document to compute: the problem, or {"sweep", "way", "first", "count"} for a chunk."""
         if self.sweep is None:
             return self.problem
         return {"sweep": self.sweep, "way": self.way, **self.problem}

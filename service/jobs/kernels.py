@@ -1,4 +1,4 @@
-"""How far the compiled kernels of a worker are, and what that means for jobs and sweeps."""
+"""The progress of compiling a worker's kernels, and its consequences for jobs and sweeps."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
@@ -7,11 +7,11 @@ from typing import Literal
 KERNELS = 390
 """How many there are, each for the types of its arguments, as counted: what is told as to be done."""
 PLAIN_POINT_SECONDS = 0.1
-"""What a point takes without kernels: 0.01 to 0.2 s."""
+"""Seconds that a point takes without kernels: 0.01 to 0.2."""
 LARGEST_STATES = 1e-10
 """Tolerance below which motions from a state are integrated by kernels only."""
 _UNKNOWN_SECONDS = 300.0
-"""What compiling takes, as long as nobody knows better."""
+"""Seconds that compiling is assumed to take, as long as nobody knows better."""
 
 WAITS = "waits for kernels, which are being compiled"
 """Why a job is queued again that has no plain way."""
@@ -27,7 +27,7 @@ class NeedsKernelsError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Kernels:
-    """What is known of kernels that are not all compiled."""
+    """The progress of compiling kernels, where they are not all there."""
 
     done: int
     of: int

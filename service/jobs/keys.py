@@ -18,7 +18,7 @@ _TEXT = re.compile(r"(plh_[0-9A-Za-z]{8})_[0-9A-Za-z]{43}", re.ASCII)
 
 
 class Role(StrEnum):
-    """What a key permits; each role includes all roles before it."""
+    """The permissions of a key; each role includes all roles before it."""
 
     READ = "read"
     """Read everything."""

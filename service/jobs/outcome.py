@@ -13,7 +13,7 @@ class Solved:
     """The function of time, encoded by :mod:`service.storage.codecs.arrays`; so are the samples."""
     samples: bytes
     comparison: Mapping[str, object] | None = None
-    """Of an audit: how it compares with the stored solution."""
+    """For an audit, the comparison with the stored solution."""
 
 
 @dataclass(frozen=True, slots=True)

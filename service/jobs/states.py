@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class JobKind(StrEnum):
-    """What a job computes."""
+    """Kinds of jobs, by what is computed."""
 
     SOLVE = "solve"
     """The solution of one problem."""
@@ -15,7 +15,7 @@ class JobKind(StrEnum):
 
 
 SUBMITTED = frozenset({JobKind.SOLVE, JobKind.ATLAS})
-"""What clients submit, show, cancel and delete as a job; a chunk is a part of its sweep."""
+"""Kinds that clients submit, show, cancel and delete as a job; a chunk is a part of its sweep."""
 
 
 class JobState(StrEnum):
@@ -52,7 +52,7 @@ def sources(target: JobState) -> tuple[JobState, ...]:
 
 
 class AttemptOutcome(StrEnum):
-    """How an attempt at a job ended."""
+    """The ways in which an attempt at a job can end."""
 
     SUCCEEDED = "succeeded"
     FAILED = "failed"

@@ -40,7 +40,7 @@ class SweepProgress:
     """When its first chunk was claimed."""
     finished_at: datetime | None
     way: str | None
-    """Of all its points: ``compiled`` or ``plain``; None until its first chunk was claimed."""
+    """The way to compute all its points, ``compiled`` or ``plain``; None until its first chunk is claimed."""
     marks: Marks
 
 

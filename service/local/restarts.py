@@ -15,7 +15,7 @@ FIRST_PAUSE_SECONDS, LONGEST_PAUSE_SECONDS = 0.5, 15.0
 
 @dataclass(frozen=True, slots=True)
 class Restarts:
-    """How often a process has ended by itself."""
+    """Counts of the times that a process has ended by itself."""
 
     deaths: int = 0
     early_deaths: int = 0
@@ -28,7 +28,7 @@ class Restarts:
 
     @property
     def pause_seconds(self) -> float:
-        """How long to wait before the next start."""
+        """Seconds to wait before the next start."""
         if self.early_deaths == 0:
             return 0.0
         # Beyond the longest pause the exact power does not matter, and a float has a largest one.

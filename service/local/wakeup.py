@@ -15,7 +15,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass
 
 WARM = "warm"
-"""What a worker sends in place of a job's id when it is warm."""
+"""The word that a worker sends in place of a job's id when it is warm."""
 _LOOK_SECONDS = 0.25
 """How often a waiting client's job is looked up without a message: another machine may finish it."""
 _REMEMBERED = 1000

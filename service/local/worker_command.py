@@ -1,4 +1,4 @@
-"""How a worker process is started: its command line and its environment."""
+"""The start of a worker process: its command line and its environment."""
 
 import os
 import sys

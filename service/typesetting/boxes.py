@@ -1,4 +1,4 @@
-"""What a formula looks like, before any format: names, numbers, fractions, roots, scripts in rows.
+"""The shape of a formula, before any format: names, numbers, fractions, roots, scripts in rows.
 
 One layout feeds every format: where parentheses, fraction bars and roots stand is decided once, in
 :mod:`.layout`; the printers :mod:`.latex` and :mod:`.mathml` only write boxes down.
@@ -18,7 +18,7 @@ class Name:
     latex: str
     subscript: str = ""
     is_upright: bool = False
-    """Of a single letter: not in italics."""
+    """True for a single letter that is not in italics."""
 
 
 @dataclass(frozen=True, slots=True)

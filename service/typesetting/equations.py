@@ -62,7 +62,7 @@ _LEFT: Mapping[str, tuple[str, Box]] = MappingProxyType(
         "period": ("T", usual_name("T")),
     }
 )
-"""What an equation says something about, as text and as a box. The time has an integral on its right."""
+"""Left sides of equations, as text and as a box. The time has an integral on its right side instead."""
 TIME = "time"
 NAMES = (*_LEFT, TIME)
 _RESERVED = ("V", "h", "F", "G", "P", "p", "t", "d")

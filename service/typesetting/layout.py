@@ -1,4 +1,4 @@
-"""From the tree of a formula to boxes: where bars, roots, scripts and parentheses stand."""
+"""Turns the tree of a formula into boxes: where bars, roots, scripts and parentheses stand."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class _Part:
     """If it is a number as it stands."""
     begins_with_digit: bool = False
     negated: "_Part | None" = None
-    """What stands behind the minus sign, if it begins with one."""
+    """The part behind the minus sign, if it begins with one."""
     call: tuple[Name, Box] | None = None
     """The function and its argument, if it is a function by name: its powers are written sin² x."""
 

@@ -28,7 +28,7 @@ _OWN: Mapping[str, Name] = MappingProxyType(
         "w": Name("w", "w"),
     }
 )
-"""What the formulas themselves are about: parameters give way to these."""
+"""Symbols of the formulas themselves: parameters give way to these."""
 _PARTS = re.compile(r"([A-Za-z]+)_?([0-9]*)\Z", re.ASCII)
 
 

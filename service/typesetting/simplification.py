@@ -39,7 +39,7 @@ _FORMS: tuple[_Form, ...] = (
 _FURTHER_FORMS: tuple[_Form, ...] = (sympy.simplify,)
 """For formulas with functions in them: it knows their identities, and takes ten times as long."""
 _STACKED = 3
-"""By how much a fraction inside a fraction makes a formula longer to read."""
+"""Length that a fraction inside a fraction adds to a formula for a reader."""
 _ONE = Number(Fraction(1))
 
 

@@ -1,4 +1,4 @@
-"""On which classical or integrable case the state of a question lies, as a document."""
+"""The classical or integrable cases on which the state of a question lies, as a document."""
 
 from math import isfinite
 

@@ -31,12 +31,12 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Examination:
-    """What is stored with a job about the examination of its problem."""
+    """The data about the examination of a problem that are stored with its job."""
 
     windows: str
     """Key of the windows of its curve."""
     seconds: float
-    """That it took before the job was queued; next to nothing where its result was kept."""
+    """Seconds that it took before the job was queued; next to nothing where its result was cached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class ExaminationKeys:
     verdict: str
     windows: str
     answer: str
-    """Of the whole answer, which depends on the window, the start and the kind of times too."""
+    """Key of the whole answer, which depends on the window, the start and the kind of times too."""
 
 
 @cache

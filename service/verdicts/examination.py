@@ -79,7 +79,7 @@ def examine_problem(document_json: str, *, explains: bool = True) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Examined:
-    """What :func:`examine_problem` answers, and what need not be found again in the same process."""
+    """The answer of :func:`examine_problem`, and results that need not be found again in the same process."""
 
     answer: Document
     problem: Problem | None

@@ -33,7 +33,7 @@ from service.verdicts.examination import examine_question
 Signs = Mapping[str, int]
 REAL: Signs = dict.fromkeys(VARIABLES, 0)
 _OF_ELLIPTIC: Mapping[str, Signs] = {"x1": {}, "x2": {}, "k": {"x": 1, "x1": 1}}
-"""What there is to simplify of a motion in elliptic functions: its numbers and the polynomial k."""
+"""Formulas of an elliptic motion to simplify, numbers and the polynomial k, with the signs of variables."""
 _MOST_PRODUCTS = 20_000
 
 
@@ -42,10 +42,10 @@ class Equation:
     """One equation of the answer, before it is written down."""
 
     name: str
-    """Of :data:`service.typesetting.equations.NAMES`."""
+    """One of :data:`service.typesetting.equations.NAMES`."""
     formula: Tree
     signs: Signs | None
-    """Of its variables; None where there is nothing to simplify."""
+    """Signs of its variables; None where there is nothing to simplify."""
     quadrants: tuple[str, ...] = QUADRANTS
     at: tuple[str, ...] = ()
     """JSON pointers into the verdict to the texts that it is."""

@@ -20,7 +20,7 @@ VERDICT_PROCESSOR_SECONDS, VERDICT_SECONDS = 4.0, 7.0
 """After either limit an open verdict stays undecided; what follows it takes time too."""
 
 Keys = tuple[str | None, str | None]
-"""Of the verdict and of the windows; None where nothing is kept."""
+"""Keys of the verdict and of the windows; None where nothing is cached."""
 
 Ahead = tuple[str, str, PlanarMotion]
 """The keys of a verdict and of windows that will be asked for, and the motion whose curve they are of."""

@@ -8,7 +8,7 @@ from service.cache import Cache
 from service.verdicts.entries import Entry
 
 MOST_BYTES = 32_000_000
-"""Of the contents that one process holds in memory."""
+"""Largest size of the contents that one process holds in memory."""
 
 
 class EntryStore(Protocol):
@@ -30,7 +30,7 @@ class KeptExaminations:
 
     @property
     def counts(self) -> tuple[int, int]:
-        """How many keys were found, in memory or in the store, and how many were not."""
+        """Numbers of the keys that were found, in memory or in the store, and of those that were not."""
         with self._lock:
             return self._hits, self._misses
 

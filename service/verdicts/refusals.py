@@ -14,7 +14,7 @@ from service.verdicts.documents import Document, motion_counterexample, window_d
 
 _POTENTIAL = "/potential"
 UNSETTLED = (SignsUnsettledError, SeparatrixUndecidedError, PassageUndecidedError)
-"""What windows are refused for that may be there, whatever the verdict."""
+"""Errors by which windows are refused that may exist all the same, whatever the verdict."""
 
 
 def answer_or_refusal(document: object, judge: Callable[[object], Document]) -> Document:

@@ -1,4 +1,4 @@
-"""From a request to the trajectory of a solution that was really computed."""
+"""The whole way from a request to the trajectory of a solution that was really computed."""
 
 import numpy as np
 import pytest

@@ -16,7 +16,7 @@ from workers.solvers.certified.certify import Certified
 from workers.solvers.planar.choose import enclose
 
 DIGITS = 38
-"""Of mpmath: what 128 bits hold."""
+"""Precision of mpmath: what 128 bits hold."""
 ON_4_5 = PlanarMotion(Fraction(4, 5))
 NOT_EVEN = "(A*g1^2 + C*g3^2)*(g2^2 - 1/2 + g2^3/5)"
 

@@ -21,7 +21,7 @@ WANTED = 1e-10
 MANY, FEWER = 100_000, 10_000
 GAPS = ("1/2", "1/1000", "1/1000000", "1/1000000000", "1/1000000000000")
 STRIDE = 9
-"""Of 1000 samples those compared where the reference is an integral."""
+"""Distance of the samples, of 1000, that are compared where the reference is an integral."""
 
 
 def against_scipy(effort: Effort) -> list[Row]:

@@ -38,7 +38,7 @@ HEADS: Mapping[Kind, str] = {
     "states": "## Motions from states next to unstable ones\n",
     "hostile": "## Hostile potentials\n",
 }
-"""Of the sections, in their order."""
+"""Headings of the sections, in their order."""
 
 
 def report(found: Mapping[Kind, str]) -> str:

@@ -82,12 +82,12 @@ class Record:
     done: int = 0
     seconds: float = 0.0
     drawn: Counter[str] = field(default_factory=Counter)
-    """By family and ends."""
+    """Numbers of problems by family and ends."""
     unknown: Counter[str] = field(default_factory=Counter)
     """Problems without a reference, by family and code."""
     tallies: dict[str, Tally] = field(default_factory=dict)
     documents: list[str] = field(default_factory=list)
-    """Those with a claim that is exceeded, or that ended in something else than a refusal."""
+    """Problems with a claim that is exceeded, or that ended in something else than a refusal."""
 
     def __post_init__(self) -> None:
         for name in (f"{tier} {family}" for tier in TIERS for family in SUBJECTS[self.subject]):

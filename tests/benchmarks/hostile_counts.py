@@ -17,7 +17,7 @@ BOTH = "standard both"
 """The tier with a cross-check, of every so many problems."""
 EVERY = 8
 SECONDS = {"facts": 60.0, **dict.fromkeys(("verdict", *TIERS, BOTH), 20.0)}
-"""Of the processor's time, after which a stage is stopped; it is counted as a refusal."""
+"""Seconds of the processor after which a stage is stopped; it is counted as a refusal."""
 BY_THE_CLOCK = 20
 """Times as long, by the clock, after which the child is killed: it is stuck, or hardly ever has its turn."""
 ENDS = {SandboxTimeoutError: TIME_LIMIT, SandboxMemoryError: "memory limit", SandboxCrashError: "crash"}

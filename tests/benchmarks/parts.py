@@ -53,7 +53,7 @@ PROMISED = {
 }
 """In README, by tier."""
 RIVALS = {precision.SCIPY: "1e-10", precision.HEYOKA: "1e-16"}
-"""By their tolerance."""
+"""Other programs by their tolerance."""
 
 
 def targets(effort: Effort, known: Sequence[str]) -> None:

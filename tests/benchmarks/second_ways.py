@@ -28,7 +28,7 @@ ELLIPTIC = (
     ("rest to equator", "-g1 + 1/(20*g3^2)"),
     ("rest to rest", "-g1 + 1/(50*g3^2) + 6/5*(g1^2 - g2^2)"),
 )
-"""Of bodies with A = 2C, at nu = 1."""
+"""Motions of bodies with A = 2C, at nu = 1."""
 GENERAL = (
     ("A = 3C", 3, "(3*g1^2 + g3^2)*(g2^2 - 1/2 + g2^3/5)", "4/5"),
     ("A = 4C, through the poles", 4, "-g1*(4*g1^2+3*g3^2) + (4*g1^2+g3^2)/10", "9/10"),

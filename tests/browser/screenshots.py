@@ -12,7 +12,7 @@ from tests.support.serving import serving
 
 FOLDER = Path(__file__).parents[2] / "docs" / "screenshots"
 COLOURS = 160
-"""Of the palette: enough for a page, and a third of the bytes."""
+"""Number of colours of the palette: enough for a page, and a third of the bytes."""
 PICTURES = {
     "overview": ("/", "light", 1000),
     "overview-dark": ("/", "dark", 1000),

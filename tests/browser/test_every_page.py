@@ -8,7 +8,7 @@ from tests.support.browser import Weights, address, settle
 
 LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 MOST_BYTES, MOST_FILES = 60_000, 10
-"""Of the shell, the styles and the modules as they are sent; what is beside it are plotly.js and data."""
+"""Limits of shell, styles and modules as they are sent; what is beside them are plotly.js and data."""
 
 
 def barriers(page) -> list[tuple[str, list[str]]]:

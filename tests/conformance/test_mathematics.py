@@ -20,7 +20,7 @@ from tests.conformance.transforms import mirrored, scaled
 
 every = pytest.mark.parametrize("specimen", SPECIMENS, ids=str)
 BITS = 400
-"""Of the enclosures: 60 digits are 200 bits, and where terms of 1e20 cancel another 70 go."""
+"""Precision of the enclosures: 60 digits are 200 bits, and where terms of 1e20 cancel another 70 go."""
 
 
 def setting(document: dict) -> tuple[RigidBody, Potential]:

@@ -55,11 +55,11 @@ class Figures:
     """Jobs that succeeded more than once."""
     lost_attempts: int = 0
     points: int = 0
-    """Of sweeps, stored."""
+    """Stored points of sweeps."""
     taken_over: list[float] = field(default_factory=list)
     """Seconds from the end of each attempt that was lost, or returned, to the next claim of its job."""
     recovery_seconds: float = 0.0
-    """From the last kill to the last result."""
+    """Seconds from the last kill to the last result."""
     left_processes: int = 0
     doctor: dict = field(default_factory=dict)
 

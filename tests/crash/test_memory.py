@@ -13,7 +13,7 @@ from tests.workers.processes import Worker, wait_until
 pytestmark = pytest.mark.any_database
 
 LIMIT_BYTES = 500 * 2**20
-"""Of a worker with its children: twice what they have when idle."""
+"""Memory of a worker with its children: twice what they have when idle."""
 GROUPS = Path("/sys/fs/cgroup")
 
 

@@ -20,7 +20,7 @@ from tests.support.serving import serving
 from tests.workers.processes import PATIENCE, Worker, wait_until
 
 COMMITS = (1, 3, 5, 7)
-"""Of a worker that announces itself, takes jobs of each kind below, keeps leases, and ends the jobs.
+"""Commits of a worker that announces itself, takes jobs of each kind below, keeps leases, and ends the jobs.
 
 Killed before these on SQLite and after these on Postgres, it dies after 0 to 7
 of its commits; each moment of each commit on both is seen elsewhere.

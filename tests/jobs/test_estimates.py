@@ -21,12 +21,12 @@ class Installation:
     workers: int
     point_seconds: float
     start_up: float = 1.0
-    """Of a worker's first chunk."""
+    """Seconds that a worker's first chunk takes beside its points."""
     per_chunk: float = 0.02
     pause: tuple[float, float] = (0.0, 0.0)
     """Between these instants no chunk is begun."""
     share: int = 1
-    """Of so many turns of the workers the sweep has one."""
+    """Number of turns of the workers of which the sweep has one."""
 
     def run(self) -> tuple[list[ChunkRun], float]:
         """Return all tries but the first chunk's, and when the last ended."""

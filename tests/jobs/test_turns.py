@@ -125,7 +125,7 @@ def test_who_comes_anew_waits_for_one_job_of_every_other_key_at_most(backlog, ta
 @settings(deadline=None)
 @given(lengths=st.tuples(st.floats(1.0, 300.0), st.floats(1.0, 300.0)), number=st.integers(2, 200))
 def test_long_jobs_are_shared_out_by_what_they_take(lengths, number):
-    """Of two keys that always wait, neither has more than a job of each kind before the other."""
+    """Neither of two keys that always wait has more than a job of each kind before the other."""
     queue = Queue()
     for key, seconds in zip("ab", lengths, strict=True):
         queue.submit(key, [seconds] * number)

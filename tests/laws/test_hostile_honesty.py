@@ -15,7 +15,7 @@ from tests.support.hostile_judgement import facts_of, judged_tier, judged_verdic
 
 COUNT = 20
 SEED = 20
-"""Of problems that the benchmark, with its own seed, does not ask."""
+"""Seed of problems that the benchmark, with its own seed, does not ask."""
 MOVING = 4
 """So many of them are solved in every tier: narrow features take about a second of a processor."""
 MANY = examples(20, 400)

@@ -24,7 +24,8 @@ PERIODS = {
     "4": "13.36298407186977234524483136555792",
     "17/10": "5.42877277657139620106515",
 }
-"""Of V = −|g1|^(2(α−1)/α), C = λ = 1, by α: elliptic and hyperelliptic integrals, 25 digits and more."""
+"""Periods for V = −|g1|^(2(α−1)/α), C = λ = 1, by α: elliptic, hyperelliptic integrals, 24 digits and
+more."""
 
 
 def known_motion(known: Known, seed: int = 1) -> TrueMotion:

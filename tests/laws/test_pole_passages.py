@@ -31,7 +31,7 @@ class Passing:
     A: str
     potential: dict[str, object]
     V: Callable[[arb, arb, arb], arb]
-    """Of g1 > 0, g3 > 0 and 1 − g2."""
+    """Potential as a function of g1 > 0, g3 > 0 and 1 − g2."""
     h: arb
 
     @property

@@ -8,7 +8,7 @@ from tests.support.effort import examples
 
 COUNT = examples(30, 60)
 SEED = 20
-"""Of problems that python -m tests.benchmarks.honesty, with its own seed, does not ask."""
+"""Seed of problems that python -m tests.benchmarks.honesty, with its own seed, does not ask."""
 
 pytestmark = pytest.mark.random_law
 

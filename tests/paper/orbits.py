@@ -15,7 +15,7 @@ from tests.support.planar import Exact, body, formula
 from workers.solvers.orbits.orbit import make_orbit
 
 BITS = 160
-"""Of the balls of the orbits, as in the service's reduction."""
+"""Precision of the balls of the orbits, as in the service's reduction."""
 ROOM = 60
 """Bits that the differences, roots and powers of an orbit may cost: what is compared is known to 100."""
 

@@ -270,6 +270,6 @@ MAKERS = (_narrow,) * 12 + (
     _angle,
     _without_value,
 )
-"""Of which one is drawn."""
+"""The makers of problems, one of which is drawn."""
 ONLY = {"infinite": _infinite}
 """Classes of problems that are asked alone."""

@@ -53,7 +53,7 @@ class Setting:
 
     known: Known
     curve: Curve
-    """Of p²."""
+    """The curve of p²."""
     energy: arb
     cuts: Cuts
     windows: tuple[TrueWindow, ...]

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 FEATURES = ("AVX2", "FMA", "FMA4", "AVX512F", "AVX2_Usable", "FMA_Usable", "FMA4_Usable")
-"""By which the mathematical library of GNU chooses; the last are their names in old versions."""
+"""Features by which the mathematical library of GNU chooses; the last are their names in old versions."""
 
 
 def masks() -> Mapping[str, str]:

@@ -27,7 +27,7 @@ Document = dict[str, Any]
 Family = Literal["three-term", "rational", "homogeneous", "formula", "passage"]
 EVERY: tuple[Family, ...] = get_args(Family)
 FAMILIES = EVERY[:-1]
-"""Of the smooth problems of one run; those of motions through poles are run apart."""
+"""Families of the smooth problems of one run; those of motions through poles are run apart."""
 
 RATIOS = ("3", "5/2", "7/3", "17/10", "4", "2", "3/5", "1/3", "1/2", "4/7")
 """A/C of the families that have any."""

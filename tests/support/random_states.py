@@ -30,7 +30,7 @@ WIDEST, NARROWEST = -1.0, -10.0
 """Logarithms of the gaps."""
 PASSAGES = 3.0
 DECADES = 9.0
-"""By how many, about, errors of a first passage grow at most in those that follow."""
+"""Decimal places, about, that errors of a first passage grow by at most in those that follow."""
 LAST = 60.0
 """Latest time."""
 MOMENTS = [Fraction(n, 8) for n in range(5, 25)]

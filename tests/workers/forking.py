@@ -17,7 +17,7 @@ import workers.process.worker as needed_by_every_worker
 assert needed_by_every_worker
 MESSAGE_BYTES = 2**16
 CLONE_NEWNET = 0x40000000
-"""Of Linux: the caller leaves the network of its parent."""
+"""A flag of Linux's clone: the caller leaves the network of its parent."""
 
 
 def fork_whenever_asked(line: int, work: Callable[[Sequence[str]], None]) -> None:

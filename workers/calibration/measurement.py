@@ -27,7 +27,7 @@ SLOW_SECONDS = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How much is measured."""
+    """The extent of the measurements."""
 
     cases: tuple[Case, ...]
     repetitions: int

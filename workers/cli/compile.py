@@ -38,7 +38,7 @@ from workers.solvers import compiled
 from workers.sweeping.warming import WarmingError, compile_group
 
 ALONGSIDE: Group = "states"
-"""What a second process compiles meanwhile: it shares little with the other groups."""
+"""The group that a second process compiles meanwhile: it shares little with the other groups."""
 _NICENESS = 10
 _ENOUGH_MB = 2000
 """Memory that must be available before a background task begins: its two processes take 1.2 GB and less."""

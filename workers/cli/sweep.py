@@ -54,12 +54,12 @@ class Tally:
 
     @property
     def done(self) -> int:
-        """How many points there are."""
+        """Number of points so far."""
         return self.outcomes.total()
 
     @property
     def refused(self) -> int:
-        """How many of them were not solved."""
+        """Number of points that were not solved."""
         return self.done - self.outcomes[SOLVED]
 
 
@@ -87,7 +87,7 @@ def sweep_file(file: Path, *, out: Path | None, workers: int | None, as_json: bo
 
 @dataclass(frozen=True, slots=True)
 class _Told:
-    """Where the points go, and whether the summary is told as JSON."""
+    """The destination of the points, and whether the summary is written as JSON."""
 
     out: Path | None
     as_json: bool

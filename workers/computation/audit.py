@@ -9,7 +9,7 @@ from workers.computation.comparison import Comparison, Sameness, compare_solutio
 from workers.computation.compute import solve_document, way_to_repeat
 
 _TOLD = ("method", "tier", "error", "provenance")
-"""What is told of both solutions."""
+"""Facts that are reported of both solutions."""
 
 
 def audit_document(document_json: str, windows_json: str, stored: StoredSolution) -> SolveOutcome:

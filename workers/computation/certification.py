@@ -23,7 +23,7 @@ from workers.solvers.planar.choose import choose_enclosures, enclose
 FloatArray = NDArray[np.float64]
 
 CHECKED_TOLERANCE = 1e-9
-"""Of the function of time that is stored beside the enclosures, where a cross-check wants it."""
+"""Tolerance of the function of time that is stored beside the enclosures, where a cross-check wants it."""
 
 
 def beside_enclosures(problem: Problem) -> Accuracy:

@@ -25,7 +25,7 @@ from service.jobs.outcome import Solved, StoredSolution
 from service.storage.codecs.arrays import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays
 
 TIMES = 33
-"""At which two functions of time are compared."""
+"""Number of times at which two functions of time are compared."""
 _EPSILON = 2.0**-52
 _NUMBERS: Mapping[str, tuple[str, ...]] = {
     "period": ("period",),
@@ -38,7 +38,7 @@ _NUMBERS: Mapping[str, tuple[str, ...]] = {
 
 
 class Sameness(StrEnum):
-    """How the new solution compares with the stored one."""
+    """The result of comparing the new solution with the stored one."""
 
     IDENTICAL = "identical"
     """Bit by bit, but for the time it took."""
@@ -52,7 +52,7 @@ class Sameness(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """How far two numbers, or two columns of numbers, are apart."""
+    """The difference of two numbers, or of two columns of numbers."""
 
     difference: float
     allowed: float
@@ -68,7 +68,7 @@ class Comparison:
     sameness: Sameness
     detail: str
     differences: Mapping[str, Difference]
-    """By name, of all that both have."""
+    """Differences by name, for all that both solutions have."""
 
 
 class _OneSidedError(ValueError):

@@ -50,7 +50,7 @@ _PLAIN = (bool, int, float, complex, str, bytes, tuple, np.ndarray, np.generic, 
 
 
 class _Compiling:
-    """What this process may do. Only the compiling task changes it."""
+    """The permission of this process to compile. Only the compiling task changes it."""
 
     is_allowed = False
     compiled: Callable[[str], None] = staticmethod(lambda _: None)
@@ -223,7 +223,7 @@ def _base() -> Path:
 
 
 _ready = set[Group]()
-"""What was ready once stays ready: nothing is taken away from a folder in use."""
+"""Groups that were ready once, and so stay ready: nothing is taken away from a folder in use."""
 
 
 def is_ready(*groups: Group) -> bool:

@@ -1,4 +1,4 @@
-"""What a worker does with its database: it is present there, and computes its jobs."""
+"""A worker's use of its database: it is present there, and computes its jobs."""
 
 import logging
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ PRESENT_SECONDS = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Equipment:
-    """What a worker has before it knows its database."""
+    """The parts of a worker that exist before it knows its database."""
 
     sandbox: Sandbox
     warming: Warming

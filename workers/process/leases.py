@@ -17,7 +17,7 @@ class Leases:
     def __init__(self, store: JobStore, lease_seconds: float) -> None:
         self._store, self._seconds = store, lease_seconds
         self.due: dict[str, float] = {}
-        """By the ids of jobs, on the clock of :func:`time.monotonic`."""
+        """Instants by the ids of jobs, on the clock of :func:`time.monotonic`."""
 
     def begin(self, claims: Iterable[Claim]) -> None:
         """Renew the leases of these claims from now on."""

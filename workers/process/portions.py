@@ -1,4 +1,4 @@
-"""How many jobs a worker claims at a time, and how many of them one child gets."""
+"""Numbers of jobs: how many a worker claims at a time, and how many of them one child gets."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from service.jobs.lanes import Lane
 from workers.process.results import TakingTerms
 
 AHEAD = 8
-"""Of jobs of which so many fit into a batch, next batches are claimed before there are places for them."""
+"""Least batch size with which next batches are claimed before there are places for them."""
 
 
 class Portions:

@@ -22,7 +22,7 @@ WAIT_SECONDS = 5.0
 
 
 class TakingTerms(TypedDict):
-    """On which terms further jobs are taken."""
+    """The terms on which further jobs are claimed."""
 
     lease_seconds: float
     owed: Sequence[Lane]

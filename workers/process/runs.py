@@ -1,4 +1,4 @@
-"""What runs in a child: one job, or a batch of problems; and how claimed jobs are shared out."""
+"""Runs of a child: one job, or a batch of problems; and how claimed jobs are shared out."""
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
@@ -21,7 +21,7 @@ class ChildRun:
     """Lanes whose jobs were taken out of order, since they were owed one."""
     future: Future[Any]
     ledger: Ledger | None
-    """Of a batch."""
+    """The ledger of a batch; None for a job that is alone."""
     began_at: float
     started_by: float
     """Latest time for a child to take it."""
@@ -38,7 +38,7 @@ class ChildRun:
 
     @property
     def begun(self) -> int:
-        """How many jobs were begun: one of a job that is alone, since nothing else could be."""
+        """Number of jobs that were begun: one for a job that is alone, since nothing else could be."""
         return 1 if self.ledger is None else self.ledger.begun()
 
     @property

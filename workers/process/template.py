@@ -1,4 +1,4 @@
-"""What the fork server of a worker loads late: the integrators, and other things that first jobs seldom need.
+"""Code that the fork server of a worker loads late: integrators, and all else that first jobs seldom need.
 
 The fork server first loads what most planar motions need, so that first children work after half the time.
 Then a child asks it, by a signal, to load the rest, and children forked later begin with all code loaded.

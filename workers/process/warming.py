@@ -69,7 +69,7 @@ class Warming:
         self._slots = slots
         self._wake = wake
         self.compiling = Compiling(wake)
-        """What compiles meanwhile."""
+        """The task that compiles meanwhile."""
         self._is_begun = threading.Event()
         self._goes_on = threading.Event()
         self._is_over = threading.Event()

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class WorkerTasks:
-    """What a worker can do."""
+    """The computations of a worker, and the preparations for them."""
 
     computations: "Computations"
     preload: Sequence[str] = ()
     """Modules that the computations need, beside their own."""
     warm_up: WarmUp | None = None
-    """What its children call before and after it begins to take jobs."""
+    """Functions that its children call before and after it begins to take jobs."""
 
 
 def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: int | None) -> None:

@@ -28,7 +28,7 @@ CHECK_TIMES = 513
 """Equidistant times of the comparison, besides those asked for."""
 STEPS: dict[str, int] = {"dop853": 4_000}
 SERIES_STEPS = 20_000
-"""What a check may cost: some seconds at most; hundreds of periods by series, tens by DOP853."""
+"""Largest number of steps of a check: some seconds at most; hundreds of periods by series, tens by DOP853."""
 
 
 def compare(

@@ -17,7 +17,7 @@ from workers.solvers.ways import is_plain
 DEFECT, DRIFT, COVERED = "defect", "drift", "defect_covers"
 """Keys of the evidence: see :class:`service.dynamics.defect.evidence.Shown`."""
 PARTS = 128
-"""Of a piece, where compiled code does not settle whole ones."""
+"""Number of parts of a piece, where compiled code does not settle whole ones."""
 MOST_CUT = 64
 """Pieces that are cut so: more are short enough."""
 

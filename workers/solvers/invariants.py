@@ -16,7 +16,7 @@ from workers.solvers.ways import is_plain
 FloatArray = NDArray[np.float64]
 
 BITS = 128
-"""Of the balls for V: a double's 53 and room for 1e22 of cancellation."""
+"""Precision of the balls for V: a double's 53 bits and room for 1e22 of cancellation."""
 
 
 @dataclass(frozen=True, slots=True)

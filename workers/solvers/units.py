@@ -46,8 +46,8 @@ MOST = 900
 LARGEST = Fraction(10) ** 304
 """Moments lie between its inverse and it."""
 SHARE = 0.5
-"""Of a relative tolerance, what is asked of a motion in these units: there the largest of ω is 1 to 2, and of
-γ, whose square is 1, at least 0.577."""
+"""Share of a relative tolerance that is asked of a motion in these units: there the largest of ω is 1 to 2,
+and of γ, whose square is 1, at least 0.577."""
 PLACES = 8
 """On an arc, where the speed is looked at."""
 

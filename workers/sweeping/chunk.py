@@ -33,7 +33,7 @@ ENOUGH_SECONDS = 2.0
 """Seconds after which a chunk ends with the points it has."""
 BLOCK_POINTS = 256
 MOST_VERDICTS = 1000
-"""Of points solved one by one, before all are forgotten."""
+"""Number of verdicts of points solved one by one, after which all are forgotten."""
 BLOCK_NUMBERS = 400_000
 """Numbers of a block's series at most."""
 

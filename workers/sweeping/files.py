@@ -37,7 +37,7 @@ _OPENERS: Mapping[str, Callable[[OutputFile, pa.Schema], PointFile]] = MappingPr
 )
 SUFFIXES = tuple(_OPENERS)
 WITH_LISTS = (".parquet", ".arrow")
-"""Those that can hold series."""
+"""Suffixes of files that can hold series."""
 
 
 def suffix_of(path: Path) -> str:

@@ -56,7 +56,7 @@ _BY_DOUBLES = {"orientation", "stability"}
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How the points of a sweep are computed."""
+    """The plan for computing the points of a sweep."""
 
     sweep: Sweep
     is_judged: bool

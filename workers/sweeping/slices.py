@@ -31,7 +31,8 @@ KEPT_NUMBERS = 100_000
 KEPT_SLICES = 512
 """Plans at hand, for sweeps whose slices take turns."""
 NEW_SLICES = 8
-"""Of one block: each needs a verdict, and a block ends before the time of its chunk does."""
+"""New slices of one block at most: each needs a verdict, and a block ends before the time of its chunk
+does."""
 
 
 @dataclass(frozen=True, slots=True)

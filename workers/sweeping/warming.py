@@ -46,7 +46,7 @@ FIRST_PROBLEMS: Mapping[str, Document] = MappingProxyType(
         "orientation": {**_BASE, "outputs": _OUTPUTS},
     }
 )
-"""What the fork server solves before its first fork."""
+"""Problems that the fork server solves before its first fork."""
 PROBLEMS: Mapping[str, Document] = MappingProxyType(
     {
         **FIRST_PROBLEMS,
@@ -64,7 +64,7 @@ PROBLEMS: Mapping[str, Document] = MappingProxyType(
         "other moments": {**_BASE, **_OTHER_MOMENTS, "accuracy": {"tier": "high"}},
     }
 )
-"""What it has solved when it forks the children that stay."""
+"""Problems that it has solved when it forks the children that stay."""
 STATE: Document = MappingProxyType(
     {
         "body": {"A": "2", "B": "3/2", "C": "1"},

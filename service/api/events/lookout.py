@@ -25,7 +25,7 @@ STATUS_SHARE = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Documents:
-    """How the answers to GET are made: an event has the very same bytes."""
+    """Functions that write the answers to GET: an event has the very same bytes."""
 
     job: Callable[[Job], bytes]
     sweep: Callable[[SweepRecord], bytes]
@@ -35,7 +35,7 @@ class Documents:
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What is new in the installation."""
+    """The changes in the installation that one look at the database found."""
 
     told: tuple[Told, ...]
     is_complete: bool
@@ -54,7 +54,7 @@ class Lookout:
         self._changes, self._sweeps, self._documents = changes, sweeps, documents
         self._position: float | None = None
         self._seen: dict[Subject, float] = {}
-        """What changed lately, and was told: a later look finds it again."""
+        """Changes of late that were reported: a later look finds them again."""
         self._status: Told | None = None
         self._substance: object = None
         self._status_due = 0.0

@@ -42,7 +42,7 @@ class RecentEvents:
 
 
 class ReadAhead:
-    """What one stream has read from the database itself, newer perhaps than what a look is about to tell.
+    """The states that one stream has read from the database itself, perhaps newer than those of a look.
 
     A look reads a state, the job changes, the stream reads the new state, and only then does the look
     pass on the old one: the stream must not go back to it.

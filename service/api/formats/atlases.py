@@ -68,4 +68,4 @@ FORMATS: Mapping[str, Writer] = {
     "application/vnd.apache.arrow.stream": _arrow,
     "image/svg+xml": _svg,
 }
-"""What writes each media type."""
+"""The writer of each media type."""

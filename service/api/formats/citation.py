@@ -1,4 +1,4 @@
-"""How a solution is cited: BibTeX, and the Citation File Format 1.2.0 (https://citation-file-format.github.io)."""
+"""Citations of solutions: BibTeX, Citation File Format 1.2.0 (https://citation-file-format.github.io)."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import date
 
 PAPER = "New solvable problems in the dynamics of a rigid body about a fixed point in a potential field"
-"""By H. M. Yehia: where the method is from."""
+"""Title of the paper by H. M. Yehia that the method is from."""
 PROGRAM = "The polhode authors"
 CITATIONS: Mapping[str, str] = {"bibtex": "application/x-bibtex", "cff": "application/yaml"}
 """Media types by the names of the formats."""
@@ -20,7 +20,7 @@ _SPECIAL = {character: f"\\{character}" for character in "&%$#_{}"} | {
 
 @dataclass(frozen=True, slots=True)
 class Cited:
-    """What identifies a solution to a reader."""
+    """The facts that identify a solution to a reader."""
 
     id: str
     digest: str

@@ -1,4 +1,4 @@
-"""What the writers of columns share: kinds of columns, and a place for written bytes."""
+"""Common parts of the writers of columns: kinds of columns, and a buffer for written bytes."""
 
 import io
 from typing import Literal

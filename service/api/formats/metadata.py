@@ -1,4 +1,4 @@
-"""What a Parquet file says of itself: the document, where the numbers come from, their units and errors."""
+"""The metadata of a Parquet file: the document, the origin of the numbers, their units and errors."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence

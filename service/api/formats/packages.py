@@ -28,7 +28,7 @@ _TYPES: Mapping[ColumnKind, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Package:
-    """What the descriptor says of a sweep."""
+    """The contents of a sweep's descriptor."""
 
     sweep: str
     """Its id."""
@@ -36,7 +36,7 @@ class Package:
     finished_at: datetime
     kinds: Mapping[str, ColumnKind]
     errors: Mapping[str, str]
-    """Of a column the one with the bounds of its errors."""
+    """For each column that has one, the column with the bounds of its errors."""
     provenance: Mapping[str, object]
 
 

@@ -28,9 +28,9 @@ class Known:
 
     keys: Mapping[str, ApiKey]
     now: datetime
-    """By the database's clock."""
+    """The instant by the database's clock."""
     read_at: float
-    """By the process's own clock."""
+    """The same instant by the process's own clock."""
 
 
 class KeyRing:

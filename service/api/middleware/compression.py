@@ -17,7 +17,7 @@ LEAST_BYTES = 1024
 PAYS = 0.9
 """An answer is encoded if this much of it, or less, is left."""
 _SAMPLE_BYTES = 65536
-"""What is tried first: of an answer that is larger, the rest is encoded only if this pays."""
+"""Bytes that are encoded first: the rest of a larger answer is encoded only if this pays."""
 _KEPT_BYTES = 16_000_000
 """Whole answers in codings that are kept: a tag names one content, so that none gets old."""
 _INLINE_BYTES = 65536

@@ -21,7 +21,7 @@ MOST_BINS = 200
 
 
 class FacetsQuery(QueryModel):
-    """Which values are counted."""
+    """The conditions and facts of a request for counts of values."""
 
     where: list[str] = Field(default_factory=list, description=WHERE)
     by: str | None = Field(
@@ -31,7 +31,7 @@ class FacetsQuery(QueryModel):
 
 
 class StatisticsQuery(QueryModel):
-    """Which numbers are summed up."""
+    """The conditions, numbers and groups of a request for statistics."""
 
     where: list[str] = Field(default_factory=list, description=WHERE)
     of: str | None = Field(default=None, description="Numbers such as `period,/motion/lambda`.")
@@ -44,7 +44,7 @@ class StatisticsQuery(QueryModel):
 
 @dataclass(frozen=True, slots=True)
 class Analysis:
-    """What is asked for."""
+    """The conditions, subjects and groups of a request for facets or statistics."""
 
     conditions: tuple[Condition, ...]
     of: tuple[Subject, ...]

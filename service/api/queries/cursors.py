@@ -23,12 +23,12 @@ class Ordered(Protocol):
 
     @property
     def conditions(self) -> tuple[Condition, ...]:
-        """Which rows."""
+        """The conditions that choose the rows."""
         ...
 
     @property
     def keys(self) -> tuple[OrderKey, ...]:
-        """In which order; the last column is different for each row."""
+        """The order; its last column is different for each row."""
         ...
 
 

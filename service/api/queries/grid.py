@@ -20,7 +20,7 @@ _NUMBER = re.compile(r"[0-9]{1,18}")
 
 
 class GridQuery(QueryModel):
-    """Which number, and where on the axes that are neither rows nor columns."""
+    """The number to show, and its position on the axes that are neither rows nor columns."""
 
     of: str | None = Field(default=None, description="One of the kept numbers, such as `period`.")
     at: list[str] = Field(

@@ -35,7 +35,7 @@ FARTHEST = 10**9
 
 
 class AskingQuery(QueryModel):
-    """What every list can be asked for."""
+    """The parameters that every list accepts."""
 
     where: list[str] = Field(default_factory=list, description=WHERE)
     order: str | None = Field(

@@ -28,7 +28,7 @@ MOST_SORTED_NUMBERS = 40_000_000
 
 
 class PointsQuery(QueryModel):
-    """Which points, which of their columns, and in which order."""
+    """The points to return, their columns and their order."""
 
     where: list[str] = Field(
         default_factory=list,

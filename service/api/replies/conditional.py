@@ -11,11 +11,11 @@ from service.dynamics.numerics import NUMERICS
 from service.versions import version_of
 
 IMMUTABLE = "private, immutable, max-age=31536000"
-"""Of what never changes: caches need not ask again for a year."""
+"""Cache-Control of an answer that never changes: caches need not ask again for a year."""
 REVALIDATE = "no-cache"
-"""Of what may change: caches keep it, and ask each time whether it has changed."""
+"""Cache-Control of an answer that may change: caches keep it, and ask each time whether it has changed."""
 NO_STORE = "no-store"
-"""Of errors, and of what is different each time."""
+"""Cache-Control of errors, and of answers that differ each time."""
 
 VOLATILE = ("/livez", "/readyz", "/metrics", "/v1/status")
 """Paths whose answers are different each time: nobody should keep them, and they have no tags."""

@@ -1,4 +1,4 @@
-"""Who answers: the name and the version in the Server header, and the header of a request's id."""
+"""The service's name and version in the Server header, and the header of a request's id."""
 
 from functools import cache
 

@@ -76,7 +76,7 @@ EXAMPLES: dict[str, object] = {
 
 
 class JobsQuery(PageQuery):
-    """Which jobs."""
+    """The conditions on jobs, and the page of the list."""
 
     state: JobState | None = Field(default=None, description="Only jobs in this state.")
 
@@ -88,7 +88,7 @@ PRIORITY = (
 
 
 class SubmitQuery(QueryModel):
-    """How urgent."""
+    """The urgency of a submitted job."""
 
     priority: int = Field(default=0, ge=-100, le=100, description=PRIORITY)
 

@@ -48,7 +48,7 @@ FORMAT = "(text|latex|mathml)"
 
 
 class ValidationQuery(QueryModel):
-    """Which further forms of the formulas."""
+    """The further forms of the formulas that the answer should have."""
 
     formulas: str | None = Field(
         default=None,

@@ -33,7 +33,7 @@ class ExaminedProblem:
     entries: tuple[Entry, ...] = ()
     """Its verdict and the windows of its curve: to be stored with its job, unless they are there."""
     seconds: float = 0.0
-    """That a child took for it."""
+    """Seconds that a child took for it."""
 
 
 class Examiner:

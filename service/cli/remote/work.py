@@ -1,4 +1,4 @@
-"""What the remote commands do: ask by the client, and print tables for people or JSON for programs."""
+"""The work of the remote commands: ask by the client, and print tables for people or JSON for programs."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 SVG = "image/svg+xml"
 WAIT_SECONDS = 20
-"""For how long the service holds a request whose atlas a job draws; proxies may end longer ones."""
+"""Seconds for which the service holds a request whose atlas a job draws; proxies may end longer ones."""
 _ACCEPTED = 202
 
 

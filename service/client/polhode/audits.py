@@ -11,7 +11,7 @@ _WAIT_SECONDS = 20
 
 
 class Audit:
-    """How a stored motion compares with the same one solved again.
+    """A comparison of a stored motion with the same one solved again.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What an atlas tells of a range of λ: its parts, the windows followed over them, and the changes between."""
+"""A range of λ in an atlas: its parts, the windows followed over them, and the changes between."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

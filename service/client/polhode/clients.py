@@ -50,7 +50,7 @@ def takes(
 
 
 class Operations(Generic[CarrierT]):
-    """What both clients can do."""
+    """The operations that both clients have."""
 
     def __init__(self, carrier: CarrierT) -> None:
         self.carrier = carrier

@@ -1,4 +1,4 @@
-"""What can go wrong for somebody who asks a service."""
+"""The errors that a call of the client can end with."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ class RefusedError(PolhodeError):
 
     @property
     def pointer(self) -> str | None:
-        """Where the first fault is; None if the error has no place."""
+        """JSON pointer to the first fault; None if the error has no place."""
         return self.faults[0].pointer if self.faults else None
 
 

@@ -14,7 +14,7 @@ from polhode.transport.steps import Operation, Pause, operation
 from polhode.transport.terms import Progress, Terms
 
 WAIT_SECONDS = 20
-"""For how long the service holds a request whose job is being solved; proxies may end longer ones."""
+"""Seconds for which the service holds a request whose job is being solved; proxies may end longer ones."""
 _LIST = 1000
 """Problems in one request, as many as the service takes."""
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.05, 1.0
@@ -34,7 +34,7 @@ class Job(Generic[CarrierT]):
 
     @property
     def id(self) -> str:
-        """Of the job."""
+        """Id of the job."""
         return str(self.document["id"])
 
     @property
@@ -44,7 +44,7 @@ class Job(Generic[CarrierT]):
 
     @property
     def progress(self) -> float:
-        """From 0 to 1, when last asked."""
+        """Finished share of the job when last asked, 0 to 1."""
         return float(str(self.document["progress"]))
 
     @operation

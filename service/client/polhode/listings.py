@@ -26,7 +26,7 @@ _LABELS = "labels"
 
 
 class Listing(Generic[CarrierT, Item]):
-    """What matches a query, newest first or as ordered; iterate over it, or take it as a frame.
+    """The items that match a query, newest first or as ordered; iterate over it, or take it as a frame.
 
     Parameters
     ----------

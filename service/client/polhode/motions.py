@@ -44,7 +44,7 @@ class Motion(Generic[CarrierT]):
 
     @property
     def id(self) -> str:
-        """Of the solution."""
+        """Id of the solution."""
         return str(self.document["id"])
 
     @property
@@ -93,7 +93,7 @@ class Motion(Generic[CarrierT]):
 
     @property
     def method(self) -> str:
-        """How it was computed: ``quadrature`` or ``integration``."""
+        """The method of computation: ``quadrature`` or ``integration``."""
         return str(self.document["method"])
 
     @property
@@ -104,7 +104,7 @@ class Motion(Generic[CarrierT]):
 
     @property
     def labels(self) -> Mapping[str, str]:
-        """What it was marked with."""
+        """The labels of the solution."""
         labels = self.document["labels"]
         assert isinstance(labels, Mapping)
         return labels

@@ -41,7 +41,7 @@ class Sweep(Generic[CarrierT]):
 
     @property
     def id(self) -> str:
-        """Of the sweep."""
+        """Id of the sweep."""
         return str(self.state["id"])
 
     @property

@@ -55,7 +55,7 @@ class Judgement:
 
     @property
     def plan(self) -> Mapping[str, object] | None:
-        """How a job would solve a whole problem, and in ``tiers`` what each tier is expected to do."""
+        """A job's plan for the whole problem; ``tiers`` has the expected time and error of each tier."""
         return _section(self.document.get("plan"))
 
     def __repr__(self) -> str:

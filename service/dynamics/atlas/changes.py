@@ -45,9 +45,9 @@ class Beside:
     """A part next to a change, as seen from it."""
 
     signatures: tuple[Signature, ...]
-    """Those of the part, of each half curve."""
+    """The signatures of the part, one for each half curve."""
     zeros: Callable[[int], Zeros]
-    """Of a half curve, at the λ of the part next to the change; shape (1, zeros)."""
+    """Returns the zeros of p² on a half curve, at the λ of the part next to the change; shape (1, zeros)."""
 
 
 def change_between(

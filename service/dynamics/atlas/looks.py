@@ -36,7 +36,7 @@ GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What is seen of one half curve at one λ."""
+    """The signs of p² seen along one half curve at one λ."""
 
     signature: Signature
     low: FloatArray

@@ -1,4 +1,4 @@
-"""What an atlas consists of: a range of λ, its parts and the changes between them."""
+"""The parts of an atlas: a range of λ, the parts that it is cut into, and the changes between them."""
 
 from dataclasses import dataclass
 from fractions import Fraction
@@ -69,4 +69,4 @@ class Atlas:
     """Outside of them and of ``undecided`` nothing changes."""
     undecided: tuple[tuple[arb, arb], ...]
     proof: Proof = "proved"
-    """Of all its parts and changes."""
+    """The proof that all its parts and changes have."""

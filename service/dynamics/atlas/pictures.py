@@ -67,7 +67,7 @@ class Finest:
 
     anywhere: float = 0.0
     at_equator: float = 0.0
-    """Of the cell next to the equator, where a zero may cross it."""
+    """Width for the cell next to the equator, where a zero may cross it."""
     rounds: int = ROUNDS
 
 

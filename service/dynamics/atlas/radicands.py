@@ -11,7 +11,7 @@ from service.dynamics.reduction.geometry.height import log_sine_real, numerator_
 FloatArray = NDArray[np.float64]
 
 STEPS = 80
-"""At most: some ten are usual, where values are smooth."""
+"""Largest number of steps: some ten are usual, where values are smooth."""
 CLOSE = 2.0**-51
 
 

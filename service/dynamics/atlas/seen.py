@@ -41,7 +41,7 @@ ENERGY_AT = (1.0, 0.4, 2.2)
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What is seen of all half curves at one λ."""
+    """The signs of p² seen along all half curves at one λ."""
 
     logarithm: float
     """log of the primed λ."""

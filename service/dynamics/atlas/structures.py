@@ -20,7 +20,7 @@ from service.dynamics.reduction.sign_proofs.signs import Picture
 NARROW, STRAY = 1e-9, 1e-11
 """Relative width of a stretch that is not cut any more; and of one between two parts that are alike."""
 RATIO = 1.3
-"""Of the ends of the first stretches."""
+"""Largest ratio of the two ends of a first stretch."""
 FINEST, WIDE = 1 / 8, 1e-3
 """Cells are cut to this share of the root of a stretch's width; of one as wide as this without a limit, but
 for those next to the equator."""
@@ -32,7 +32,7 @@ MOST_OPEN = 256
 """Stretches that are halved at a time: with more of them nothing is gained."""
 
 Signatures = tuple[Signature, ...]
-"""Of each half curve."""
+"""The signatures of the half curves, one for each."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""On which classical or integrable case a state lies; else how far it is from each.
+"""The classical or integrable cases on which a state lies, and its distance from the others.
 
 The distance from a case is that of the state of the case to which Newton's least steps onto its relations
 lead. It is never less than the true distance, and for a near state more by a part of its size only.
@@ -43,9 +43,9 @@ class Nearness:
 
     case: str
     distance: float | None
-    """From a state of the case that was found; None if none was found."""
+    """Distance to the state of the case that was found; None if none was found."""
     relations: Mapping[str, float]
-    """What each relation leaves at the state itself."""
+    """The residual of each relation at the state itself."""
     is_on: bool
 
 
@@ -60,10 +60,10 @@ class Integrable:
 
 @dataclass(frozen=True, slots=True)
 class Classification:
-    """Where a state lies."""
+    """The position of a state among the classical and the integrable cases."""
 
     cases: tuple[Nearness, ...]
-    """Those that the body has, the nearest first; last those of which no state was found."""
+    """The cases that the body has, the nearest first; last the cases of which no state was found."""
     integrable: tuple[Integrable, ...]
 
 

@@ -25,7 +25,7 @@ Partly = Sequence[Fraction | None]
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """How far three moments are from a case."""
+    """The distance of three moments from a case."""
 
     relative: float
     """The condition over the sum of |moment · derivative|: to first order, their relative change."""

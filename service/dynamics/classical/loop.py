@@ -17,13 +17,13 @@ from service.dynamics.classical.errors import NearSeparatrixError
 from service.dynamics.classical.reduced import Coefficients, Number, Reduced, State, divided, value
 
 BITS = 256
-"""Of the numbers of a case: 77 digits, of which roots and quotients lose some."""
+"""Precision of the numbers of a case: 77 digits, of which roots and quotients lose some."""
 ROOT_BITS = 220
-"""To which the ends are known."""
+"""Bits to which the ends are known."""
 SETTLED = arb(2) ** -100
 """Change of the period, relative, at which its sum has converged."""
 MOST_NODES = 2**11
-"""Of the sum; a motion so close to a separatrix is not computed."""
+"""Largest number of nodes of the sum; a motion so close to a separatrix is not computed."""
 
 
 @dataclass(frozen=True, slots=True)

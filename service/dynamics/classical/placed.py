@@ -33,7 +33,7 @@ class Placed:
     motion: ClassicalMotion
     start: Start
     reduced: Reduced | None
-    """Of the forms ``loop`` and ``hess``; in balls."""
+    """The reduced motion of the forms ``loop`` and ``hess``, in balls."""
     loop: ReducedLoop | None
     """None for steady rotations, and for Hess if the momentum keeps its length or is zero at first."""
     speed: arb

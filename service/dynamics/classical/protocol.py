@@ -1,4 +1,4 @@
-"""What a case is: conditions on body and centre, free parameters, relations, reduced motion, sources."""
+"""The parts of a case: conditions on body and centre, free parameters, relations, reduced motion, sources."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -24,14 +24,15 @@ Ratios = Callable[[], tuple[tuple[arb, arb], ...]]
 
 @dataclass(frozen=True, slots=True)
 class About:
-    """What a catalogue says of a case, for people."""
+    """The description of a case in a catalogue, for people."""
 
     title: str
     author: str
     year: int | None
     conditions: tuple[str, ...]
     real: str
-    """For which bodies and parameters there is a motion, in one order of the axes; any other is accepted."""
+    """The bodies and parameters for which there is a motion, in one order of the axes; any other is
+    accepted."""
     relations: tuple[str, ...]
     functions: str
     stability: str

@@ -13,12 +13,12 @@ from typing import Any, TypeAlias
 Number: TypeAlias = Any
 """Balls as a rule; also doubles, arrays of them, rationals, polynomials: what can be added and multiplied."""
 Coefficients = tuple[Number, ...]
-"""Of a polynomial, that of degree 0 first."""
+"""Coefficients of a polynomial, that of degree 0 first."""
 Constants = Mapping[str, Number]
 State = tuple[Number, Number, Number, Number, Number, Number]
 """p, q, r, T1, T2, T3."""
 Relations = Mapping[str, Number]
-"""What vanishes on the case, by a name for people."""
+"""Expressions that vanish on the case, by a name for people."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,10 @@ from service.dynamics.classical.placed import Placed
 
 FloatArray = NDArray[np.float64]
 Residuals = Callable[[NDArray[np.complex128]], Mapping[str, NDArray[np.complex128]]]
-"""What vanishes on a case, by name, shape (n,) each, of states p, q, r, g1, g2, g3, shape (n, 6)."""
+"""Returns what vanishes on a case, by name, shape (n,) each, at states p, q, r, g1, g2, g3, shape (n, 6)."""
 
 _STEP = 1e-40
-"""Of the derivatives: an imaginary step loses nothing to cancellation, however small it is."""
+"""Imaginary step of the derivatives: it loses nothing to cancellation, however small it is."""
 
 
 @dataclass(frozen=True, slots=True)

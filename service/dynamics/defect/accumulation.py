@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 _BLOCK = 1024  # pieces whose nodes are in memory at once
 
 Evaluate = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Of states, shape (n, 6): F, same shape, and the three integrals, shape (n, 3)."""
+"""Returns F, shape (n, 6), and the three integrals, shape (n, 3), at states, shape (n, 6)."""
 Bound = Callable[[FloatArray, FloatArray], FloatArray]
 
 
@@ -64,7 +64,7 @@ class Accumulated:
 
     @property
     def settled_share(self) -> float:
-        """How much of the time the bounds hold for."""
+        """Share of the time for which the bounds hold."""
         spans = np.diff(self.starts)
         whole = float(spans.sum())
         return float(spans[self.is_settled].sum()) / whole if whole != 0.0 else 1.0

@@ -1,4 +1,4 @@
-r"""What a function of time shows of its own error, and the least claim that goes with it.
+r"""Evidence that a function of time gives of its own error, and the least claim that goes with it.
 
 Let ε be the claimed bound of the error of the six variables. If it is true, then at every time
 
@@ -43,14 +43,14 @@ COARSE = 1e-7
 FAR = 1e3
 """A defect beyond so many claims is told without more digits."""
 ROUNDING = 2.0**-50
-"""Of a state, relative to its size."""
+"""Rounding error of a state, relative to its size."""
 QUARTERS = np.arange(1.0, 31.0)
 """Powers of 1/4 of an error that are tried where V is not bounded within it: down to 1e-18 of it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """What a function of time shows."""
+    """The evidence that a function of time gives of its own error."""
 
     defect: float
     """Bound of |D| over all stretches that are settled; without a formula the value seen."""

@@ -25,18 +25,18 @@ RHO = 4.0
 SEMI_AXIS = 0.5 * (RHO + 1.0 / RHO)
 """The ellipse lies in the disc of this radius, in half lengths, about the middle."""
 PARTS = 4
-"""Into which a stretch is cut."""
+"""Number of parts into which a stretch is cut."""
 GENERATIONS = 20
-"""Of cuts: 2^-40 of a piece."""
+"""Largest number of cuts: 2^-40 of a piece."""
 FEW = 64
 """Pieces that are looked at together with their parts."""
 MAX_WAITING = 512
 """Stretches of a generation that are cut: where values are lost in rounding, their number grows with each."""
 ROUNDING = 2.0**-48
-"""Of sums of a Chebyshev series, relative to the sum of its absolute values."""
+"""Rounding error of sums of a Chebyshev series, relative to the sum of its absolute values."""
 
 Bound = Callable[[FloatArray, FloatArray], FloatArray]
-"""Of centres and radii, shape (6, n): bounds of the six rates on these discs, same shape, NaN for none."""
+"""Returns bounds of the six rates on discs, given centres and radii, shape (6, n) all; NaN for none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +51,13 @@ class Stretches:
 
     @property
     def is_settled(self) -> NDArray[np.bool_]:
-        """Where there is a bound, shape (n,)."""
+        """Mask of the stretches that have a bound, shape (n,)."""
         return np.asarray(np.isfinite(self.tail).all(axis=1))
 
 
 @dataclass(frozen=True, slots=True)
 class _Places:
-    """Where stretches are; see :class:`Stretches`."""
+    """Positions of stretches; see :class:`Stretches`."""
 
     piece: IntArray
     middle: FloatArray

@@ -20,7 +20,7 @@ LEBESGUE = 4.0
 """More than the Lebesgue constant of forty Chebyshev points: a polynomial that is at most 1 at them is
 at most this between them."""
 POLE = 1e-3
-"""Of |g1| and |g3|, where one is next to a pole: V may have a limit there and no value."""
+"""Limit of |g1| and |g3| below which a state is next to a pole: V may have a limit there and no value."""
 ROUNDING = 2.0**-48
 
 

@@ -47,7 +47,7 @@ _TWO_TURNS = Period(4.0 * math.pi, 4.0 * 1.2246467991473532e-16, 0.0)
 """4π in two doubles: the period of a quaternion in its angle."""
 
 Column = TypeVar("Column", float, FloatArray)
-"""What is known of a column: its values, or the bound of their errors."""
+"""The values of a column, or the bound of their errors."""
 
 
 def orientation_columns(

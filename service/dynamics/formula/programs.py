@@ -26,13 +26,13 @@ OFTEN = 24
 LONGEST = 4000
 """Steps of a program: making longer ones takes longer than is sure to be saved."""
 FORMULAS = 64
-"""Whose programs are kept for the next problem."""
+"""Number of formulas whose programs are cached for the next problem."""
 PRECISIONS = 16
-"""For which the constants of a program are kept."""
+"""Number of precisions for which the constants of a program are cached."""
 
 Kind = Literal["real", "complex", "analytic"]
 Run = Callable[..., tuple[Any, ...]]
-"""From the inputs to the results."""
+"""Returns the results, given the inputs."""
 
 _METHODS = {name: f"{{}}.{name}()" for name in ("exp", "sin", "cos", "tan", "log")}
 _CALLS: dict[Kind, dict[str, str]] = {
@@ -50,9 +50,9 @@ class Way:
 
     kind: Kind
     trace: "Callable[[Tape, Tracer], tuple[Sequence[Traced], Sequence[Traced]]]"
-    """From a tape to the inputs and the results, as values of the tracer."""
+    """Returns the inputs and the results of a tape, as values of the tracer."""
     is_shared: bool = False
-    """What is traced depends on the tape alone: equal tapes of later problems have the same program."""
+    """True if the trace depends on the tape alone: equal tapes of later problems have the same program."""
     often: int = OFTEN
 
 
@@ -103,7 +103,7 @@ def _of_equal_tapes(_: "Tape") -> Programs:
 @dataclass(slots=True)
 class _Program:
     bind: Callable[..., Run]
-    """From the constants to the function."""
+    """Returns the function, given the constants."""
     constants: tuple[Callable[[], Any], ...]
     runs: dict[int, Run] = field(default_factory=dict)
 

@@ -8,9 +8,9 @@ from service.dynamics.formula.tape import Recorder
 
 MAX_DEGREE = 16
 MAX_TERMS = 150
-"""Of a polynomial: what is done with one takes some milliseconds."""
+"""Largest number of terms of a polynomial: what is done with one takes some milliseconds."""
 MAX_BITS = 4096
-"""Of a coefficient."""
+"""Largest size of a coefficient, in bits."""
 
 
 class RegisterPolynomials:

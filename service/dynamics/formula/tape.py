@@ -53,7 +53,7 @@ class Tape:
     instructions: tuple[Instruction, ...]
     result: int
     derived: dict[object, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What was found of this formula, by a name of it: the same for all tapes that are equal."""
+    """Results that were found for this formula, by name: shared by all tapes that are equal."""
     programs: Programs = field(default_factory=Programs, init=False, compare=False, repr=False)
 
     def evaluate(self, algebra: Algebra[T], inputs: Sequence[T]) -> T:

@@ -28,7 +28,7 @@ from service.dynamics.potentials.terms.monomials import Exponents
 from service.dynamics.verdict.exact_ring.factors import as_fraction
 
 Parities = tuple[int, int, int]
-"""Of the exponents of g1, g2, g3."""
+"""Parities of the exponents of g1, g2, g3."""
 
 
 @dataclass(frozen=True, slots=True)

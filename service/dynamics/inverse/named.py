@@ -36,7 +36,7 @@ from service.dynamics.verdict.proofs.general_energy import energy_text
 from service.dynamics.verdict.proofs.proof import Signs, prove
 
 CURVE_NAMES = frozenset(("lambda", "nu", "w"))
-"""What the formulas are functions of: a parameter with such a name could not be told from it."""
+"""Variables of the formulas: a parameter with such a name could not be told from one."""
 _FAMILY = "expression"
 _SIZE = 300
 """Instructions of a potential; the parts of a longer one would cost as much again as its verdict."""
@@ -44,7 +44,7 @@ _SIZE = 300
 
 @dataclass(frozen=True, slots=True)
 class NamedFormulas:
-    """What is known with names; None where it cannot be had. By quadrant, signs of g1 and g3."""
+    """The formulas with names, by quadrant (signs of g1 and g3); None where there is no such formula."""
 
     energy: str | None = None
     energies: Mapping[Quadrant, str] | None = None

@@ -31,7 +31,8 @@ MORE_DEGREES = 6
 """Default excess of the search degree over the degree of V."""
 
 MAX_RATIO_BITS = 1024
-"""Of numerator and denominator of A/C, about 300 digits: beyond it the answers are too long to be written."""
+"""Largest size of numerator and denominator of A/C, 300 digits: beyond it answers are too long to be
+written."""
 
 
 @dataclass(frozen=True, slots=True)

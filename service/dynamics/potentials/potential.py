@@ -175,7 +175,7 @@ class FormulaPotential(Potential):
     family: str = field()
     notices: tuple[Notice, ...] = field(default=(), compare=False)
     stated: "FormulaPotential | None" = field(default=None, compare=False)
-    """By the formula that was typed, where ``tree`` is a simpler one that is equal on the sphere."""
+    """The potential by the formula that was typed, where ``tree`` is a simpler one, equal on the sphere."""
 
     @property
     def as_stated(self) -> "FormulaPotential":

@@ -64,7 +64,7 @@ class CurveRange:
 
 @dataclass(frozen=True, slots=True)
 class Existence:
-    """Where in λ, or nu, there are motions on the half of the curve that was asked.
+    """The ranges of λ, or nu, in which there are motions on the half of the curve that was asked.
 
     On all of ``motions`` there are some, outside of them and of ``undecided`` there are none. The
     ends are balls: the statements hold up to them.

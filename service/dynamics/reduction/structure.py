@@ -71,7 +71,7 @@ from service.dynamics.reduction.sign_proofs.signs_in_balls import (
 IntArray = NDArray[np.int64]
 
 ROUNDS = 6
-"""Of cuts in doubles before anything else is tried."""
+"""Rounds of cuts in doubles before anything else is tried."""
 NAMED = 1e-5
 """Width, against the distance to the pole, that a stretch about a zero of higher order, or of none, or about
 an edge may have."""
@@ -88,7 +88,7 @@ class SignsUnsettledError(DynamicsError):
 
 @dataclass(frozen=True, slots=True)
 class HalfInDoubles:
-    """What doubles say of one half of a loop before balls look at it."""
+    """The results of doubles about one half of a loop, before balls look at it."""
 
     half: Half
     picture: Picture

@@ -133,7 +133,8 @@ _Key = tuple[RigidBody, Potential | _TheSame, PlanarMotion, int]
 _KNOWN: dict[_Key, tuple[Window, ...] | DynamicsError] = {}
 """The last KEPT answers, the oldest first."""
 _HANDED: dict[int, tuple[RigidBody, Potential, PlanarMotion, tuple[Window, ...]]] = {}
-"""What was handed on last, by the number of the motion: while that is kept, no other object has it."""
+"""Problems and windows handed on last, by ``id`` of the motion: while that is kept, nothing else has its
+id."""
 
 
 def _key(body: RigidBody, potential: Potential, motion: PlanarMotion, precision: int) -> _Key:

@@ -25,7 +25,7 @@ from service.dynamics.solution.dense_output import DenseOutput, split_time
 FloatArray = NDArray[np.float64]
 
 PIXEL = 1e-3
-"""Of the range of a column: a pixel of a picture that is 1000 high."""
+"""Share of the range of a column: a pixel of a picture that is 1000 high."""
 _NODES = 16
 """Places in a piece at which f'' is evaluated for the choice of times."""
 _CHECKS = 16

@@ -22,7 +22,7 @@ from service.dynamics.verdict.sphere.points import Point
 from service.dynamics.verdict.sphere.switches import Switches, find_switches
 
 BITS = (128, 1024)
-"""Of the enclosures at the points of every piece, in turn."""
+"""Precisions of the enclosures at the points of every piece, in turn."""
 
 
 @dataclass(frozen=True, slots=True)

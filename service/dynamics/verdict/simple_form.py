@@ -47,8 +47,8 @@ NARROWER = 3.0
 BETTER = 0.5
 """Bits that a longer formula gains beside a shorter one, or any where a sum is a number on the sphere."""
 MOST_BITS, FAR = 8.0, 12.0
-"""What one place counts at most, and what it counts where one of the formulas has no bound at all: that of
-1/(1 − g2²) next to the pole, where it is written otherwise anyway, is no reason."""
+"""Bits that one place counts at most, and those that it counts where one of the formulas has no bound at all:
+few more, since 1/(1 − g2²) has none next to the pole, where it is written otherwise anyway."""
 _BITS = 53
 _WIDTH = arb(0, arb(2) ** -20)
 _PLACES = (

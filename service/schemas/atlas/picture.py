@@ -9,7 +9,7 @@ from service.schemas.atlas.replies import AtlasOut, AtlasSamplesOut, AtlasWindow
 
 WIDTH, LEFT, RIGHT, TOP, GAP = 860.0, 60.0, 20.0, 58.0, 36.0
 HEIGHTS = (260.0, 120.0, 120.0, 120.0)
-"""Of the panels: windows, energy, periods, and the trace of the multipliers if it was asked for."""
+"""Heights of the panels: windows, energy, periods, and the trace of the multipliers if it was asked for."""
 TRACES = (-4.0, 4.0)
 """Ends of the axis of traces: between -2 and 2 a motion is stable; what is beyond is drawn at the border."""
 LOGARITHMIC = 10.0

@@ -90,7 +90,7 @@ class AtlasIn(WireModel):
 
 @dataclass(frozen=True, slots=True)
 class AtlasQuestion:
-    """What an atlas is asked of."""
+    """A request for an atlas."""
 
     body: RigidBody
     potential: Potential

@@ -1,4 +1,4 @@
-"""What an audit is asked for as: how a stored solution's problem is solved again."""
+"""The document that asks for an audit: how a stored solution's problem is solved again."""
 
 from pydantic import Field
 

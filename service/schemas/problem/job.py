@@ -1,4 +1,4 @@
-"""What a job is submitted as: a problem, and what its sender writes on it."""
+"""The document that submits a job: a problem, and the labels and the note of its sender."""
 
 from pydantic import Field
 

@@ -38,7 +38,8 @@ _READ: Mapping[str, Callable[[object], Fraction]] = {"lambda": read_positive, "n
 _WRITTEN = (str, int, float)
 """Exactly these: a number of another kind may know that no double is near it."""
 _FORM = 2
-"""Of the bytes: equal parts have the same ones, and what is none of Python's own kinds has none."""
+"""Version of marshal's format: equal parts have the same bytes; what is none of Python's own kinds has
+none."""
 
 
 def read_known(document: object) -> CheckedProblem | None:

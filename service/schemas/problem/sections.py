@@ -181,7 +181,7 @@ def _inside(g2: Fraction) -> Fraction:
 
 
 class PointsIn(WireModel):
-    """Where the functions of the decomposition V = V1[F(w)] + Q G(g2) are wanted by their values."""
+    """Points at which the functions of the decomposition V = V1[F(w)] + Q G(g2) are evaluated."""
 
     w: Annotated[list[Positive], Field(max_length=MAX_POINTS)] = Field(
         default_factory=list, description="Arguments of F, > 0; none if left out."
@@ -192,7 +192,7 @@ class PointsIn(WireModel):
 
 
 class NearestIn(WireModel):
-    """How the nearest admissible polynomial of a polynomial that is not admissible is searched."""
+    """The search for the nearest admissible polynomial to one that is not admissible."""
 
     degree: SearchDegree = Field(description="Largest degree that it may have on the sphere.")
 

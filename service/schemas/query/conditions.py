@@ -1,4 +1,4 @@
-"""What a query says, when it has been read."""
+"""A query that has been read: subjects, conditions and orders."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -12,11 +12,11 @@ Value = float | str | bool
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What a condition is about: a fact, a number of the problem, or a label."""
+    """The subject of a condition: a fact, a number of the problem, or a label."""
 
     place: Literal["fact", "pointer", "label"]
     name: str
-    """Of a label its key."""
+    """Name of the fact, the pointer, or the label's key."""
     kind: Kind
 
     @property

@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class Kind(StrEnum):
-    """What the values of a fact are, and so what they may be compared with."""
+    """The kinds of values of facts, which decide what they may be compared with."""
 
     NUMBER = "number"
     INSTANT = "instant"

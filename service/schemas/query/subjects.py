@@ -17,7 +17,7 @@ _POINTER = re.compile(r"/[^\x00\ud800-\udfff]+\Z")
 
 @dataclass(frozen=True, slots=True)
 class Vocabulary:
-    """What the queries of one list may name."""
+    """The names that queries of one list may use."""
 
     facts: Mapping[str, Fact]
     has_pointers: bool = False

@@ -24,7 +24,7 @@ LONGEST_QUERY = 8000
 """Characters of all conditions together."""
 MOST_CONDITIONS = 32
 MOST_VALUES = 200
-"""Of one ``in``."""
+"""Largest number of values of one ``in``."""
 
 _SIGNS: dict[str, Operator] = {"=": "=", "!=": "!=", "<": "<", "<=": "<=", ">": ">", ">=": ">="}
 _SUBJECT = re.compile(r'"(?:[^"]|"")*"|[^\s<>=!(),"]+')

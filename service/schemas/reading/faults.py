@@ -21,7 +21,7 @@ class Fault:
     message: str
     """Sentence for people; says what would have been accepted."""
     position: int | None = None
-    """Of a query: the character, from 0, at which the fault was found."""
+    """For a query, the character, from 0, at which the fault was found."""
 
 
 class InvalidProblemError(Exception):

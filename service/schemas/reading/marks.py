@@ -1,4 +1,4 @@
-"""What people write on a job, a solution or a sweep to find it again: labels and a note."""
+"""Labels and a note, by which people find a job, a solution or a sweep again."""
 
 import re
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ LONGEST_KEY, LONGEST_VALUE, LONGEST_NOTE = 63, 128, 2000
 LABEL_KEY = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_.-]{0,61}[A-Za-z0-9])?\Z")
 LABEL_KEYS = f"1 to {LONGEST_KEY} letters, digits and - _ . between them"
 FIELDS = ("labels", "note")
-"""Of a document that states a problem or a sweep, the fields that are no part of it."""
+"""Fields of a document that are no part of the problem or the sweep that it states."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ _CODES = {
 """Our error codes for pydantic's; errors about types are ``invalid_type``."""
 
 _OF_KEY = "[key]"
-"""What pydantic adds to the place of a key that is refused."""
+"""The part that pydantic adds to the location of a key that is refused."""
 
 _EXPECTED = {
     "model_type": "an object",

@@ -21,13 +21,13 @@ from service.schemas.problem.sections import OutputName
 from service.schemas.replies.response_model import ResponseModel
 
 Use = Literal["job", "request", "problem of a list", "point of a sweep"]
-"""In what a tier is used."""
+"""The uses of a tier whose cost is measured."""
 Way = Literal["compiled solver", "whole job", "DOP853", "heyoka"]
 """Two of ours, and two integrators of other people."""
 
 
 class MachineOut(ResponseModel):
-    """Where the seconds were measured."""
+    """The machine on which the seconds were measured."""
 
     cpus: int = Field(description="Number of processors.")
     model: str | None = Field(description="Name of the processor, if known.")
@@ -103,7 +103,7 @@ class ShippedMeasurement(ResponseModel):
 
 
 class TierCostOut(ResponseModel):
-    """What one use of the service costs at each tier."""
+    """Seconds that one use of the service takes at each tier."""
 
     what: Use = Field(
         description="`job`: from its document to its solution, in a process; `request`: a `POST /v1/jobs`"
@@ -114,14 +114,14 @@ class TierCostOut(ResponseModel):
 
 
 class TierCostsOut(ShippedMeasurement):
-    """What a tier costs a user, measured when this version was made."""
+    """Seconds that a user waits at each tier, measured when this version was made."""
 
     problem: str = Field(description="What was computed, and how it was asked.")
     rows: list[TierCostOut] = Field(description="The measurements.")
 
 
 class WayOut(ResponseModel):
-    """What a method took for the samples of one motion, and how near they came."""
+    """The time that a method took for the samples of one motion, and their error."""
 
     way: Way = Field(
         description="`compiled solver`: ours, from the potential to the samples; `whole job`: the same from"
@@ -137,7 +137,7 @@ class WayOut(ResponseModel):
 
 
 class OutputCostOut(ResponseModel):
-    """What a job takes as outputs are asked for one by one."""
+    """The time of a job as outputs are asked for one by one."""
 
     problem: str = Field(description="The motion.")
     output: OutputName = Field(description="What is asked for beside the outputs of the rows before.")

@@ -21,7 +21,7 @@ class FacetOut(ResponseModel):
 
 
 class FacetsOut(ResponseModel):
-    """How often each value of some facts occurs."""
+    """Counts of the values of some facts."""
 
     facets: list[FacetOut] = Field(description="In the order that was asked for.")
 

@@ -11,7 +11,7 @@ from service.schemas.replies.solution import ProvenanceOut
 
 
 class DifferenceOut(ResponseModel):
-    """How far two solutions are apart in one thing."""
+    """The difference of two solutions in one number or column."""
 
     difference: float | None = Field(
         description="Largest absolute difference; null if one of the numbers is none."
@@ -24,7 +24,7 @@ class DifferenceOut(ResponseModel):
 
 
 class AuditedOut(ResponseModel):
-    """How one of the two solutions was made."""
+    """Method, tier, error and provenance of one of the two solutions."""
 
     method: str = Field(description="The method.")
     tier: str = Field(description="The tier of accuracy.")

@@ -73,7 +73,7 @@ class QueuePartOut(ResponseModel):
 
 
 class RunningJobOut(ResponseModel):
-    """What a worker does."""
+    """A job that a worker is computing."""
 
     id: str = Field(description="Of the job.")
     kind: KindName = Field(description=KIND)
@@ -109,7 +109,7 @@ class RateOut(ResponseModel):
 
 
 class StatusOut(ResponseModel):
-    """What the installation does."""
+    """The activity of the installation at one instant."""
 
     at: datetime = Field(description="The instant of these figures by the database's clock, UTC.")
     queue: list[QueuePartOut] = Field(description="The live jobs; what there is none of is left out.")

@@ -5,7 +5,7 @@ from pydantic import Field
 from service.schemas.replies.response_model import ResponseModel
 
 Records = dict[str, dict[str, object]]
-"""By their identifiers, the attributes of each."""
+"""Attributes of records, by the identifiers of the records."""
 
 _SOLUTION, _ATTEMPT, _WORKER = (
     "polhode:solution/019f0000",

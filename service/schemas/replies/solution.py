@@ -26,7 +26,7 @@ class EnclosureOut(ResponseModel):
 
 
 class WindowOut(ResponseModel):
-    """Where on the curve the motion takes place."""
+    """The part of the curve on which the motion takes place."""
 
     index: int = Field(description="Its number among the windows of the curve, from 0.")
     ends: tuple[str, str] = Field(
@@ -49,7 +49,7 @@ class AsymptoteOut(ResponseModel):
 
 
 class AsymptotesOut(ResponseModel):
-    """Where an aperiodic motion comes from and where it goes."""
+    """The states that an aperiodic motion comes from and goes to."""
 
     past: AsymptoteOut = Field(description="Where it comes from, backwards in time.")
     future: AsymptoteOut = Field(description="Where it goes.")

@@ -197,7 +197,7 @@ class NoticeOut(ResponseModel):
 
 
 class TierPlanOut(ResponseModel):
-    """What a tier is expected to cost and to reach on the problem that was sent, or why it cannot."""
+    """Expected time and error of a tier on the problem that was sent, or why it cannot solve it."""
 
     tier: Literal["draft", "standard", "high", "certified"] = Field(description="The tier.")
     tolerance: float = Field(description="What it promises.")
@@ -214,7 +214,7 @@ class TierPlanOut(ResponseModel):
 
 
 class PlanOut(ResponseModel):
-    """How a job would solve the problem that was sent."""
+    """The plan of a job for the problem that was sent."""
 
     method: Literal["quadrature", "integration", "both"] = Field(
         description="The method; for `auto` the chosen one."
@@ -279,7 +279,7 @@ class IntegrableOut(ResponseModel):
 
 
 class ClassificationOut(ResponseModel):
-    """On which classical or integrable cases a state lies."""
+    """The classical and integrable cases on which a state lies, and the nearest one."""
 
     on: list[str] = Field(description="Those on which it lies, classical ones first.")
     nearest: NearCaseOut | None = Field(description="The nearest classical case of the body.")

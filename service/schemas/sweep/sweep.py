@@ -57,11 +57,11 @@ class Sweep:
     samples: int
     """Samples of each series; 0 without series."""
     first_problem: Problem
-    """What the document of the first point states: it was read to check the others' common part."""
+    """The problem of the first point: it was read to check the others' common part."""
 
     @property
     def points(self) -> int:
-        """How many points there are."""
+        """Number of points."""
         lengths = [each.axis.length for each in self.axes]
         return math.prod(lengths) if self.combine == "grid" else lengths[0]
 

@@ -28,7 +28,7 @@ _WIDTH = 8
 _DOUBLES = np.dtype("<f8")
 _LEVEL = -2
 _HEADERS = 64
-"""That are remembered: solutions of one list, and blocks of one sweep, have the same."""
+"""Number of headers that are cached: solutions of one list, and blocks of one sweep, have the same."""
 _OF_THREAD = threading.local()
 
 

@@ -29,7 +29,7 @@ _EXPECTED = (
     OSError,
     procrastinate_schema.UnknownSchemaError,
 )
-"""What a migration may end with that is no bug, beside the errors of the driver of Postgres."""
+"""Errors that a migration may end with and that are no bugs, beside those of the driver of Postgres."""
 _STAMP = (
     "CREATE TABLE alembic_version (version_num VARCHAR(32) NOT NULL, "
     "CONSTRAINT alembic_version_pkc PRIMARY KEY (version_num))"

@@ -13,7 +13,7 @@ from service.storage.inspection.key_invariants import invariants_of_keys
 from service.storage.inspection.sweep_invariants import invariants_of_sweeps
 
 EXAMPLES = 5
-"""At most so many ids of violating rows are listed for each invariant."""
+"""Largest number of ids of violating rows that are listed for each invariant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,7 @@ class Finding:
     """The ids of some of them."""
     is_warning: bool = False
     remedy: str | None = None
-    """What the repair does; None if only a person can repair it."""
+    """The effect of the repair, in words; None if only a person can repair it."""
     mended: int = 0
 
     @property

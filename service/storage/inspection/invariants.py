@@ -39,7 +39,7 @@ SILENT_SECONDS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Remedy:
-    """How a violated invariant is repaired without losing anything."""
+    """The repair of a violated invariant, which loses nothing."""
 
     says: str
     """The effect on a row, in words."""

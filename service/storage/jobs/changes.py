@@ -28,7 +28,7 @@ _TOGETHER = 500
 
 
 class Followable(StrEnum):
-    """What can be followed."""
+    """The kinds of resources that can be followed."""
 
     JOB = "job"
     SWEEP = "sweep"

@@ -44,7 +44,7 @@ def hold(session: Session, sweep_id: str | None) -> SweepRow | None:
 
 @dataclass(frozen=True, slots=True)
 class Begun:
-    """What a worker is given of a sweep."""
+    """The document of a sweep, and the way in which its points are computed."""
 
     document: Document
     way: str

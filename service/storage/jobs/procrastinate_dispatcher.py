@@ -55,7 +55,7 @@ from service.storage.tables.jobs import JobRow
 
 QUEUE, TASK = "polhode", "claim"
 (CHANNEL,) = get_channel_for_queues([QUEUE])
-"""On which Postgres tells listeners that something was put into the queue."""
+"""The channel on which Postgres tells listeners that something was put into the queue."""
 
 _REPAIRED = 100
 """Jobs at the head of the queue whose deliveries are looked for; later jobs are not due yet."""

@@ -41,10 +41,10 @@ def is_ready() -> tuple[ColumnElement[bool], ...]:
 
 @dataclass(frozen=True, slots=True)
 class Which:
-    """Which jobs of the queue a statement is about."""
+    """The choice of jobs in the queue that a statement is about."""
 
     of_lane: bool = False
-    """Those of ``lane`` only."""
+    """True for the jobs of ``lane`` only."""
     problems: bool = False
     """Problems of ``priority`` that may share a call: no chunks, no atlases, none to be computed alone."""
 

@@ -70,7 +70,7 @@ def count(session: Session, source: Source, conditions: Sequence[Condition]) -> 
 
 @dataclass(frozen=True, slots=True)
 class _Search:
-    """Where the rows of a page are read from."""
+    """The query for a page, and the source of its rows."""
 
     session: Session
     source: Source

@@ -37,7 +37,7 @@ class Source:
     row: type[JobRow] | type[SolutionRow] | type[SweepRow]
     vocabulary: Vocabulary
     facts: Mapping[str, Expression]
-    """By name; those that are missing are in the document of facts."""
+    """Facts by name; those that are missing are in the document of facts."""
     columns: Mapping[str, Expression]
     """Numbers of the problem that have a column, by JSON pointer."""
     never_null: frozenset[str]
@@ -45,7 +45,7 @@ class Source:
     indexed: frozenset[str]
     """Facts and pointers that have an index of their own, and may be met by few rows."""
     always: tuple[ColumnElement[bool], ...] = ()
-    """What every listed row meets."""
+    """Conditions that every listed row meets."""
     walked: frozenset[str] = frozenset()
     """Facts and pointers whose index has the id as its second column, or the id itself."""
 
@@ -101,7 +101,7 @@ _IN_ORDER = frozenset(
     {"id", "created_at", "A", "B", "C", "period", "energy", "error", "drift", "trace", "seconds"}
     | {"/body/A", "/body/B", "/body/C", "/motion/lambda"}
 )
-"""Of solutions, what has an index that begins with it and goes on with the id."""
+"""Facts and pointers of solutions that have an index which begins with them and goes on with the id."""
 
 OF_SOLUTION_ROWS = Source(
     "solutions",

@@ -47,9 +47,9 @@ class Statistic:
     quartiles: tuple[float, float, float] | None
     largest: float | None
     edges: tuple[float, ...] = ()
-    """Of the bins, each from an edge up to the next one without it, the last one with it."""
+    """Edges of the bins; each bin goes from an edge up to the next one without it, the last one with it."""
     counts: tuple[int, ...] = ()
-    """Of the numbers in each bin."""
+    """Count of the numbers in each bin."""
 
 
 def facets(

@@ -31,7 +31,7 @@ MOST = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """How a part of a list can be walked in an index."""
+    """A way to walk a part of a list along an index."""
 
     source: Source
     order: Sequence[SortedColumn]
@@ -39,7 +39,7 @@ class Walk:
     along: Sequence[SortedColumn]
     """The columns at the beginning of the order that the index is sorted by."""
     inside: Sequence[ColumnElement[Any]]
-    """What every row of the part meets, and the index itself can tell."""
+    """Conditions that every row of the part meets, and that the index itself can decide."""
 
     def window(self, bounds: Sequence[ColumnElement[Any]], *columns: ColumnElement[Any]) -> Select[Any]:
         """Return the statement that reads columns of the index from some bounds on."""

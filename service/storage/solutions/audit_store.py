@@ -35,7 +35,7 @@ class Audit:
     solution_id: str
     """The audited solution; the job's own is the new one."""
     comparison: Mapping[str, object] | None
-    """Of the two solutions; None as long as there is no second one."""
+    """The comparison of the two solutions; None as long as there is no second one."""
 
 
 @dataclass(frozen=True, slots=True)

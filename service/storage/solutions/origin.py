@@ -15,15 +15,15 @@ from service.storage.tables.solutions import SolutionRow
 
 @dataclass(frozen=True, slots=True)
 class SolutionOrigin:
-    """What is stored of the making of a solution."""
+    """The stored records of the making of a solution."""
 
     solution: Solution
     digest: str
-    """Of the problem and the numerics version that solved it."""
+    """Hash of the problem and of the numerics version that solved it."""
     examination: str | None
     """Key of the windows that its examination found; None where none was kept."""
     examined_seconds: float | None
-    """That the examination took; None if that is not known."""
+    """Seconds that the examination took; None if that is not known."""
     attempts: tuple[Attempt, ...]
     """At its job, oldest first; the last one that succeeded made it."""
 

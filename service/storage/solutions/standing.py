@@ -19,11 +19,11 @@ _SOLUTIONS, _SAMPLES, _LABELS = table_of(SolutionRow), table_of(SamplesRow), tab
 
 @dataclass(frozen=True, slots=True)
 class SolutionStanding:
-    """What decides which bytes an answer about a solution has."""
+    """The facts that decide which bytes an answer about a solution has."""
 
     id: str
     digest: str
-    """Of the problem and the numerics version that solved it."""
+    """Hash of the problem and of the numerics version that solved it."""
     has_samples: bool
     """False once retention has deleted them: made again, they may differ in their last digits."""
 

@@ -19,7 +19,7 @@ class PointGrid:
     """The cells, of shape [rows, columns]: of a sweep of one axis there is one row."""
 
     indices: IntArray
-    """Of the points."""
+    """Indices of the points."""
     numbers: FloatArray
     """NaN where a point has none, or is not computed yet."""
     outcomes: WordArray

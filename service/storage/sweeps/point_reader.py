@@ -50,7 +50,7 @@ class PointBlock:
     """The axes by their pointers, then the kept numbers; NaN where a point has none."""
     outcomes: WordArray
     series: Mapping[str, FloatArray]
-    """Of shape [points, samples]; NaN where a point has none."""
+    """Arrays of shape [points, samples]; NaN where a point has none."""
 
     def column(self, name: str) -> FloatArray:
         """Return the index, an axis or a kept number."""

@@ -17,7 +17,7 @@ _SWEEPS = table_of(SweepRow)
 
 @dataclass(frozen=True, slots=True)
 class SweepStanding:
-    """What decides which points there are: chunks are only ever added."""
+    """The facts that decide which points there are: chunks are only ever added."""
 
     id: str
     done: int

@@ -9,7 +9,7 @@ from service.storage.tables.solutions import SolutionRow
 
 
 class AuditRow(Base):
-    """What makes an audit of a job; it goes with the job, and so with either of the two solutions."""
+    """The fact that a job is an audit; it goes with the job, and so with either of the two solutions."""
 
     __tablename__ = "audits"
 
@@ -21,4 +21,4 @@ class AuditRow(Base):
     )
     """The audited solution, not the one that the job makes."""
     comparison: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
-    """Of the two solutions; null as long as there is no second one."""
+    """The comparison of the two solutions; null as long as there is no second one."""

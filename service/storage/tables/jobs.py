@@ -58,7 +58,7 @@ class JobRow(Base):
     priority: Mapped[int] = mapped_column(default=0, server_default="0")
     lane: Mapped[int] = mapped_column(SmallInteger, default=Lane.SINGLE.value, server_default="0")
     turn: Mapped[float] = mapped_column(default=0.0, server_default="0")
-    """Of equal priority and lane the smaller is claimed first: see :mod:`service.jobs.turns`."""
+    """Among jobs of equal priority and lane the smallest is claimed first: see :mod:`service.jobs.turns`."""
     ready_at: Mapped[float] = mapped_column(default=0.0, server_default="0")
     """Not claimed before this instant: a job that has lost several workers waits, each time longer."""
     attempt: Mapped[int] = mapped_column(default=0)
@@ -76,11 +76,11 @@ class JobRow(Base):
     key_id: Mapped[str | None] = mapped_column(Uuid(as_uuid=False))
     """The API key that submitted it; not a foreign key, so that API keys can be removed."""
     problem: Mapped[Document]
-    """Of a chunk: {"first": index, "count": points}."""
+    """The problem document; for a chunk {"first": index, "count": points}."""
     examination: Mapped[str | None]
     """Key of the kept windows of its curve; not a foreign key, so that these can be trimmed."""
     examined_seconds: Mapped[float | None]
-    """That its examination took; null without one."""
+    """Seconds that its examination took; null without one."""
     facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
     """Family and numbers of the problem, for conditions; a chunk has none."""
     digest: Mapped[str]

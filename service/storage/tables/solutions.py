@@ -57,7 +57,7 @@ class SolutionRow(Base):
     """The largest departure of any integral."""
     trace: Mapped[float | None]
     seconds: Mapped[float | None]
-    """Of computing."""
+    """Seconds that computing took."""
     stability: Mapped[str | None] = mapped_column(String(16))
     """The verdict."""
     aperiodic: Mapped[str | None] = mapped_column(String(16))

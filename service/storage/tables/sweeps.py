@@ -42,7 +42,7 @@ class SweepRow(Base):
     started_at: Mapped[float | None]
     finished_at: Mapped[float | None]
     way: Mapped[str | None] = mapped_column(String(16))
-    """Of all its points; chosen when its first chunk is claimed."""
+    """The way in which all its points are computed; chosen when its first chunk is claimed."""
     note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
     changed_at: Mapped[float] = mapped_column(
         default=DatabaseNow(), onupdate=DatabaseNow(), server_default="0"

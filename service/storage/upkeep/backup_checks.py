@@ -17,9 +17,9 @@ class Contents:
     """The contents of a backup."""
 
     revision: str
-    """Of the schema."""
+    """Revision of the schema."""
     rows: Mapping[str, int]
-    """By table."""
+    """Numbers of rows by table."""
 
     @property
     def schema(self) -> str:

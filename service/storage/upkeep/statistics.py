@@ -54,9 +54,9 @@ class Ended:
     """Counts of ended attempts."""
 
     attempts: Counter[str] = field(default_factory=Counter)
-    """By outcome."""
+    """Numbers of attempts by outcome."""
     durations: dict[tuple[str, str], Durations] = field(default_factory=dict)
-    """By method and tier of the solution."""
+    """Durations by method and tier of the solution."""
 
     def __add__(self, other: "Ended") -> "Ended":
         """Return both together."""
@@ -83,7 +83,7 @@ class Figures:
     oldest_queued_seconds: float
     """How long the oldest queued job has waited; 0 if none waits."""
     workers: Mapping[str, Workers]
-    """By engine."""
+    """Workers by engine."""
     kernels_missing: int
     """Kernels that the worker with the most of them has still to compile."""
     sweeps: Mapping[str, int]
@@ -94,9 +94,9 @@ class Figures:
     """Since the start."""
     database_bytes: int
     log_bytes: int
-    """Of SQLite's write-ahead log; 0 elsewhere."""
+    """Bytes of SQLite's write-ahead log; 0 elsewhere."""
     measured_at: float
-    """By this process's monotonic clock."""
+    """Instant of the measurement by this process's monotonic clock."""
     seconds: float
     """Seconds that the measurement took."""
 

@@ -1,4 +1,4 @@
-"""What an installation does at this moment: the queue, the workers and their jobs, the rates of late.
+"""The activity of an installation at this moment: the queue, the workers and their jobs, the latest rates.
 
 Every figure is read from an index of live jobs or of attempts that ended lately, so
 that the cost does not grow with the history.
@@ -37,7 +37,7 @@ class QueuePart:
 
 @dataclass(frozen=True, slots=True)
 class RunningJob:
-    """What a worker does."""
+    """A job that a worker is computing."""
 
     id: str
     kind: str

@@ -323,7 +323,7 @@ def test_a_key_that_asks_for_too_much_is_refused_and_others_are_served(blocked_a
 
 
 def test_a_verdict_comes_back(client):
-    """By real children."""
+    """Real children compute it."""
     answers = [client.post("/v1/validations", json=QUESTION) for _ in range(2)]
     assert [answer.json()["verdict"] for answer in answers] == ["admissible"] * 2
     assert examine_question.__module__ == "service.verdicts.examination"

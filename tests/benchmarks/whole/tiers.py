@@ -20,7 +20,7 @@ from tests.support.serving import Service, serving
 
 WORKERS = 2
 FEWER = 10
-"""Of what is measured many at a time, the tier certified does so many times fewer."""
+"""Divisor of the numbers that are measured together, for the tier certified."""
 _PAUSE = 0.01
 WHAT: tuple[Use, ...] = ("job", "request", "problem of a list", "point of a sweep")
 PROBLEM_TOLD = (

@@ -1,4 +1,4 @@
-"""On which case a state lies: the case it was taken from, and an honest distance from it beside it."""
+"""Cases on which a state lies: the case it was taken from, and an honest distance from it beside it."""
 
 from fractions import Fraction
 

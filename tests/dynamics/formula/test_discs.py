@@ -93,7 +93,7 @@ def test_a_single_operation_has_its_very_radius(text, at):
 
 @pytest.mark.parametrize("name", ["sin", "cos"])
 def test_a_sine_grows_along_the_imaginary_axis_as_its_disc_does(name):
-    """Of sin(iy) = i sinh y the disc about 0 has the very radius; so has that of cos about π/2, rounded."""
+    """The disc of sin(iy) = i sinh y about 0 has the very radius; so has that of cos about π/2, rounded."""
     shift = 0.0 if name == "sin" else 0.5 * math.pi
     found, *_ = in_discs(compile_tape(parse(f"{name}(x)"), VARIABLES), [(shift, 2.0), (1.0, 0.0)])
     assert found.radius.flat[0] == pytest.approx(math.sinh(2.0), rel=1e-12)

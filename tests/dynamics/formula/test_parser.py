@@ -92,7 +92,8 @@ def _fault(text: str) -> FormulaError | None:
 
 
 CALLS_PER_CHARACTER = 25
-"""Of functions, Python's own among them. A parser that looks back makes more of them the longer a text is."""
+"""Calls of functions, Python's own among them: a parser that looks back makes more for each in longer
+texts."""
 
 
 def _refused_or_parsed_in_few_steps(text: str) -> None:

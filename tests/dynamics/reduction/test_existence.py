@@ -1,4 +1,4 @@
-"""For which λ there are motions: against closed forms, and against windows found λ by λ."""
+"""The λ for which there are motions: against closed forms, and against windows found λ by λ."""
 
 from fractions import Fraction
 

@@ -1,4 +1,4 @@
-"""On which classical cases a state lies, as text."""
+"""The classical cases on which a state lies, as text."""
 
 from service.schemas.replies.classification_text import describe_classification
 from service.schemas.replies.verdict import ClassificationOut, IntegrableOut, NearCaseOut

@@ -25,7 +25,7 @@ from tests.support.postgres import binaries
 
 @pytest.fixture(autouse=True)
 def client_programs(monkeypatch):
-    """Those of the tests' own server: others may be older than it."""
+    """Use the programs of the tests' own server: others may be older than it."""
     monkeypatch.setenv("PATH", f"{binaries()}{os.pathsep}{os.environ['PATH']}")
 
 

@@ -25,9 +25,9 @@ class Precession:
     """Angles gained over one period about the fixed vector, in radians, not reduced."""
 
     psi1: arb
-    """Of the first principal axis."""
+    """Angle of the first principal axis."""
     psi3: arb
-    """Of the third: the precession of Euler's angles."""
+    """Angle of the third: the precession of Euler's angles."""
 
 
 def precession(loop: Loop, direction: int = 1) -> Precession:

@@ -178,7 +178,7 @@ def test_what_was_measured_is_stored_and_printed_for_programs(settled, monkeypat
 
 
 def test_a_quick_calibration_measures_less():
-    """Of solving it makes less than a tenth: a tier of a problem is solved once, and per repetition twice."""
+    """It solves less than a tenth: a tier of a problem is solved once, and per repetition twice."""
     quick, full = (len(effort.cases) * (1 + 2 * effort.repetitions) for effort in (QUICK, FULL))
     assert 10 * quick <= full
     assert all(case in FULL.cases for case in QUICK.cases)

@@ -155,7 +155,7 @@ def imported_by(module):
 
 @pytest.mark.parametrize("module", modules())
 def test_all_sources_that_a_kernel_reaches_are_part_of_its_address(module):
-    """By the tree of the sources, where the product looks for lines that begin with an import."""
+    """The test reads the tree of the sources; the product looks for lines that begin with an import."""
     assert set(imported_by(module)) - {module} <= reached(module)
 
 

@@ -27,7 +27,7 @@ from workers.sweeping.chunk import compute_chunk
 STATE = ("p", "r", "g1", "g2", "g3")
 GRAVITY, REFLECTED = (next(each for each in GOLDEN if each.name == name) for name in ("G1", "G4"))
 ROUNDING = 2.0**-52
-"""Of a number that is rounded to a double, and of the golden digits, relative to the size of its group."""
+"""Error of a number rounded to a double, and of the golden digits, relative to the size of its group."""
 RELATIVE = {"relative": "1e-10"}
 
 

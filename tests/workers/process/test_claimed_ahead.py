@@ -1,4 +1,4 @@
-"""Of short jobs a worker claims a batch before there is a place for it: none is lost, none done twice."""
+"""A batch of short jobs is claimed before there is a place for it: none is lost, none done twice."""
 
 import pytest
 from sqlalchemy.exc import OperationalError

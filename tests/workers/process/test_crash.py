@@ -10,9 +10,9 @@ from service.jobs.states import AttemptOutcome, JobState
 from tests.workers.processes import stop_between_transactions, wait_until
 
 LEASE = 1.0
-"""Of the workers in these tests."""
+"""Lease of the workers in these tests."""
 LONG = 3.0
-"""Of those who take over: a busy machine may renew a short lease too late."""
+"""Lease of those who take over: a busy machine may renew a short lease too late."""
 
 
 @pytest.fixture

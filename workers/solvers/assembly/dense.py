@@ -20,7 +20,7 @@ MAX_PIECES = 4000
 FIRST_PIECES = 8
 """Equal ones, that are halved where they must be."""
 ROUNDING = 4e-16
-"""Of a variable, relative to its size, and of a time, relative to its scale."""
+"""Rounding error of a variable, relative to its size, and of a time, relative to its scale."""
 BETWEEN = (-0.93, -0.31, 0.42, 0.87)
 """Places in a piece, none a node, where the series is compared with the motion."""
 

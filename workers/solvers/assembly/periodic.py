@@ -45,7 +45,7 @@ TAIL = 4
 SETTLED = 1.0 - 1e-9
 """Share of the time for which the bound of the defect is a theorem where it is one for all that counts."""
 PIECES_OF_A_DRAFT = 4
-"""That it begins with."""
+"""Number of pieces with which the function of time of a draft begins."""
 BESIDE = arb(2) ** -56
 """Distance in phase from a rest point at which p and r are looked at."""
 
@@ -75,11 +75,11 @@ class Sampled:
     passages: FloatArray
     """Times in [0, period) at which a pole is passed, growing."""
     error: float
-    """Of a sample within one period, beside the departure of the dense output from it."""
+    """Error of a sample within one period, beside the departure of the dense output from it."""
     evidence: Mapping[str, float | int | str]
     late: SamplesItself | None = None
     time_error: float = 0.0
-    """Of the time of a sample within one period."""
+    """Error of the time of a sample within one period."""
     features: Features | None = None
     """Where it may vary quickly."""
     kinks: FloatArray = field(default_factory=lambda: np.zeros(0))

@@ -34,7 +34,7 @@ SHARES = (0.375, 0.625, 0.8125)
 """Places on the arc where the energy is taken: two at least are neither a pole nor the equator."""
 NEWTON_TRIES = 12
 NARROWING = 2.0**-8
-"""Of the radius of a zero, from which on it is not worth another step."""
+"""Factor by which a step must narrow the radius of a zero, or else another step is not worth it."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from workers.solvers.orbits.between_roots import RootsUndecidedError
 
 GUARD_BITS = 32
 PERIOD_BITS = 5
-"""What is left over of the integral is so much less than was asked."""
+"""Bits by which the remainder of the integral is smaller than what was asked."""
 LIMB = 64
 """Numbers are stored in words of so many bits: all of a word costs what one bit of it does."""
 ALLOWED_BITS = 8
@@ -36,7 +36,7 @@ class Certified:
     """Enclosures of a motion: every ball contains the true number."""
 
     period: arb
-    """Of all six variables."""
+    """The common period of all six variables."""
     energy: arb
     states: tuple[tuple[arb, ...], ...]
     """(p, q, r, g1, g2, g3) at the asked times."""

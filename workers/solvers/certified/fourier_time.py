@@ -24,15 +24,15 @@ from workers.solvers.certified.trapezoid import ProvenStrip
 FloatArray = NDArray[np.float64]
 
 FIRST_DOUBT = 2.0**-46
-"""Of a phase in doubles."""
+"""Error of a phase in doubles."""
 FIRST_PRECISION, SPARE = 128, 32
-"""Of the first step; what others have beyond twice the digits that are there."""
+"""Precision of the first step; bits that others have beyond twice the digits that are there."""
 WIDER = 64
 MAX_WIDENINGS = 5
 FLOOR = 32.0
-"""Of the radius that the time itself has as a phase, from which on a step is not worth it."""
+"""Multiple of the radius that the time itself has as a phase, from which on a step is not worth it."""
 ENOUGH = 2.0**-16
-"""Of a radius: a step that does not narrow it so much is the last."""
+"""Factor by which a step must narrow a radius, or else it is the last."""
 BLOCK = 64
 """Coefficients that are summed up at once."""
 GRID = 2048

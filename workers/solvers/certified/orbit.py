@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 UNKNOWN = (nan, nan)
 OUTER = 4.0
 EDGES = (-13.0, -10.0, -8.0, -6.0, -5.0, *(0.5 * k for k in range(-8, 9)), 5.0, 6.0, 8.0, 10.0, 13.0)
-"""Of the panels of y, v = 2 arctan e^y: beyond, the scan has found a power law."""
+"""Edges of the panels of y, v = 2 arctan e^y: beyond, the scan has found a power law."""
 DEGREE = 14
 _OUTER = [0.5 * k for k in range(8, 21)] + [11.0, 12.0, 13.0]
 SCANNED = np.array([-y for y in _OUTER[::-1]] + [0.2 * k for k in range(-19, 20)] + _OUTER)
@@ -105,7 +105,7 @@ class _Places(NamedTuple):
     south: FloatArray
     """How far they are beyond OUTER."""
     matrix: FloatArray
-    """From values on panels to series."""
+    """Takes values on panels to series."""
 
 
 @cache

@@ -50,7 +50,7 @@ class PhaseStretch:
     first: arb
     last: arb
     shift: arb
-    """What is added to θ in the phase of the whole motion."""
+    """Added to θ to give the phase of the whole motion."""
 
     @property
     def begin(self) -> arb:

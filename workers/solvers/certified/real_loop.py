@@ -53,7 +53,7 @@ class PreparedTape:
 
 
 class RealLoop:
-    """What ComplexLoop says at real v with sin v ≠ 0 and cos v ≠ 0; for one precision."""
+    """The functions of ComplexLoop at real v with sin v ≠ 0 and cos v ≠ 0; for one precision."""
 
     def __init__(self, loop: Loop, tape: Tape, side: int) -> None:
         self._side, self._mirrored = side, loop.mirrored

@@ -30,7 +30,7 @@ FIRST_PIECES = 4
 """For a phase that grows by π."""
 MAX_PIECES = 600
 SHORTEST = 2.0**-36
-"""Of a piece: its ends are doubles."""
+"""Least length of a piece, relative to the whole: its ends are doubles."""
 MAX_BOXES = 24
 SMALLEST_BOX = 0.2
 """Half the side of a box, in radii of the disc."""

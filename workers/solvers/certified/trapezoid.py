@@ -20,11 +20,12 @@ from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.strips.bound import bound_on_strip
 
 SAMPLES = (64, 256, 1024)
-"""Of dt/dθ in doubles, that show how high the strip is; more where these do not resolve it."""
+"""Numbers of samples of dt/dθ in doubles that show the height of the strip; more where they do not resolve
+it."""
 AUDIBLE = 1e-11
 """A coefficient of this size, of the mean, is not yet noise."""
 HIGHEST, LOWEST = 2.5, 0.06
-"""Of strips that are tried: series on lower ones are longer than pieces of time are many."""
+"""Heights of strips that are tried: series on lower ones are longer than pieces of time are many."""
 ATTEMPTS = ((0.62, 68.0), (0.6, 120.0), (0.4, 60.0))
 """Heights of the strip as shares of what the samples show, and degrees of the series times the latter."""
 

@@ -24,7 +24,7 @@ class Clock:
     series: tuple[arb, ...]
     """b_1, b_2, …"""
     error: arb
-    """Of the mean, as far as its last refinement changed it."""
+    """Error of the mean, as far as its last refinement changed it."""
     doubles: FloatArray
     """The series in doubles, as far as they see it."""
 

@@ -39,9 +39,9 @@ PANELS = tuple(8 * 2**k for k in range(9))
 RESOLVED = 1e-15
 """Largest tail of a propagator, relative to it."""
 ROUNDINGS = 2.0
-"""Of a propagator, in 2^-52 of it: of a and b, of the solution, of the product with those before."""
+"""Rounding of a propagator, in 2^-52 of it: of a and b, of the solution, of the product with those before."""
 MOST_PANELS = 1_000_000
-"""Of all turns that a motion is followed for."""
+"""Largest number of panels of all turns that a motion is followed for."""
 TURN, REST_OF_TURN = 2.0 * pi, 2.4492935982947064e-16
 
 

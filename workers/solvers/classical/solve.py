@@ -26,9 +26,9 @@ from workers.solvers.integration.solve import integrate_state
 FloatArray = NDArray[np.float64]
 
 RESOLVED = 1e-14
-"""Of the pieces of the function of time, unless the samples are known to less."""
+"""Error of the pieces of the function of time, unless the samples are known to less."""
 STATE_ROUNDING = 2.0**-180
-"""Of the state at time 0, relative."""
+"""Relative rounding error of the state at time 0."""
 DISTANCE = "distance_from_relations"
 """Key of the evidence: the largest distance of a sample from the relations of the case, to first order."""
 

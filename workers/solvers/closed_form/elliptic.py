@@ -54,7 +54,7 @@ class ClosedForm:
     quarters: int
     offset: float
     period: Period
-    """Of all six variables."""
+    """The common period of all six variables."""
     passages: FloatArray
     """Times in [0, period) at which a pole is passed, growing."""
     amplitude: Amplitude

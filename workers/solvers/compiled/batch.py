@@ -35,17 +35,17 @@ class Batch:
     """Shape (sets,): what :meth:`.frame.Frame.loops` returns, or loops known by their roots."""
     tier: Tier
     times: SampleTimes = NO_TIMES
-    """At which all of them are sampled."""
+    """Times at which all of them are sampled."""
     columns: IntArray = field(default_factory=lambda: np.arange(6))
     """Numbers of the variables that are sampled."""
     rests: FloatArray | None = None
-    """What the constants leave out, of the same shape; then the loops have their rests as well, and motions
-    are solved with twice the digits where doubles would lose some (:mod:`.doubled`)."""
+    """Low parts of the constants, of the same shape; then the loops have theirs as well, and motions are
+    solved with twice the digits where doubles would lose some (:mod:`.doubled`)."""
 
 
 @dataclass(frozen=True, slots=True)
 class BatchResult:
-    """What was found, in the order of the batch; NaN where a motion was not decided."""
+    """The results, in the order of the batch; NaN where a motion was not decided."""
 
     loops: Records
     """With their orbits."""
@@ -54,7 +54,7 @@ class BatchResult:
     samples: FloatArray
     """Shape (sets, times, columns)."""
     panels: Records
-    """Of the time map of the last motion."""
+    """The time map of the last motion."""
 
     @property
     def bounds(self) -> Bounds:

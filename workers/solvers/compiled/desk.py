@@ -1,4 +1,4 @@
-"""What a solver works on: places of the loop, times and discs that are gone through together.
+"""The workspace of a solver: places of the loop, times and discs that are gone through together.
 
 They lie in records that Python has made once (:mod:`compiled.records` says why).
 """
@@ -25,7 +25,7 @@ class Places:
 
     sine: FloatArray
     cosine: FloatArray
-    """Of v."""
+    """Sine and cosine of v."""
     below: FloatArray
     above: FloatArray
     """v − v₋ and v₊ − v."""
@@ -59,7 +59,7 @@ class Moments:
     slope: FloatArray
     """dt/dx."""
     width: FloatArray
-    """Of the panel, in u."""
+    """Width of the panel, in u."""
     sine: FloatArray
     cosine: FloatArray
     speed: FloatArray
@@ -83,11 +83,11 @@ class Board:
     s_radius: FloatArray
     c_centre: FloatArray
     c_radius: FloatArray
-    """Of sin v without its sign, and of cos v."""
+    """|sin v| and cos v, as discs."""
     t_radius: FloatArray
-    """Of both squares."""
+    """Radius of both squares."""
     sign: FloatArray
-    """Of sin v."""
+    """Sign of sin v."""
     square: FloatArray
     square_radius: FloatArray
     """c² as a disc."""

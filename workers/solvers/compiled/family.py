@@ -33,7 +33,7 @@ CompiledTier = Literal["draft", "standard", "high"]
 SAME = 1e-6
 """Departure of g1 at its ends within which two solvers speak of one window."""
 DOUBT = 2.0**-44
-"""Of an end of the arc, in v."""
+"""Error of an end of the arc, in v."""
 
 
 @dataclass(frozen=True, slots=True)

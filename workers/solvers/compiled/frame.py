@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 NORMAL_BITS = 1020
 """Quotients of integers whose lengths differ by less are normal doubles."""
 REST_BITS = 160
-"""Of logarithms, whose doubles and rests have 106."""
+"""Precision of logarithms, whose doubles and low parts have 106 bits."""
 
 _EMPTY = np.zeros(1, dtype=LOOP)
 
@@ -51,7 +51,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Bodies:
-    """What kernels know of the bodies of many motions, each number rounded once, shape (sets,)."""
+    """The numbers of the bodies of many motions that kernels need, each rounded once, shape (sets,)."""
 
     alpha: FloatArray
     """The larger of A/C and C/A."""

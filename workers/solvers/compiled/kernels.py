@@ -20,7 +20,7 @@ def kernel(function: F) -> F:
 
 
 class _Builder(Protocol):
-    """What is used of the one that writes instructions."""
+    """The part of llvmlite's builder of instructions that is used."""
 
     def fma(self, a: object, b: object, c: object) -> object: ...
 

@@ -23,17 +23,17 @@ FloatArray = NDArray[np.float64]
 FloatLike = float | FloatArray
 ALL = np.arange(6)
 PIECES = 128
-"""Of a dense output; a motion that needs more is resolved without this much haste."""
+"""Number of pieces of a dense output; a motion that needs more is resolved without this much haste."""
 FORMULA_ULPS = 6.0
 """Roundings of a variable once the phase is known, in 2^-52 of itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What the error of a sample is made of; numbers, or arrays for many motions."""
+    """The parts of the error of a sample; numbers, or arrays for many motions."""
 
     time: FloatLike
-    """Of t(u) within one period, wherever it is."""
+    """Error of t(u) within one period, wherever it is."""
     speed: FloatLike
     """Largest time derivative of any variable."""
     rate: FloatLike

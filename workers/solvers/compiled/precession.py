@@ -22,13 +22,13 @@ FloatArray = NDArray[np.float64]
 
 NODES, WEIGHTS = legendre.leggauss(16)
 RESOLVED = 2.0**-56
-"""Of the whole, what a panel may change by halving."""
+"""Change of a panel by halving that is small enough, relative to the whole."""
 DEEPEST = 60
 """Panels that wait: one for each time that one is halved."""
 NARROWEST = 1e-15
 UNIT = 2.0**-53
 ROUNDINGS = 8.0
-"""Of the integrand, in 2^-53, where λ and the power of the sine are exact."""
+"""Rounding error of the integrand, in 2^-53 of it, where λ and the power of the sine are exact."""
 
 
 @kernel

@@ -16,7 +16,7 @@ Records = NDArray[np.void]
 """An array of records; each has its numbers as attributes, named unlike those that all of numpy's have."""
 
 NODES = 16
-"""Of a series of dt/du on a panel."""
+"""Number of nodes of a series of dt/du on a panel."""
 MAX_PANELS = 192
 MAX_ARCS = 64
 MAX_ROOTS = 35
@@ -30,19 +30,19 @@ class Formula(NamedTuple):
     """See :class:`.Program`."""
     constants: FloatArray
     lows: FloatArray
-    """What the doubles of the constants leave out."""
+    """Low parts that the doubles of the constants leave out."""
     registers: FloatArray
-    """Of the interpreter: shape (4, registers, POINTS)."""
+    """Registers of the interpreter: shape (4, registers, POINTS)."""
     centres: FloatArray
     radii: FloatArray
     powers: FloatArray
     """Rows of discs: shapes (rows, LANES) and (rows,); see :mod:`compiled.discs.arithmetic`."""
     harmonics: FloatArray
-    """Of dt/du, its cosine series in πu where it is known by that, else empty."""
+    """Cosine series of dt/du in πu, where dt/du is known by that; else empty."""
 
 
 class Start(NamedTuple):
-    """Where a motion is asked to start."""
+    """The start that is asked of a motion."""
 
     kind: int
     """AUTOMATIC, EQUATOR, REST or POINT."""
@@ -60,7 +60,7 @@ class Loop:
     factor: float
     """C/((A − C) A)."""
     sign1: float
-    """Of the primed g1."""
+    """Sign of the primed g1."""
     mirrored: bool
     half: float
     """Sign of the primed g3."""
@@ -69,7 +69,7 @@ class Loop:
     kind: int
     s_sign: float
     g2_sign: float
-    """Of the start that is asked: see :class:`Start`."""
+    """The start that is asked: see :class:`Start`."""
     size_of_g1: float
     """The client's |g1| at a point where the motion is asked to start."""
     log_lambda: float
@@ -77,7 +77,7 @@ class Loop:
     alpha_low: float
     factor_low: float
     log_lambda_low: float
-    """What the doubles of these leave out; 0 where nobody asks for it."""
+    """Low parts that the doubles of these leave out; 0 where nobody asks for them."""
     z: float
     g: float
     rotates: bool
@@ -91,13 +91,13 @@ class Loop:
     c_upper: float
     """Sine and cosine at the ends and in the middle."""
     direction: float
-    """Of a rotation."""
+    """Direction of a rotation."""
     place: float
     """v at the start, unrolled, as far as doubles tell; only where zeros of P were looked for."""
     start: float
     """u at the start; NaN: not decided."""
     sense: float
-    """In which u goes at first."""
+    """Direction in which u goes at first."""
     period_hi: float
     period_lo: float
     origin: float
@@ -168,14 +168,14 @@ class Arc:
 
 
 class Found:
-    """What is said of a solved motion; NaN where it was not decided."""
+    """The results for a solved motion; NaN where it was not decided."""
 
     panels: int
-    """Of the time map; 0: not decided."""
+    """Number of panels of the time map; 0: not decided."""
     period: float
     period_error: float
     time_error: float
-    """Of a time within one period, at the start of each panel."""
+    """Error of a time within one period, at the start of each panel."""
     speed: float
     """Largest time derivative of any variable."""
     largest: float

@@ -23,7 +23,7 @@ from workers.solvers.compiled.time_map.series import time_at
 FloatArray = NDArray[np.float64]
 
 LASTING = 1e-24
-"""Of a period, its error: good for 1e8 of them."""
+"""Relative error of a period that is good for 1e8 periods."""
 KEPT = 8e-14
 """Error of a variable within a period that leaves room to what comes with time: ``high`` promises 1e-13."""
 START_ULPS = 8.0

@@ -27,7 +27,7 @@ from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace
 GENERIC = Fraction(2, 3)
 """A value of |sin v|^(1/unit) at which a formula is asked for its powers."""
 FAR_FROM_POLE = 0.2
-"""Of X = tan(u/2)."""
+"""Value of X = tan(u/2) from which on |sin v| is not taken from X."""
 FAR = 0.75
 """sin²v up to which nothing is lost in 1 − sin²v."""
 

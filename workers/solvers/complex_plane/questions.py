@@ -18,7 +18,7 @@ class PlaneQuestion:
     name: str
     beside: int
     answer: Callable[[Tape, Algebra[Any], Values, Values], tuple[Any, ...]]
-    """From the tape, the algebra, (g1, g2, g3) and the inputs beside to the answers."""
+    """Returns the answers, given the tape, the algebra, (g1, g2, g3) and the inputs beside."""
     is_squared: bool = False
     """The one input beside is g2²."""
 

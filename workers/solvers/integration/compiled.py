@@ -87,7 +87,7 @@ class CompiledIntegrator:
 
     @cached_property
     def structure(self) -> tuple[object, ...] | None:
-        """What integrators have in common whose motions can go side by side; None where that is unknown.
+        """Key shared by integrators whose motions can be computed side by side; None where it is unknown.
 
         Rounding constants to a neighbour can make two of them equal, or a sum of them vanish: then the
         neighbour goes through other operations.
@@ -245,7 +245,7 @@ class Held:
 
     breaks: FloatArray
     coefficients: FloatArray
-    """Of the finer run, as :class:`~service.dynamics.solution.dense_output.DenseOutput` has them."""
+    """Series of the finer run, as :class:`~service.dynamics.solution.dense_output.DenseOutput` has them."""
     error: float
     """The claim; not below what the motion shows."""
     difference: float
@@ -331,7 +331,7 @@ def held_twin(
 
 @dataclass(frozen=True, slots=True)
 class HeldTwins:
-    """What is found of many motions at once."""
+    """The results of many motions that were integrated at once."""
 
     endings: IntArray
     """HELD, INACCURATE, OPEN or COLLIDED, shape (n,)."""

@@ -33,13 +33,13 @@ STEPS_TOGETHER = 24
 MAX_RESTARTS = 400
 """Checks after the first failure: a feature takes some ten."""
 ROUNDING = 2.0**-43
-"""Of one step, relative to the variables: some hundred roundings of a state."""
+"""Rounding error of one step, relative to the variables: some hundred roundings of a state."""
 SLACK = 1e3
 """Largest defect of a step, in local tolerances: between its ends the function of time is less good."""
 STATE_ROUNDING = 2.0**-50
-"""Of a state at a node, relative to each variable."""
+"""Rounding error of a state at a node, relative to each variable."""
 REGROWTH = 4.0
-"""Of the longest step, by each check that finds nothing."""
+"""Factor by which the longest step grows at each check that finds nothing."""
 BEFORE_THE_END = 1e-6
 """Share of the time of a run that ends early of which nothing is asked."""
 SHORTEST = 1e-14

@@ -70,14 +70,14 @@ class Run:
 
 
 class Steps(Protocol):
-    """How finely a method integrates."""
+    """The local tolerances that a method can be given, and the errors of its steps."""
 
     finest: float
     """Local tolerance below which rounding, not truncation, makes the error."""
     coarsest: float
     """Largest local tolerance, whatever is asked: beyond it the method is not in its element."""
     leaves_out: float
-    """What a step leaves out, relative to the largest variable, in local tolerances."""
+    """Truncation error of a step, relative to the largest variable, in local tolerances."""
     tightening: float
     """How much tighter the second of two runs must be for other steps and a smaller error."""
 

@@ -50,9 +50,10 @@ class SharedGradient:
     """The gradient of potentials that differ in numbers alone: one program, and what its constants are."""
 
     gradient: Gradient
-    """Of one of them."""
+    """The gradient of one of them."""
     sources: tuple[float | int, ...]
-    """Of what the program begins with: a constant, or the place of a number among those of the tape."""
+    """Sources of the constants at the program's beginning: a constant, or the index of a number of the
+    tape."""
     folded: tuple[tuple[Operation, tuple[int, ...]], ...]
     """The constants after these, each by an operation on constants."""
     rounding: Rounding
@@ -142,7 +143,7 @@ class _Writer:
         self._count = series.STATE
         self._waves: dict[int, tuple[int, int]] = {}
         self.folded = list[tuple[Operation, tuple[int, ...]]]()
-        """What was carried out on constants, by their places."""
+        """Operations that were carried out on constants, by the indices of these."""
 
     def constant(self, value: float) -> int:
         self._constants.append(value)

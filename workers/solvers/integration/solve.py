@@ -115,7 +115,7 @@ def integrate_state(
 
 @dataclass(frozen=True, slots=True)
 class Quest:
-    """What is asked of the motions of one or many states: the times, and the largest error."""
+    """A request for the motions of one or many states: the times, and the largest error."""
 
     span: Span
     check: FloatArray

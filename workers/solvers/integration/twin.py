@@ -32,14 +32,14 @@ claim was never below the actual error in thousands of random problems held agai
 UNIT = 2.0**-53
 """A rounding, relative to the number."""
 ROUNDING = 4.0 * UNIT
-"""What two runs share, relative to the variables: the rounded state, time, moments and coefficients."""
+"""Error that two runs share, relative to the variables: the rounded state, time, moments and coefficients."""
 
 
 LOOSER = 8.0
 """Times as much defect may the coarser run leave at a kink. With the same for both they err alike there, and
 their difference does not show it; like this it shows seven times what the finer one leaves."""
 ORDER = 9
-"""Of the series of the exponential: see :data:`workers.solvers.compiled.general.growth.LONGEST`."""
+"""Order of the series of the exponential: see :data:`workers.solvers.compiled.general.growth.LONGEST`."""
 PIECES_TOGETHER = 512
 """Pieces of which J is found at once: some 50 MB."""
 
@@ -67,7 +67,7 @@ class Twin:
     ending: IntegrationError | None
     """Why that is less than what was asked for, or None; the earlier one of two."""
     local_tolerance: float
-    """Of the finer run."""
+    """Local tolerance of the finer run."""
     growth: FloatArray
     """Part of the claim in each piece of the finer run: what errors that it makes on its way grow to."""
 

@@ -42,7 +42,7 @@ class SlowOrbit:
     start: float
     corners: tuple[float, ...]
     direction: int
-    """Of a rotation; 1 for a libration, which goes up first."""
+    """Direction of a rotation; 1 for a libration, which goes up first."""
     is_even: bool
     precision: int
 

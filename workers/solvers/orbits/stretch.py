@@ -40,7 +40,7 @@ class LoopStretch:
 
     kind: Literal["turn", "slow turn", "pass"]
     side: int
-    """Of an end: 1 if the stretch lies above it, −1 below. A pass has 1."""
+    """Side of an end: 1 if the stretch lies above it, −1 below. A pass has 1."""
     origin: arb
     """Where the motion turns, or the near rest that is passed."""
     slow: Slow | None

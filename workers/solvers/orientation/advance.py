@@ -32,7 +32,7 @@ NUDGE = arb(2) ** -60
 
 @dataclass(frozen=True, slots=True)
 class Precession:
-    """How far the azimuths of the body's first and third axes go in one period."""
+    """The angles by which the azimuths of the body's first and third axes advance in one period."""
 
     psi1: Estimate
     psi3: Estimate

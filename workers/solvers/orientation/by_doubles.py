@@ -21,7 +21,7 @@ TURN, REST_OF_TURN = 2.0 * math.pi, 2.4492935982947064e-16
 SUMMED = 2.0**-102
 """Error of a sum with 2π in two doubles: 2^-105 of 2π, and half an ulp of what is left, 2^-50 at most."""
 LARGEST_ERROR = 1e-13
-"""Of an advance: a curve that is so extreme that doubles know it worse is left to balls."""
+"""Largest error of an advance: a curve that is so extreme that doubles know it worse is left to balls."""
 
 
 def advances_on(body: RigidBody, motion: PlanarMotion) -> Callable[[Loop, int], tuple[Advance, Advance]]:

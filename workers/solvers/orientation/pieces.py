@@ -33,7 +33,7 @@ RESOLVED = 1e-15
 LARGEST_TURN = 1.0
 """η |ω|: beyond it Picard's iteration loses digits by cancellation, like the exponential's series."""
 SWEEPS = 24
-"""Of Picard's iteration: 1/24! is below 2^-53 by many orders."""
+"""Number of steps of Picard's iteration: 1/24! is below 2^-53 by many orders."""
 SHORTEST = 8
 """Half a piece in ulp of its times, below which it is not halved."""
 MOST_PIECES = 400_000

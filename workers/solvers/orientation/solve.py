@@ -52,7 +52,7 @@ CLOSEST_PERIODIC = 1e-10
 """Angle from the vertical where the azimuths cannot be done without: there, the axes are never vertical."""
 AXES = {"psi1": 0, "psi3": 2}
 ROUNDING = 4.0 * EPSILON
-"""Of a rate, relative to its terms; of a product of quaternions."""
+"""Rounding error of a rate, relative to its terms; and of a product of quaternions."""
 UNSEEN = 2.0
 """Factor for the places between the points that are looked at."""
 
@@ -70,7 +70,7 @@ class Orientation:
 
 
 Advances = Callable[[Loop, int], tuple[Advance, Advance]]
-"""What ψ1 and ψ3 gain round a loop in a sense, as :func:`.advance.loop_advances` has it."""
+"""Returns the advances of ψ1 and ψ3 round a loop in a sense, as :func:`.advance.loop_advances` does."""
 
 
 def with_orientation(motion: Motion, advances_of: Advances = loop_advances) -> Orientation:

@@ -26,7 +26,7 @@ from workers.solvers.planar.duties import Family
 from workers.solvers.quadrature.family import QuadratureFamily
 
 Kind = Literal["any state", "periodic", "not periodic"]
-"""Of a motion: integrated from any state; or planar, by the kind of its window."""
+"""The kind of a motion: integrated from any state; or planar, by the kind of its window."""
 Grade = Literal["draft", "loose", "standard", "high", "certified"]
 """The tiers; ``loose`` is a tolerance that is looser than the promise of ``standard``."""
 FamilyName = Literal["draft doubles", "standard doubles", "high doubles", "closed form", "quadrature"]
@@ -66,7 +66,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class EnclosureRow:
-    """By these methods, of these grades: when samples are enclosed, and by what, in this order."""
+    """A rule for enclosing samples: for which methods and grades, when, and by what, in this order."""
 
     methods: tuple[Method, ...]
     grades: tuple[Grade, ...]
@@ -98,7 +98,7 @@ FUNCTIONS_OF_TIME: tuple[Row, ...] = (
     Row(("periodic",),      _FREE,             ("high",),        _BY_HIGH),
     Row(("periodic",),      _FREE,             _NOT_BY_DOUBLES,  _DEARER),
 )
-"""Who computes the motion as a function of time."""
+"""The solvers that are asked for the motion as a function of time, by the first row that fits."""
 
 ENCLOSURES: tuple[EnclosureRow, ...] = (
     #            method        accuracy         enclosed         asked, in this order

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from flint import acb, arb
 
 DEGREE = 32
-"""Of the series of a panel."""
+"""Degree of the series of a panel."""
 WANTED = 2e-19
 """Tail of F against F in the middle of the panel, by which an ellipse is chosen."""
 REGION = 1.0 + 2.0**-20
@@ -85,10 +85,10 @@ FLAT = _Trial(128, 1.0 + 2.0**-20, 4, False)
 
 @dataclass(frozen=True, slots=True)
 class Ellipse:
-    """Where F is proved to be holomorphic about a panel, in units of u = θ/π."""
+    """An ellipse about a panel on which F is proved to be holomorphic, in units of u = θ/π."""
 
     degree: int
-    """Of the interpolation that this ellipse is for."""
+    """Degree of the interpolation that this ellipse is for."""
     rho: float
     largest: arb
     """M."""

@@ -172,7 +172,7 @@ def make_flight(start: StartingPoint) -> Flight:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """How far phases go in one direction of time, and what is there."""
+    """The phase that is reached in one direction of time, and the end of the arc ahead."""
 
     y: float
     end: ArcEnd

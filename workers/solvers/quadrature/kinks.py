@@ -27,7 +27,7 @@ NEAR = 4.0
 """|x| up to which exp(x) is as good as exp(−x)."""
 
 Places = Callable[[float, float], tuple[arb, arb, arb] | None]
-"""From a stretch of u to an enclosure of g1, g2, g3 on it; None if there is none."""
+"""Returns an enclosure of g1, g2, g3 on a stretch of u; None if there is none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,7 +53,7 @@ FloatArray = NDArray[np.float64]
 
 KNOWN_BITS = 60
 LARGEST_DEPARTURE = 0.25
-"""Of e."""
+"""Limit that e must stay below."""
 ROUNDINGS = 64.0 * EPSILON
 """More than those of DEGREE coefficients of a series that is nearly constant, in parts of it."""
 
@@ -87,7 +87,7 @@ class Panel:
 
     @property
     def tail(self) -> float:
-        """What the last two coefficients amount to over the panel."""
+        """The sum of the absolute values of the last two coefficients, times the length of the panel."""
         return float(np.abs(self.series[-2:]).sum()) * (self.right - self.left)
 
     @property
@@ -174,7 +174,7 @@ class _Rule:
 
     points: tuple[arb, ...]
     weights: tuple[arb, ...]
-    """Of Clenshaw and Curtis (1960)."""
+    """Weights of Clenshaw and Curtis (1960)."""
     series: arb_mat
     """T_k at the points, k ≤ DEGREE."""
     interpolation: arb_mat

@@ -27,12 +27,12 @@ from workers.solvers.stability.assessment import Stability, assess, verdict_of
 from workers.solvers.stability.monodromy import Monodromy
 
 LARGEST_ERROR = TIER_TOLERANCES["standard"]
-"""Of a trace, in parts of the larger of itself and 1, where the tolerance is not smaller."""
+"""Largest error of a trace, in parts of the larger of itself and 1, where the tolerance is not smaller."""
 
 
 @dataclass(frozen=True, slots=True)
 class Perturbed:
-    """What Hill's equation depends on beside the curve: the moments, and the program of V."""
+    """The data of Hill's equation beside the curve: the moments, and the program of V."""
 
     moments: tuple[Fraction, Fraction, Fraction]
     program: Program

@@ -32,7 +32,7 @@ ROUNDINGS = 4.0
 SMALLEST_PANEL = 1e-15
 MAX_PANELS = 2000
 DISTANCES = (arb(2) ** -16, arb(2) ** -26)
-"""From a pole, in θ: near enough for the leading term of A, far beyond the rounding of the corners.
+"""Distances from a pole, in θ: near enough for the leading term of A, far beyond the rounding of the corners.
 A power −0.9 of the distance still halves its product with the distance between the two."""
 
 

@@ -1,4 +1,4 @@
-r"""For how long doubles can follow a motion: roundings that the monodromy carries on, period by period."""
+r"""The time for which doubles follow a motion: roundings that the monodromy carries on, period by period."""
 
 import math
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ FEWEST = 16
 LEFT_OUT = 32.0
 """Natural logarithm of what is left out of the harmonics: 1e-14 of the first one."""
 MOST_STEPS = 64
-"""From where the mean growth leads to the period asked for; after more, all periods are gone through."""
+"""Steps, at most, by the mean growth to the period asked for; after more, all periods are gone through."""
 
 
 def trusted_time(
@@ -124,7 +124,7 @@ class RotatingNorms:
     harmonics: FloatArray
     """a_m, from m = 0 on."""
     largest: float
-    """Of all f(x)."""
+    """Largest value of f."""
 
     def total(self, last: int) -> float:
         r"""Return \|M^0\| + ... + \|M^last\|.

@@ -10,7 +10,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class MirrorImage:
-    """Which of the mirror images of a motion: the signs of g1, of g2 and of g3.
+    """One of the mirror images of a motion, by the signs of g1, of g2 and of g3.
 
     Where g2 changes sign (``hi`` the equator) it is that of cos v, and ``g2``
     is 1; where g3 does (``lo`` the pole) it is that of ``g3`` · sin v.
@@ -25,7 +25,7 @@ class MirrorImage:
 
 @dataclass(frozen=True, slots=True)
 class Variables:
-    """What the six variables are made of, in doubles: x = lo cos²v + hi sin²v, L1 and L2 linear in x."""
+    """The data of the six variables, in doubles: x = lo cos²v + hi sin²v, L1 and L2 linear in x."""
 
     C: float
     nu: float

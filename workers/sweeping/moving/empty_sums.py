@@ -47,9 +47,9 @@ class _Sums:
     third: FloatArray
     """Exponents of |g1| and |g3|."""
     sine: FloatArray
-    """That of s, less the lowest."""
+    """Exponents of s, less the lowest."""
     height: FloatArray
-    """That of |g2|."""
+    """Exponents of |g2|."""
     odd: FloatArray
     """1 if g2 has a sign there, else 0."""
 

@@ -73,7 +73,7 @@ class ExpressionModel:
 
     document: Mapping[str, object]
     names: tuple[str, ...]
-    """Of the parameters on the axes."""
+    """Names of the parameters on the axes."""
     holed: Mapping[str, object]
     """The same with a parameter for each part."""
     holes: tuple[str, ...]

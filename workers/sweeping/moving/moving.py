@@ -53,7 +53,8 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
 MOST_BITS = 1000
-"""Of a number in a potential: nothing that is made of such ones is beyond the limits of formulas."""
+"""Largest size of a number in a potential, in bits: what is made of such ones keeps the limits of
+formulas."""
 MOST_TEMPLATES = 64
 
 
@@ -66,22 +67,22 @@ class Moving:
     tier: Tier
     model: Model
     places: tuple[int, ...]
-    """Of the axes of the model's numbers."""
+    """Indices of the axes of the model's numbers."""
     moments: Mapping[str, int]
     """Places of the axes of A, B and C."""
     curve_place: int | None
     start_place: int | None
     time_places: Mapping[str, int]
-    """Of the axes of the times, by their names."""
+    """Indices of the axes of the times, by their names."""
     motions: Mapping[int, PlanarMotion]
-    """By the sign of g1."""
+    """The motions by the sign of g1."""
     needs_double: bool
     """There is the curve, or the potential, for A = 2C only."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Point:
-    """What a point states."""
+    """The numbers that a point states, with its program and its verdict."""
 
     place: int
     moments: MomentsOfPoint

@@ -30,7 +30,7 @@ MOST_TEMPLATES = 64
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What points of one structure have in common."""
+    """The program and the gradients that points of one structure share."""
 
     template: Template
     own: SharedGradient

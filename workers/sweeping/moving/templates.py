@@ -27,7 +27,7 @@ Key = tuple[object, ...]
 
 
 class MomentsOfPoint(NamedTuple):
-    """Those of a body, exactly."""
+    """The moments of a body, exactly."""
 
     A: fmpq
     B: fmpq | None
@@ -63,15 +63,15 @@ class Template:
 
     program: Program
     tape: Tape
-    """Of one point."""
+    """The tape of one point."""
     constants: FloatArray
-    """Of the program; those that vary are replaced."""
+    """Constants of the program; those that vary are replaced."""
     fixed: tuple[fmpq | None, ...]
     """The same exactly, None for π."""
     varying: Mapping[int, tuple[int, int]]
     """The others by their places: which value, and its sign."""
     exponents: Mapping[int, int]
-    """What is raised to each exponent, by the places of these: two of one base would be one instruction."""
+    """The base of each exponent, by the index of the exponent: two of one base would be one instruction."""
     distinct: tuple[int, int]
     """How many different constants, and exponents, there are."""
 

@@ -24,7 +24,7 @@ from workers.sweeping.parameters.exact_parts import ExactParts, parts_of
 from workers.sweeping.parameters.family import Path, degree_in, potential_of
 
 LARGEST_EXPONENT = 64
-"""Of a coefficient; its exact digits grow with it."""
+"""Largest exponent of a coefficient; its exact digits grow with it."""
 
 
 @dataclass(frozen=True, slots=True)

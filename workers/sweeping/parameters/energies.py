@@ -35,7 +35,7 @@ class Energies:
     """h_0 and h_0 + h_k, in nu if A = 2C, else in λ."""
     in_nu: bool
     sign: int
-    """That of nu."""
+    """Sign of nu."""
 
     def terms(self, lambda_squared: fmpq) -> tuple[arb, ...]:
         """Return h_0 and the h_k, at the current precision."""

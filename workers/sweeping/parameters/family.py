@@ -94,10 +94,10 @@ def potential_of(body: RigidBody, document: object) -> Potential:
 
 @dataclass(frozen=True, slots=True)
 class Poles:
-    """Where a motion through the poles needs no convention: V is twice differentiable there."""
+    """The condition for motions through the poles to need no convention: V is twice differentiable there."""
 
     hessians: FloatArray
-    """Of V_0 and of each V_k at both poles, shape (terms, 2, 3, 3)."""
+    """Second derivatives of V_0 and of each V_k at both poles, shape (terms, 2, 3, 3)."""
 
     def are_plain(self, parameters: FloatArray) -> NDArray[np.bool_]:
         """Say for each row of parameters (points, terms − 1) whether nothing cancels there."""

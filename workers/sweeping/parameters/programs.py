@@ -81,7 +81,7 @@ class AffineProgram:
     varying: Mapping[int, Affine]
     """The others by their places."""
     tape: Tape
-    """Of one member."""
+    """The tape of one member."""
 
     def rows(self, doubles: FloatArray, exact: Sequence[Sequence[fmpq]] | None) -> FloatArray:
         """Return the constants, shape (points, constants), at ``doubles`` (points, parameters).
@@ -170,13 +170,13 @@ class Group:
     rows: FloatArray
     """The constants of each, the doubles nearest to them."""
     places: IntArray
-    """Of the points in their block."""
+    """Indices of the points in their block."""
     tape: Tape
-    """Of one of the points; the others differ in constants only."""
+    """The tape of one of the points; the others differ in constants only."""
     varying: tuple[int, ...]
     """The places of those constants in a row."""
     rests: FloatArray | None = None
-    """What the rows leave out of the constants; None where nobody asked for it."""
+    """Low parts that the rows leave out of the constants; None where nobody asked for them."""
 
     def part(self, members: NDArray[np.bool_]) -> "Group":
         """Return those of the points that are ``members``, shape (points,)."""

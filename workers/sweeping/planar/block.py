@@ -42,7 +42,7 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
 MAX_PROGRAMS = 64
-"""Of a family, by the signs of its coefficients."""
+"""Largest number of programs of a family, by the signs of its coefficients."""
 
 
 class BlockSolver:
@@ -306,7 +306,7 @@ class _Here:
     squares: Sequence[fmpq]
     """Their λ²."""
     times: Sequence[Times | None]
-    """Of all points of the block."""
+    """The times of all points of the block."""
 
 
 def _k(units: Units) -> int:

@@ -103,7 +103,7 @@ def sweep_by_roots(
 
 
 class _Found:
-    """What is known of the motions, filled in one by one."""
+    """The results for the motions, filled in one by one."""
 
     def __init__(self, loops: Records, sampling: Sampling) -> None:
         sets = len(loops)

@@ -43,7 +43,7 @@ class Swept:
     """Shape (sets, times, columns)."""
     passes_pole: BoolArray
     is_kept: BoolArray
-    """Those that have the digits of ``high`` within a period."""
+    """The motions that have the digits of ``high`` within a period."""
     approaches: FloatArray | None
     """Poisson variables of points on the way to each pole, shape (sets, 2, depths, 3); see :data:`DEPTHS`.
 
@@ -98,12 +98,12 @@ DEPTHS = (1.0 / math.cosh(13.0), 1e-9, 1e-14, 1e-25, 1e-50, 1e-100)
 
 AT_START = SampleTimes(np.zeros(1), np.zeros(1))
 SURE = 2.0**-20
-"""Of g1' or g3' at a given start: nearer to an end of the window doubles do not tell that it is inside."""
+"""Least |g1'| and |g3'| at a given start: below, doubles do not tell that the start is inside the window."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Where and which variables are wanted."""
+    """The times and the variables of the samples that are wanted."""
 
     time: Times
     columns: IntArray

@@ -28,7 +28,7 @@ def keeps_further(keep: Sequence[str]) -> bool:
 
 
 class KeptIntegrals:
-    """What is kept of the integrals of one sweep."""
+    """The numbers that one sweep keeps of the integrals."""
 
     def __init__(self, body: RigidBody, keep: Sequence[str]) -> None:
         self._body = body

@@ -1,4 +1,4 @@
-"""What a sweep keeps of stability and orientation, point by point, by the functions of a single job."""
+"""Stability and orientation that a sweep keeps, point by point, by the functions of a single job."""
 
 import math
 from collections.abc import Sequence

@@ -25,27 +25,27 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Quick:
-    """What holds for all points."""
+    """The data that hold for all points."""
 
     problem: Problem
     """The first point's."""
     potential: Mapping[str, object]
     """The base's."""
     paths: tuple[Path, ...]
-    """Of the numbers in the potential that vary."""
+    """Paths of the numbers in the potential that vary."""
     places: tuple[int, ...]
-    """Of their axes, in the same order."""
+    """Indices of their axes, in the same order."""
     coefficients: Coefficients
-    """What these numbers make, in which the potential is linear."""
+    """Coefficients that these numbers make, in which the potential is linear."""
     curve_place: int | None
-    """Of the axis of λ or nu."""
+    """Index of the axis of λ or nu."""
     start_place: int | None
-    """Of the axis of g1 at the start."""
+    """Index of the axis of g1 at the start."""
     moment_place: int | None
-    """Of the axis of B, on which planar motions do not depend."""
+    """Index of the axis of B, on which planar motions do not depend."""
     time_places: Mapping[str, int]
-    """Of the axes of the times, by their names."""
+    """Indices of the axes of the times, by their names."""
     sides: Mapping[int, Side]
-    """By the sign of g1."""
+    """The sides by the sign of g1."""
     family: SweepFamily
     poles: Poles | None

@@ -1,4 +1,4 @@
-"""What is found of a block of neighbouring points."""
+"""The results for a block of neighbouring points."""
 
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class SolvedBlock:
     solved: BoolArray
     """Shape (points,)."""
     refused: Mapping[str, BoolArray]
-    """Those that certainly end with the error of this code, shape (points,)."""
+    """The points that certainly end with the error of this code, shape (points,)."""
     numbers: Mapping[str, FloatArray]
     """The kept numbers, each of shape (points,)."""
     series: Mapping[str, FloatArray]

@@ -18,7 +18,7 @@ router = APIRouter(prefix="/v1/accuracy", tags=["accuracy"])
 
 
 class AccuracyQuery(QueryModel):
-    """Which rows."""
+    """The conditions on rows of the table."""
 
     tier: Tier | None = Field(default=None, description="Only rows of this tier.")
     kind: MotionKind | None = Field(

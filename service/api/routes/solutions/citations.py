@@ -22,7 +22,7 @@ WRITERS: Mapping[str, Callable[[Cited], str]] = {CITATIONS["bibtex"]: bibtex, CI
 
 
 class CitationQuery(QueryModel):
-    """How a citation is written."""
+    """The format of a citation."""
 
     format: Literal["bibtex", "cff"] | None = Field(default=None, description=FORMAT_HELP)
 

@@ -64,7 +64,7 @@ EXAMPLES: dict[str, object] = {
 
 
 class SweepsQuery(PageQuery):
-    """Which sweeps."""
+    """The conditions on sweeps, and the page of the list."""
 
     state: JobState | None = Field(default=None, description="Only sweeps in this state.")
 

@@ -1,4 +1,4 @@
-"""How the body turns in space, from its function of time: quaternions and azimuths at any times.
+"""The orientation of the body in space, from its function of time: quaternions and azimuths at any times.
 
 After n periods the body has turned about the vertical by n times the gain of psi1, and its quaternion
 with it, q(t + n T) = (±1)^n exp(k n Δψ1/2) q(t); n Δψ1 is reduced without loss. Operations and their

@@ -1,1 +1,1 @@
-"""What people see: pictures, tables in notebooks, bars of progress."""
+"""Output for people: pictures, tables in notebooks, progress bars."""

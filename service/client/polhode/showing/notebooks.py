@@ -1,4 +1,4 @@
-"""What notebooks show: a table of facts, and a small picture of a path on the sphere."""
+"""Output in notebooks: a table of facts, and a small picture of a path on the sphere."""
 
 from collections.abc import Mapping
 from html import escape
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 _SIZE = 160
 _VIEW = np.array([0.48, 0.62, 0.62])
-"""From where the sphere is seen: all three axes are in front."""
+"""The direction from which the sphere is seen: all three axes are in front."""
 
 
 def table_html(title: str, facts: Mapping[str, object], picture: str = "") -> str:

@@ -1,1 +1,1 @@
-"""How requests travel: what an operation asks for, who carries it out, what is sent again or kept."""
+"""Sending of requests: what an operation asks for, who carries it out, what is sent again or cached."""

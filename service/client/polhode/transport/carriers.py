@@ -13,11 +13,11 @@ from polhode.transport.terms import Terms
 
 T = TypeVar("T")
 CarrierT = TypeVar("CarrierT", bound="ThreadCarrier | LoopCarrier")
-"""By which a client, and all that it returns, sends."""
+"""The carrier by which a client, and all that it returns, sends requests."""
 
 _LOST = (httpx.TransportError, httpx.DecodingError, httpx.StreamError)
 _HOPELESS = (httpx.UnsupportedProtocol, httpx.LocalProtocolError)
-"""What would fail in the same way if it were sent again."""
+"""Errors that would come again if the request were sent again."""
 _TIMEOUT = httpx.Timeout(90.0, connect=10.0)
 """Seconds without a byte: the service answers a waiting request within 60, and events come every 15."""
 

@@ -41,13 +41,13 @@ class Pause:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What came back. Names of headers are in lower case."""
+    """The result of a step; names of headers are in lower case."""
 
     status: int = 0
     headers: Mapping[str, str] = field(default_factory=dict)
     content: bytes = b""
     line: str | None = None
-    """What :class:`NextLine` asked for; None at the end of the stream."""
+    """The line that :class:`NextLine` asked for; None at the end of the stream."""
 
 
 class LostConnectionError(Exception):
@@ -77,7 +77,7 @@ class Synchronous(Protocol):
 
     @property
     def carrier(self) -> Thread:
-        """Who carries them out."""
+        """The carrier that carries the operations out."""
 
 
 class Asynchronous(Protocol):
@@ -85,7 +85,7 @@ class Asynchronous(Protocol):
 
     @property
     def carrier(self) -> Loop:
-        """Who carries them out."""
+        """The carrier that carries the operations out."""
 
 
 class operation(Generic[Owner, P, T]):  # noqa: N801 - used as a decorator

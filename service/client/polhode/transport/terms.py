@@ -1,4 +1,4 @@
-"""To whom a client speaks, and how patiently."""
+"""The service that a client speaks to, and the patience with it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 @dataclass(slots=True)
 class Terms:
-    """What all operations of one client share."""
+    """The settings and the state that all operations of one client share."""
 
     url: str
     key: str | None = None
@@ -28,7 +28,7 @@ class Terms:
 
     @property
     def headers(self) -> Mapping[str, str]:
-        """What every request has."""
+        """The headers of every request."""
         own = {"Authorization": f"Bearer {self.key}"} if self.key else {}
         # On one machine packing and unpacking take longer than copying.
         is_near = urlsplit(self.url).hostname in _LOOPBACK
@@ -37,7 +37,7 @@ class Terms:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far something is."""
+    """The progress of a sweep or a list of jobs."""
 
     what: str
     done: int

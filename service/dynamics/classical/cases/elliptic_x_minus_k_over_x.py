@@ -10,7 +10,7 @@ from service.dynamics.classical.protocol import About, ClassicalCase, Setting
 from service.dynamics.classical.reduced import Constants, Number, Reduced, Relations, State
 
 MINIMAL = (81, -9, -272, 176)
-"""Of B for A = 1, degree 0 first; the motion belongs to the largest root."""
+"""Minimal polynomial of B for A = 1, degree 0 first; the motion belongs to its largest root."""
 
 
 def moments() -> tuple[tuple[arb, arb], ...]:

@@ -15,7 +15,8 @@ from service.dynamics.classical.reduced import (
 )
 
 MINIMAL = (-9568, 118960, -627920, 1823596, -3146990, 3227896, -1822945, 437511)
-"""Of B for A = 1, degree 0 first; irreducible. Of its three real roots the largest has no real motion."""
+"""Minimal polynomial of B for A = 1, degree 0 first; the largest of its three real roots has no real
+motion."""
 
 
 def moments() -> tuple[tuple[arb, arb], ...]:

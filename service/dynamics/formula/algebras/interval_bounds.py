@@ -20,7 +20,7 @@ TINY = 1e-320
 """More than any error of a result that is next to 0, where doubles have a fixed spacing."""
 LARGEST = float(np.finfo(np.float64).max)
 LARGEST_LOGARITHM = 746.0
-"""Of a double other than 0, in absolute value."""
+"""Bound of |log x| for doubles x other than 0."""
 LARGEST_ANGLE = 1e6
 
 

@@ -25,7 +25,7 @@ class LongInterval:
     hi: arb
     exponent: Fraction = Fraction(0)
     known_sign: int = 0
-    """That of c where its bounds may have 0 for an end which c does not reach, as e^x does not; else 0."""
+    """The sign of c where a bound may be 0 although c never is, as for e^x; else 0."""
 
     @property
     def sign(self) -> int:

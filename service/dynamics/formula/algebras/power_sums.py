@@ -25,7 +25,7 @@ ONE: Power = (Fraction(0), 0)
 
 
 MOST_TERMS = 12
-"""Of a product of two sums; of longer ones the lowest powers alone are multiplied."""
+"""Largest number of terms of a product of two sums; of longer ones the lowest powers alone are multiplied."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class PowerSum(Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class Small(Generic[T]):
-    """How x is known at one place."""
+    """The variable x at one place: a root of it, the order of the root, and its sign."""
 
     root: T
     """x itself if ``side`` is 0, else |x|^(1/unit)."""

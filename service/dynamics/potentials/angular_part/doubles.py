@@ -29,7 +29,7 @@ from service.dynamics.body import RigidBody
 
 FloatArray = NDArray[np.float64]
 IntegrandFunction = Callable[[FloatArray], FloatArray]
-"""From w of any shape to values of the shape (functions, *shape of w)."""
+"""Returns values of shape (functions, *shape of w), at w of any shape."""
 
 NODES = 20
 RESOLVED = 1e-8
@@ -154,7 +154,7 @@ class _Rule:
     points: FloatArray
     weights: FloatArray
     tail: FloatArray
-    """From values at the points to the last two Legendre coefficients, shape (NODES, 2)."""
+    """Matrix that takes values at the points to the last two Legendre coefficients, shape (NODES, 2)."""
 
 
 @cache

@@ -35,7 +35,7 @@ class _OfLatitude:
     """An Algebra of polynomials on the sphere in which functions of g2 alone are further variables."""
 
     signs: tuple[int, int]
-    """Of g1 and g3."""
+    """Signs of g1 and g3."""
     atoms: dict[tuple[str, ...], int] = field(default_factory=dict)
     context: fmpq_mpoly_ctx = field(
         default_factory=lambda: fmpq_mpoly_ctx.get(

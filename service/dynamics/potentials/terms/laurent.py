@@ -12,7 +12,7 @@ from fractions import Fraction
 from service.dynamics.term_sums import added_up, without_zeros
 
 Exponents = tuple[int, int, int, int]
-"""Of |g1|, |g3|, g2 and σ."""
+"""Exponents of |g1|, |g3|, g2 and σ."""
 Laurent = Mapping[Exponents, Fraction]
 
 MAX_TERMS = 200

@@ -50,14 +50,14 @@ class NuNeedsDoubleMomentError(DynamicsError):
 
 
 FEW_BITS = 640
-"""Up to which the equator is looked for with all bits from the beginning."""
+"""Precision up to which the equator is looked for with all bits from the beginning."""
 BOX = 2.0**-40
 """Half the side of the boxes about the poles on which V is looked at."""
 
 
 @dataclass(frozen=True, slots=True)
 class LoopPoint:
-    """Where the loop is at one v, in balls; primed (mirrored) axes if the loop is mirrored."""
+    """A point of the loop, at one v, in balls; primed (mirrored) axes if the loop is mirrored."""
 
     g1: arb
     g2: arb
@@ -91,7 +91,7 @@ class Loop:
     )
     """alpha, the factor, 2 alpha, Z² and G² as balls, cached by precision, since every point needs them."""
     finer: "dict[int, Loop]" = field(default_factory=dict, init=False, compare=False, repr=False)
-    """What :meth:`refined` found, by precision."""
+    """Results of :meth:`refined`, cached by precision."""
     smooth: dict[int, bool] = field(default_factory=dict, init=False, compare=False, repr=False)
     """Whether V is smooth at the poles, cached by precision."""
     bits: int = field(default=0, compare=False, repr=False)

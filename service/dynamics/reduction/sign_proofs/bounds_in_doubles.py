@@ -36,9 +36,9 @@ NARROWEST = 1e-11
 NEAREST = 1e-60
 """A cell at the pole that ends here is not cut again: no single term of D leads there."""
 MOST_CELLS = 2048
-"""Of one loop at a time."""
+"""Largest number of cells of one loop at a time."""
 NUMBERS = 4_000_000
-"""In memory at a time."""
+"""Largest number of numbers in memory at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +48,9 @@ class Shape:
     alpha: Fraction
     is_mirrored: bool
     first_sign: int
-    """That of the primed g1."""
+    """Sign of the primed g1."""
     third_sign: int
-    """That of the primed g3."""
+    """Sign of the primed g3."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ class Half(Curves):
 
     loop: Loop
     g3_sign: int
-    """Of the primed g3."""
+    """Sign of the primed g3."""
 
     @cached_property
     def pole_forms(self) -> dict[int, tuple[Tape, Tape]]:
@@ -84,9 +84,9 @@ class Found:
     """The results for each cell, as arrays."""
 
     sign: IntArray
-    """That P certainly has all over it; 0 if that is not known."""
+    """Sign that P certainly has all over the cell; 0 if it is not known."""
     slope: IntArray
-    """That which dP/dv certainly has, but for a positive factor of P; 0 if that is not known."""
+    """Sign that dP/dv certainly has, but for a positive factor of P; 0 if it is not known."""
     is_undefined: BoolArray
     """P certainly has no value anywhere on it."""
     is_faint: BoolArray

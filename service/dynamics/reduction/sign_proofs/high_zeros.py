@@ -33,7 +33,7 @@ LEAST = 2.0**-40
 SHORTER = 6
 """Times that a cell is halved where Taylor's formula does not settle it."""
 HALVINGS = 240
-"""Of a bracket by signs: a zero of order 16 is known to 2^-1000 and less only by values of 2^-16000."""
+"""Most halvings of a bracket by signs: values of 2^-16000 locate a zero of order 16 to 2^-1000 only."""
 SEEN = -12
 """log2 of the distance from a zero at which its order is seen, where algebra does not tell it."""
 

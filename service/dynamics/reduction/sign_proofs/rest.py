@@ -26,18 +26,18 @@ from service.dynamics.reduction.sign_proofs.signs_in_balls import (
 )
 
 ROUNDS = 4
-"""Of cuts in doubles, between two looks in balls."""
+"""Rounds of cuts in doubles, between two looks in balls."""
 STAGES = 8
 MOST_GAPS = 1000
 """Open ones: beyond, nothing is settled in balls."""
 WIDE = 0.05
-"""Of a gap, against its distance to the pole: a wider one is cut first."""
+"""Largest width of a gap, against its distance to the pole: a wider one is cut first."""
 MOST_LOOKS, LOOKS_AT_POLES = 600, 100
 """At cells where doubles fail, of one half."""
 NARROW = 1e-6
 """Relative width of a cell that is not halved any more."""
 HALVINGS = 12
-"""Of a cell that is as narrow already."""
+"""Least number of halvings that a cell has had before its relative width counts as small."""
 
 
 def settled(half: Half, picture: Picture) -> Picture:

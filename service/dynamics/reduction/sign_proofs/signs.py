@@ -21,7 +21,7 @@ IntArray = NDArray[np.int64]
 FIRST = np.concatenate([[0.0], np.geomspace(1e-3, 0.128, 8), np.linspace(0.2, QUARTER, 12)])
 """Ends of the first cells, from a pole to the equator."""
 PARTS = 4
-"""Into which an open cell is cut."""
+"""Number of parts into which an open cell is cut."""
 NEAREST = 1e-100
 """An open cell at a pole that ends here is not cut again."""
 MOST_CELLS = 8192

@@ -88,7 +88,7 @@ class Turn:
     slope: int
     """Its sign all over the stretch, 0 if P turns on it, at one place."""
     place: LoopPlace | None = None
-    """That one, with the sign of P; P counts as 0 there if its sign is not known."""
+    """The place at which P turns, with the sign of P; P counts as 0 there if its sign is not known."""
 
 
 def turn_on_stretch(half: Half, start: Side, stop: Side) -> Turn | None:

@@ -1,4 +1,4 @@
-"""What is known of a power of a generator, and polynomials with that power replaced."""
+"""Relations for powers of generators, and polynomials with such a power replaced."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Relation:
     clearing: tuple[int, ...] | None
     tail_terms: int
     step: int
-    """By how much one replacement lowers the power."""
+    """Amount by which one replacement lowers the power."""
 
     @classmethod
     def of(cls, context: fmpq_mpoly_ctx, index: int, power: int, base: Element) -> "Relation":

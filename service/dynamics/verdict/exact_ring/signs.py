@@ -25,7 +25,7 @@ MAX_PIECES = 160
 """Pieces of the sphere on which balls are tried for one sign."""
 SMALLEST_PIECE = 1 / 64
 WORK_OF_A_PIECE = 40
-"""Of a ball per term, in products of terms."""
+"""Cost of evaluating one term in balls, in products of terms."""
 MAX_TERMS = 60
 """Most terms of an element whose sign is searched; the root of a longer one is kept."""
 _BITS = 64

@@ -31,7 +31,7 @@ from service.dynamics.verdict.proofs.proof import Signs
 from service.dynamics.verdict.ring_functions.arguments import as_vector
 
 MAX_TERMS = 400
-"""Of a polynomial in g1, g2, g3; a longer formula is none that helps."""
+"""Largest number of terms of a polynomial in g1, g2, g3; a longer formula helps nobody."""
 
 MOST_TYPED = 2
 """Terms that are left as they are; of more, factors are looked for."""

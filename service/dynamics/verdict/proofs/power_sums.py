@@ -80,13 +80,13 @@ class CurveEnergy:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What is known of L(V) = 0: the energy if it is proved, None if not."""
+    """The result about L(V) = 0: the energy if it is proved, None if not."""
 
     energy: CurveEnergy | None
     is_refuted: bool
     """L(V) ≠ 0 somewhere, certainly."""
     terms: PowerSum
-    """Those of V."""
+    """The terms of V."""
 
     def squared_momentum(self) -> PowerSum:
         """Return the terms of A (A - C)/C · p², which are term · (d - a g3²/g1²) for each term of V."""

@@ -13,7 +13,7 @@ from flint import arb, fmpq, fmpz
 from service.dynamics.formula.tape import Instruction, Tape
 
 MOST_TERMS = 256
-"""Of a sum, before equal ones are added."""
+"""Largest number of terms of a sum, before equal ones are added."""
 HIGHEST = 64
 """Power of g2, or of a sum."""
 _NAMED: Mapping[str, Callable[[arb], arb]] = MappingProxyType(

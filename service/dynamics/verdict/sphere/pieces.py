@@ -20,9 +20,9 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 MOST_LEVELS = 10
-"""Of cutting in four: the smallest boxes have sides of a five-thousandth of a radian."""
+"""Rounds of cutting in four: the smallest boxes have sides of a five-thousandth of a radian."""
 MOST_BOXES = 30_000
-"""At a time."""
+"""Largest number of boxes at a time."""
 MOST_SWITCHES = 10
 POINTS_PER_PIECE = 6
 BOXES_PER_LINE = 24

@@ -35,7 +35,7 @@ class Polynomials:
         self._builder = builder
         self._polynomials = RegisterPolynomials(builder, _ORDER)
         self._registers: dict[str, tuple[int, Fraction]] = {}
-        """Of every irreducible factor met, by its text: a register, and what that is times the factor."""
+        """For each irreducible factor met, by its text: a register, and the ratio of that to the factor."""
 
     def factors(self, register: int) -> Split | None:
         """Return the factors of a register, None if it is no small polynomial or a number.

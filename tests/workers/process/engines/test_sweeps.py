@@ -13,7 +13,7 @@ from tests.workers.processes import wait_until
 POINTS = 200
 LARGEST_CHUNK = 30
 PATIENT = {"poll_seconds": 3600, "lease_seconds": 3600}
-"""Of workers that would not look at the queue while these tests last."""
+"""Settings of workers that would not look at the queue while these tests last."""
 
 
 def submit(installation, **sweep):

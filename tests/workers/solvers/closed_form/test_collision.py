@@ -65,7 +65,7 @@ def test_against_a_quadrature(terms, nu, C):
 
 @pytest.mark.parametrize(("terms", "nu"), CASES)
 def test_times_add_up(terms, nu):
-    """From x down, and from x up to the turning point and down, differ by twice the way up."""
+    """The times from x down, and from x up to the turning point and down, differ by twice the way up."""
     nu, x = Fraction(nu), Fraction(1, 100)
     whole = collision_time(terms, body(2, 1), nu)
     falling = collision_time(terms, body(2, 1), nu, x=x)

@@ -227,7 +227,7 @@ def test_an_error_that_finer_runs_follow_is_not_held_against_the_equations():
 
 
 def test_a_run_of_another_field_is_not_held():
-    """Of two fields that differ by 1e-6, the motion of one breaks the equations of the other."""
+    """The motion in one of two fields that differ by 1e-6 breaks the equations of the other."""
     status, breaks, series = steps("-g1", 3.0)
     assert status == ARRIVED
     beside = np.pad(series, ((0, 0), (0, 0), (0, LANES - STATE)))

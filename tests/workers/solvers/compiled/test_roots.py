@@ -45,7 +45,7 @@ def test_roots_are_the_ends_of_the_stretch():
 
 
 def test_the_period_is_that_of_the_equation_of_motion():
-    """Of dx/√(4x/ν (x1−x)(x−x2) P), integrated by the balls' own rule."""
+    """The period is the integral of dx/√(4x/ν (x1−x)(x−x2) P), by the balls' own rule."""
     radicand = rational_radicand(DOUBLE, formula("-g1 + 1/(20*g3^2)", DOUBLE), ONE)
     with ctx.workprec(192):
         stretch = find_stretch(radicand, None)

@@ -28,7 +28,7 @@ FREE = RigidBody(Fraction(3), Fraction(2), Fraction(3, 2))
 NEAR_THE_MIDDLE = (Fraction(2, 10**9), Fraction(5), Fraction(3, 10**9))
 ASIDE = (Fraction(3, 5), Fraction(0), Fraction(4, 5))
 P_AT_31, R_AT_31 = 9.457515547478334608278e-7, -1.891501259114510060422e-6
-"""Of the free body from these at t = 31; by Taylor series with 300 bits."""
+"""Numbers of the free body from these at t = 31; by Taylor series with 300 bits."""
 
 
 def nodes_of(J, breaks):
@@ -103,7 +103,7 @@ def test_growth_is_that_of_runs_that_begin_apart(text, end, axis):
 
 
 def test_kernels_and_general_code_find_the_same_growth():
-    """Of roundings alone, since series of kernels know what they leave out, and other methods do not."""
+    """The growth of roundings alone: series of kernels know what they leave out, other methods do not."""
     field = expression_potential("exp(g2)*sin(g1) + log(2 + g3) + (2 + g2)^(1/3)", {}, BODY)
     integrator = integrator_of(BODY, field)
     run = integrator.run(

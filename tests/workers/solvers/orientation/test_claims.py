@@ -189,7 +189,7 @@ FROM_A_STATE = {"type": "state", "omega": ["2/5", "1/10", "9/10"], "gamma": ["3/
     ("tier", "stop"), [("draft", 10), ("draft", 100), ("standard", 10), ("standard", 1000)]
 )
 def test_a_promise_that_cannot_be_kept_for_the_attitude_is_refused(tier, stop):
-    """From a state errors of the variables do add up: a finer motion is tried, and else none is given."""
+    """Errors of the variables do add up from a state: a finer motion is tried, and else none is given."""
     plain = document((2, "3/2", 1), "g1 - g3/2", {}, tier)
     asked = {**plain, "motion": FROM_A_STATE, "time": {"stop": stop, "samples": 9}}
     outcome = solve_document(json.dumps(asked))

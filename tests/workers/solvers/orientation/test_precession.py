@@ -75,7 +75,7 @@ def test_golden_precession_by_doubles(nu):
 @settings(max_examples=examples(30, 300), deadline=None)
 @pytest.mark.random_law
 def test_the_advance_by_doubles_is_that_of_balls(moments, lambda_, sense):
-    """Of any body on any curve; the potential has no part in it."""
+    """This holds for any body on any curve; the potential has no part in it."""
     motion = PlanarMotion(lambda_)
     rigid_body = body(*moments)
     found = advances_by_doubles(make_frame(rigid_body, motion).shared, sense)

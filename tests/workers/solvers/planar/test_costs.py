@@ -21,7 +21,7 @@ from workers.solvers.planar.duties import Family
 from workers.solvers.planar.table import FAMILIES, FamilyName, row_for
 
 ORDER = tuple(FAMILIES)
-"""From the cheapest to the dearest."""
+"""Families from the cheapest to the dearest."""
 PERIODS = (1, 10, 1000)
 """Later samples are known less well, so that kernels begin to decline."""
 PLANAR = [each for each in CATALOGUE if isinstance(read_problem(each.document).motion, PlanarMotion)]

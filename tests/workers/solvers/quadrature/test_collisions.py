@@ -15,7 +15,7 @@ from workers.solvers.quadrature.aperiodic import MotionEndedError
 DOUBLE = body(2, 1, "3/2")
 Q = "(2*g1^2+g3^2)"
 TRUTH = "0.3640004182936566138400526"
-"""Of V = −g1 − Q/20/(1/2 − g2), from the equator: by a Taylor series at 300 bits."""
+"""Time for V = −g1 − Q/20/(1/2 − g2), from the equator: by a Taylor series at 300 bits."""
 
 
 def time_to(G, c, *, moves: bool, since=0, power: int = 2):

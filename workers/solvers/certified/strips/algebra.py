@@ -19,7 +19,7 @@ LARGEST_ROOT = 64
 """Denominators of powers up to this are roots; others go by the logarithm."""
 TAYLOR_DEGREE = 20
 LARGEST_NORM = 500.0
-"""Of an argument of exp."""
+"""Largest norm of an argument of exp."""
 
 
 class Strip(SeriesRing):

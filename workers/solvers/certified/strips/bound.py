@@ -33,7 +33,7 @@ from workers.solvers.complex_plane.complex_loop import ComplexLoop
 FloatArray = NDArray[np.float64]
 
 POWERS = LEAST_REACH
-"""Of X in the series of sine and cosine."""
+"""Highest power of X in the series of sine and cosine."""
 LARGEST_TERMS = 64
 """α = m/n with larger m or n is left to others."""
 

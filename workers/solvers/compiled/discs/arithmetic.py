@@ -28,7 +28,7 @@ FIRST_FREE = 1 + POWERS + SCRATCH
 OUTWARDS = 2.0**-50
 """Four roundings and more, relatively."""
 FUNCTIONS = 2.0**-48
-"""Of a function of the library."""
+"""Relative error of a function of the library."""
 TINY = 1e-300
 """More than all that is lost where numbers are about to vanish."""
 SAME_POWER = 1e-12

@@ -19,9 +19,9 @@ Twice = tuple[float, float]
 """A double and the rest."""
 
 SIXTEENTHS: Final = 16
-"""Of π, between the angles whose sines are kept."""
+"""Number of parts of π between the angles whose sines are kept."""
 HALVINGS: Final = 5
-"""Of the argument of the exponential function before its series."""
+"""Number of halvings of the argument of the exponential function before its series."""
 
 
 def doubled(value: arb) -> Twice:

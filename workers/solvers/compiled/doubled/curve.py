@@ -31,7 +31,7 @@ FINER = 2.0**-45
 FROM_END = 2.0**-28
 """Distance, against that of both ends, over which the slope of P at an end is a difference."""
 STEEP = 2.0**-78
-"""Of an end, against the distance of both: what may be left open."""
+"""Error of an end that may be left open, relative to the distance of both ends."""
 
 ANGLE, RADICAND, SQUARE, G1, COSINE, SLOPED, BELOW = 0, 2, 4, 6, 12, 14, 16
 """Rows of a sheet of places, each followed by its rest: v, P, g2², g1, g2, g3, cos v, and P as a quotient.
@@ -40,7 +40,7 @@ ROWS = 18
 
 
 class DoubledCurve(NamedTuple):
-    """What a loop is made of."""
+    """The numbers that define a loop."""
 
     alpha: Twice
     factor: Twice

@@ -29,7 +29,7 @@ from workers.solvers.compiled.windows.arcs import POINT
 FloatArray = NDArray[np.float64]
 
 SHARES = (0.23, 0.71)
-"""Of panels in turn, where their series are held against the formula."""
+"""Shares of the lengths of panels, in turn, at which their series are compared with the formula."""
 SEEN, OWN = 4.0, 4.0
 """Times what is seen there; and roundings of a series at a place, in 2^-52."""
 START = 8.0

@@ -1,4 +1,4 @@
-r"""How far the errors that a run makes on its way grow, by compiled code.
+r"""The growth of the errors that a run makes on its way, by compiled code.
 
 An error made at s is multiplied by :math:`\Phi(t, s)` until t, which solves :math:`\Phi' = J(t) \Phi` along
 the motion, J the derivative of the six rates by the six variables. For errors that are independent, with the
@@ -42,7 +42,7 @@ from workers.solvers.compiled.kernels import kernel
 FloatArray = NDArray[np.float64]
 
 NODES = 3
-"""Of a part of a step, those of Gauss."""
+"""Number of Gauss's nodes in a part of a step."""
 OUTWARDS = math.sqrt(0.6)
 """The first and the last of them, in [−1, 1]."""
 LONGEST = 1.25

@@ -1,4 +1,4 @@
-r"""What a run leaves of the six equations, bounded on the whole of every step, by compiled code.
+r"""The residuals of a run in the six equations, bounded on the whole of every step, by compiled code.
 
 The theorem, the points and the ellipse are those of :mod:`service.dynamics.defect`; what is not settled here,
 or breaks a bound, is left to it.

@@ -33,7 +33,7 @@ _ALIGNED = 8
 
 
 class Lanes(Protocol):
-    """What kernels see; it exists in compiled code only."""
+    """Eight numbers as kernels see them; it exists in compiled code only."""
 
     def __add__(self, other: "Lanes") -> "Lanes": ...
     def __sub__(self, other: "Lanes") -> "Lanes": ...

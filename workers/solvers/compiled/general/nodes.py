@@ -34,7 +34,7 @@ PLACES = HALF + 2
 HALVES = np.array(LEVELS) // 2
 """Places of the middle among the points; those before it have positive x."""
 TAILS = np.array([4.0 * RHO**-level / (RHO - 1.0) for level in LEVELS])
-"""Of the bound of F: what interpolation leaves out at most."""
+"""Largest truncation error of interpolation, relative to the bound of F, for each level."""
 
 
 def _of_level(level: int) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -30,7 +30,7 @@ IntArray = NDArray[np.int64]
 WIDTH = 40
 """States that are gone through together."""
 ROWS = WIDTH // LANES
-"""Of a register."""
+"""Number of rows of a register."""
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""What kernels know of a potential and of a body, in two records."""
+"""The data of potentials and bodies that kernels need, as records."""
 
 from typing import NamedTuple
 
@@ -42,17 +42,17 @@ class Models(NamedTuple):
     registers: int
     """The gradient, as :class:`Gradient` has it."""
     constants: FloatArray
-    """Of V, shape (models, constants)."""
+    """Constants of V, shape (models, constants)."""
     slope_constants: FloatArray
     other_slope_constants: FloatArray
-    """Of the gradient, shape (models, constants)."""
+    """Constants of the gradient, shape (models, constants)."""
     moments: FloatArray
     other_moments: FloatArray
     """A, B, C, B − C, C − A, A − B, shape (models, 6)."""
 
 
 class Asked(NamedTuple):
-    """What is asked of two runs."""
+    """The request to two runs: times, tolerances and limits."""
 
     first: float
     last: float
@@ -71,14 +71,14 @@ class Asked(NamedTuple):
     safety: float
     """On the difference of the runs."""
     rounding: float
-    """What they share, relative to the variables."""
+    """Error that the runs share, relative to the variables."""
     noise: float
-    """What a step loses by rounding, relative to what it adds up."""
+    """Error of a step by rounding, relative to what it adds up."""
     tail: float
-    """What a step of the finer run leaves out, relative to the last terms: see :mod:`.growth`."""
+    """Truncation error of a step of the finer run, relative to the last terms: see :mod:`.growth`."""
     fine_defect: float
     coarse_defect: float
-    """What a step may leave of the equations, relative to the largest variable."""
+    """Largest residuals of a step in the equations, relative to the largest variable."""
     goal: float
     """Share of the error that the truncation of F may be."""
     finest: float

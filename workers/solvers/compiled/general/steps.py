@@ -41,7 +41,7 @@ ROOM = 64
 """Steps for which there is memory at first."""
 INVISIBLE = 2.0**-54
 SPACING = 2.0**-50
-"""Of a time, relative to it: some ulp."""
+"""Spacing of times, relative to the time: some ulp."""
 
 
 def _conversion() -> FloatArray:

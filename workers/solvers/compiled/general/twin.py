@@ -24,11 +24,12 @@ HELD, INACCURATE, OPEN, COLLIDED = range(4)
 """All bounds are kept; they are, but the error is more than is allowed; something is not decided here; all
 bounds are kept up to a singularity of the potential."""
 RUNS = 4
-"""Of a motion. What two have lost may be the same by chance, what four have hardly: see :mod:`.many`."""
+"""Runs of a motion. Two may have lost the same by chance, four hardly have: see :mod:`.many`."""
 NUMBERS = 7
-"""Found of a motion: error, difference, energy, its error, defect, drift, and the error's part by growth."""
+"""Numbers of a motion: error, difference, energy, its error, defect, drift, and the error's part by
+growth."""
 LAST_STEPS = 8
-"""Those by which the steps towards a singularity are told to shrink."""
+"""Last steps, by which the steps towards a singularity are seen to shrink."""
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""How far the integrals of many motions depart from their values, by the functions of a single job.
+"""Departures of the integrals of many motions from their values, by the functions of a single job.
 
 V, and Kovalevskaya's integral, are summed with twice the digits: near a collision large terms cancel. A job
 takes them from balls of 128 bits, and rounds once; the double is the same wherever :func:`.known.nearest`

@@ -28,7 +28,7 @@ TINY: Final = 1e-300
 """More than products lose to the smallest doubles."""
 _LARGEST_ANGLE: Final = 1e5
 _CONSTANT: Final = 2.0**-104
-"""Of a constant whose rest is rounded too."""
+"""Relative error of a constant whose low part is rounded too."""
 
 UNKNOWN: Known = (0.0, 0.0, math.inf)
 

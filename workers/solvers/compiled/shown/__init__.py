@@ -1,1 +1,1 @@
-"""What a function of time shows of its error, by compiled code: the equations at nodes and on discs."""
+"""Residual evidence of the error of a function of time, by compiled code: equations at nodes and on discs."""

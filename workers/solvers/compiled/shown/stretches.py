@@ -23,24 +23,24 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 HIGHEST_DEGREE = 24
-"""Of pieces; those of higher degree need more points than there are here."""
+"""Highest degree of pieces; those of higher degree need more points than there are here."""
 DEEPEST = 8
 """Cuts of a piece into halves."""
 PARTS = 2
 OWN_ROUNDING = 2.0**-50
-"""Of a state, relative to its size."""
+"""Rounding error of a state, relative to its size."""
 NODES = chebyshev_points(INTERVALS)
 COUNT = INTERVALS + 1
 RHOS = np.array([2.0, 2.5, 3.0, 3.5, RHO])
 """Sums of the semi-axes of ellipses, the thinnest first."""
 TAILS = 4.0 * RHOS**-INTERVALS / (RHOS - 1.0)
-"""What interpolation leaves out at most, of the bound of F on each."""
+"""Largest truncation error of interpolation, relative to the bound of F, on each ellipse."""
 _TRANSFORM = chebyshev_coefficients(np.eye(COUNT)).T
 MIDDLE = INTERVALS // 2
 EVEN = np.ascontiguousarray(_TRANSFORM[: MIDDLE + 1, ::2])
-"""From sums of values at opposite nodes, rows, the middle one last, to coefficients of even numbers."""
+"""Matrix from sums of values at opposite nodes (rows, the middle one last) to coefficients of even index."""
 ODD = np.ascontiguousarray(_TRANSFORM[:MIDDLE, 1::2])
-"""From differences of values at opposite nodes to those of odd numbers."""
+"""Matrix from differences of values at opposite nodes to coefficients of odd index."""
 VANDER = np.ascontiguousarray(np.polynomial.chebyshev.chebvander(NODES, HIGHEST_DEGREE).T)
 """T_k at the nodes, shape (degree + 1, nodes)."""
 

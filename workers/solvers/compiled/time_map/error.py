@@ -19,16 +19,17 @@ TIME_ULPS = 1.5
 SEEN = 3.0
 """Times the largest departure of a series from the formula at the places of its panel, noise left out."""
 INSIDE, ACROSS = 1.0 / 6.0, 1.0 / 32.0
-"""What the departure of a series that is not proved makes of a time on its panel, and of its length, against
-both. In the nodes T_k is −T_(32−k), k > 16, and T_16 is 0: integrated, T_16 departs by 0.067 at most and by
-0.008 at the end, others to k = 25 by 0.17 and 0.04, the last ones by 0.8 and 0.7. If coefficients fall by 0.7
-at least from one to the next, the sums are 0.15 and 0.02 of the product, with fractional powers, as k^-3, 0.5
-and 0.1: as many are kept, with what is counted of a departure besides."""
+"""Errors of a time on a panel, and of the panel's length, where a series is not proved: as shares of the
+departure of the series times the length. In the nodes T_k is −T_(32−k), k > 16, and T_16 is 0: integrated,
+T_16 departs by 0.067 at most and by 0.008 at the end, others to k = 25 by 0.17 and 0.04, the last ones by
+0.8 and 0.7. If coefficients fall by 0.7 at least from one to the next, the sums are 0.15 and 0.02 of the
+product, with fractional powers, as k^-3, 0.5 and 0.1: as many are kept, with what is counted of a
+departure besides."""
 EACH = 4
-"""Of a panel, where the rounding is looked at, three for t, the last for dt/du, and the series."""
+"""Places of a panel where series are compared and the rounding bounded: three for t, the last for dt/du."""
 WHOLE = tuple(math.cos(math.pi * j / 16) for j in (13, 8, 3, 10))
 HALF = tuple(math.cos(math.pi * j / 16) for j in (7, 5, 2, 6))
-"""Those places, at which |T_16| is 1: on the whole of −1 ≤ x ≤ 1, and on one half of it."""
+"""The four places, at which |T_16| is 1: on the whole of −1 ≤ x ≤ 1, and on one half of it."""
 NEAR = (HALF[0] / math.cos(math.pi * 7.5 / 16)) ** 2
 """Times the rounding at the first place of half a panel: next to a rest it grows like x^-2, as far as to the
 first node. The mean of three such numbers is 1.5 times what the nodes' weights make of x^-2."""

@@ -22,7 +22,7 @@ PLACES = np.concatenate([chebyshev_points(DEGREE), BETWEEN])
 """Nodes, and places between them at which the series is compared with the motion."""
 COUNT = NODES + len(BETWEEN)
 TRANSFORM = np.ascontiguousarray(chebyshev_coefficients(np.eye(NODES)).T)
-"""From values at the nodes, rows, to coefficients."""
+"""Matrix from values at the nodes, rows, to coefficients."""
 SERIES_BETWEEN = np.ascontiguousarray(np.polynomial.chebyshev.chebvander(np.array(BETWEEN), DEGREE))
 """T_k at the places between, shape (places, degree + 1)."""
 ALL = np.arange(6)

@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 ATTEMPTS = 40
 """To cut panels on which the bounds do not prove enough."""
 SLACK, SLACK_BY_ROOTS, CRUDEST = 2.0, 0.25, 50.0
-"""What bounds may leave open, against the tolerance: of the time on a panel, and of dt/du."""
+"""Errors that bounds may leave, in tolerances: of a time on a panel, the second by roots, and of dt/du."""
 
 
 @kernel

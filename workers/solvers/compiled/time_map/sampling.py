@@ -23,7 +23,7 @@ STEP = 1e-8
 """A Newton step after which the error, its square, is below rounding."""
 MAX_STEPS = 61
 SINE = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9))
-"""Of x³, x⁵, …: up to π/4 the next term is below 2^-61 of the sum."""
+"""Coefficients of x³, x⁵, … in sin x: up to π/4 the next term is below 2^-61 of the sum."""
 
 
 @kernel

@@ -30,9 +30,9 @@ FloatArray = NDArray[np.float64]
 DEGREE = 15
 ELLIPSES = np.array([4.5, 6.0, 8.0, 11.0])
 PANELS = LANES // len(ELLIPSES)
-"""That are bounded together."""
+"""Number of panels that are bounded together."""
 OUTWARDS = 1.0 + 2.0**-40
-"""Of roundings of a few bounds that are multiplied."""
+"""Factor that covers the roundings of a few bounds that are multiplied."""
 WORST = 0.25
 """The largest η of which the theorem is used."""
 ROUNDING = 2.0**-51
@@ -41,7 +41,7 @@ itself is bounded elsewhere (:mod:`.error`)."""
 
 _HALF = 16
 _NODES = np.sin(np.pi * (2 * np.arange(_HALF) + 1) / 64)
-"""Of T_32, the positive ones, growing."""
+"""The positive zeros of T_32, growing."""
 _T = np.polynomial.chebyshev.chebvander(_NODES, 31)
 EVEN = np.ascontiguousarray(_T[:, 0:16:2].T)
 ODD = np.ascontiguousarray(_T[:, 1:16:2].T)
@@ -50,7 +50,7 @@ _TO_R = _T / (8.0 * _T[:, 16:17])
 _TO_R[:, 0] *= 0.5
 TO_EVEN = np.ascontiguousarray(_TO_R[:, 0::2])
 TO_ODD = np.ascontiguousarray(_TO_R[:, 1::2])
-"""From even and odd parts of T_16 R at the nodes to coefficients of R: shape (nodes 16, 16)."""
+"""Matrices from even and odd parts of T_16 R at the nodes to coefficients of R: shape (nodes 16, 16)."""
 
 
 @kernel

@@ -6,7 +6,7 @@ from workers.solvers.compiled.kernels import kernel
 
 Three = tuple[float, float, float]
 ULPS = 4.0
-"""Of a library's function, in units of 2^-53, with a margin."""
+"""Error of a library's function, in units of 2^-53, with a margin."""
 
 
 @kernel

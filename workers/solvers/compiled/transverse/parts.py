@@ -18,11 +18,11 @@ FloatArray = NDArray[np.float64]
 
 EPSILON = 2.0**-52
 PLACES, AMPLIFIED = 8, 2.0
-"""Of a panel, where the rounding of P is looked at; what interpolation makes of roundings at its nodes."""
+"""Places of a panel where the rounding of P is bounded; factor by which interpolation amplifies it."""
 DISTANCES = (2.0**-16, 2.0**-26)
-"""From a pole, in θ."""
+"""Distances from a pole, in θ."""
 NEAREST = 0.99
-"""Of a pole to the end of a libration, in parts of its half width."""
+"""Largest distance of a pole from the middle of a libration, in parts of the half width."""
 Q, M, ALPHA, BETA, C, C_ERROR, RELATIVE, ALPHA_ERROR, BETA_ERROR, ROWS = 0, 2, 4, 5, 6, 7, 8, 9, 10, 11
 """Rows of stages: q and M/(B ω) of both solutions, the coefficients, c, and errors, multiplied by weights."""
 

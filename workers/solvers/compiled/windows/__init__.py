@@ -1,1 +1,1 @@
-"""Which stretches of the loop a motion can fill: every zero of p², proved."""
+"""The stretches of the loop that a motion can fill: every zero of p², proved."""

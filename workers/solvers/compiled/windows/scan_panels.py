@@ -27,11 +27,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 EDGES = (0.06, 0.135, 0.28, 0.5, 0.76, 1.03, 1.3, 0.5 * math.pi)
-"""Of the first panels, in distances to the pole."""
+"""Edges of the first panels, as distances to the pole."""
 STEP = 2.25
 """Between the edges of panels that are nearer to a pole than the first."""
 NEARER = 14
-"""Of them at most."""
+"""Largest number of panels nearer to a pole than the first."""
 PANELS = 2 * (len(EDGES) - 1)
 TOGETHER = 10
 """Panels whose nodes are gone through together."""
@@ -42,7 +42,7 @@ _EDGES = list(pairwise(EDGES))
 BEGINS, ENDS, SIDES = np.array(
     [(a, b, 1.0) for a, b in _EDGES] + [(b, a, -1.0) for a, b in _EDGES[::-1]]
 ).T.copy()
-"""Of the first panels, in the order of growing v: distances to the pole, and the side of the equator."""
+"""Ends of the first panels, as distances to the pole, and the side of the equator, by growing v."""
 MIDDLE_SINES = np.array([math.sin(v) for v in 0.5 * (BEGINS + ENDS)])
 MIDDLE_COSINES = SIDES * np.array([math.cos(v) for v in 0.5 * (BEGINS + ENDS)])
 HALF_WIDTHS = 0.5 * np.abs(ENDS - BEGINS) * (1.0 + 1e-12)
