@@ -10,7 +10,7 @@ from service.storage.solutions.shipped_accuracy import shipped_costs
 from tests.benchmarks import pages, precision
 from tests.benchmarks.measuring import Result
 from tests.benchmarks.parts import PARTS, accuracy_in_brief, costs_in_brief
-from tests.benchmarks.report import README, REPORT, section_of_tables, text_of_table
+from tests.benchmarks.report import FRONT_PAGE, REPORT, section_of_tables, text_of_table
 from tests.benchmarks.whole import tiers
 
 
@@ -61,11 +61,11 @@ def test_a_part_is_replaced_and_all_else_is_kept(tmp_path):
         pages.write_part(path, "three", "lost")
 
 
-def test_the_costs_that_readme_and_the_page_show_are_those_that_are_shipped():
+def test_the_costs_that_both_pages_show_are_those_that_are_shipped():
     costs = shipped_costs()
     assert costs.numerics == NUMERICS, "measure them anew: python -m tests.benchmarks tier-costs"
     table = tiers.table(costs)
-    assert pages.part_of(README.read_text(encoding="utf-8"), "tier-costs") == costs_in_brief(table)
+    assert pages.part_of(FRONT_PAGE.read_text(encoding="utf-8"), "tier-costs") == costs_in_brief(table)
     page = pages.part_of(REPORT.read_text(encoding="utf-8"), "tier-costs") or ""
     assert page.startswith(section_of_tables([table], [""]).partition("\nMeasured")[0])
     for row in costs.rows:
@@ -73,14 +73,14 @@ def test_the_costs_that_readme_and_the_page_show_are_those_that_are_shipped():
         assert all(seconds > 0.0 for seconds in row.seconds.values())
 
 
-def test_readme_shows_every_tier_and_both_rivals():
+def test_the_front_page_shows_every_tier_and_both_rivals():
     curves = {name: [Result(tier, 2e-3, 1e-9) for tier in TIERS[:3]] for name in (precision.JOB,)}
     curves |= {
         precision.SCIPY: [Result("1e-10", 0.2, 2e-9)],
         precision.HEYOKA: [Result("1e-16", 4e-4, 1e-14)],
     }
     brief = accuracy_in_brief(curves, Result("certified", 50e-3, 6e-33))
-    shown = pages.part_of(README.read_text(encoding="utf-8"), "accuracy") or ""
+    shown = pages.part_of(FRONT_PAGE.read_text(encoding="utf-8"), "accuracy") or ""
     first, second = ([line.split("|")[1].strip() for line in text.splitlines()] for text in (brief, shown))
     assert first == second
     assert "| `certified` | a proven radius of 64, 128 or 333 bits | 6e-33, proven | 50 ms |" in brief

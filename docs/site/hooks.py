@@ -1,9 +1,8 @@
 """Hooks of MkDocs while it builds the pages: pages that are made of other things, formulas, links.
 
-The first page is the README, the references are made from the OpenAPI
-document, the commands and the client themselves, the tutorials from notebooks, which are executed if
-EXECUTE_NOTEBOOKS is set. Formulas between dollar signs
-become MathML, which browsers draw without a library.
+The references are made from the OpenAPI document, the commands and the client themselves, the tutorials from
+notebooks, which are executed if EXECUTE_NOTEBOOKS is set. Formulas between dollar signs become MathML, which
+browsers draw without a library.
 """
 
 import json
@@ -54,7 +53,6 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are made of other things."""
     api = json.loads((DOCS / "openapi.json").read_text())
     made = {
-        "index.md": (TOP / "README.md").read_text().replace("](docs/", "]("),
         "reference/http.md": http_page(api),
         "reference/documents.md": documents_page(api),
         "reference/commands.md": commands_page(),

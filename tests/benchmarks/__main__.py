@@ -1,6 +1,6 @@
 """``make bench``: what things cost, rivals side by side, each with its error.
 
-Prints all tables and writes them into their places in docs/performance.md and README.md, with the
+Prints all tables and writes them into their places in docs/performance.md and docs/index.md, with the
 picture and with what ``GET /v1/accuracy`` ships. ``python -m tests.benchmarks PART ...`` measures and writes
 these parts alone; ``--quick`` measures less, prints, and writes nothing; ``--against FOLDER`` times whole
 jobs of another revision that is checked out there, and its start where it is installed there, in turns with

@@ -51,7 +51,7 @@ PROMISED = {
     "high": "1e-13",
     "certified": "a proven radius of 64, 128 or 333 bits",
 }
-"""In README, by tier."""
+"""On the front page of the documentation, by tier."""
 RIVALS = {precision.SCIPY: "1e-10", precision.HEYOKA: "1e-16"}
 """Other programs by their tolerance."""
 
@@ -70,7 +70,7 @@ def targets(effort: Effort, known: Sequence[str]) -> None:
 
 
 def work_against_precision(effort: Effort, known: Sequence[str]) -> None:
-    """Measure kernels, whole jobs and rivals, draw them, and write the table of README."""
+    """Measure kernels, whole jobs and rivals, draw them, and write the table of the front page."""
     curves = precision.curves(effort)
     table, proven = precision.table(curves), precision.certified_job(effort)
     say(report.text_of_table(table))
@@ -80,11 +80,11 @@ def work_against_precision(effort: Effort, known: Sequence[str]) -> None:
     caption = "Error against time: kernels and whole jobs at each tier, DOP853, heyoka"
     picture = f"\n![{caption}]({report.PICTURE.name})\n"
     pages.write_part(report.REPORT, "precision", report.section_of_tables([table], known, picture))
-    pages.write_part(report.README, "accuracy", accuracy_in_brief(curves, proven))
+    pages.write_part(report.FRONT_PAGE, "accuracy", accuracy_in_brief(curves, proven))
 
 
 def accuracy_in_brief(curves: precision.Curves, proven: Result) -> str:
-    """Return the table of README: what the tiers promise, what whole jobs reach, and two integrations."""
+    """Return the front page's table: what tiers promise, what whole jobs reach, and two integrations."""
     by_tier = {point.name: point for point in (*curves[precision.JOB], proven)}
     rows = [
         (f"`{tier}`", promised, REACHED[tier].format(_short(point.error)), in_words(point.seconds))
@@ -116,18 +116,18 @@ def tables(
 
 
 def tier_costs(effort: Effort, known: Sequence[str]) -> None:
-    """Measure what a tier costs a user: shipped, and shown by README; then the comparison."""
+    """Measure what a tier costs a user: shipped, and shown by the front page; then the comparison."""
     table = tiers.tiers(effort)
     say(report.text_of_table(table))
     if effort.is_quick:
         return
     pages.write_part(report.REPORT, "tier-costs", report.section_of_tables([table], known))
-    pages.write_part(report.README, "tier-costs", costs_in_brief(table))
+    pages.write_part(report.FRONT_PAGE, "tier-costs", costs_in_brief(table))
     comparison.ship(effort)
 
 
 def costs_in_brief(table: Table) -> str:
-    """Return the table of README: what one of each costs, at every tier."""
+    """Return the table of the front page: what one of each costs, at every tier."""
     return report.markdown(table.heads, table.rows)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.benchmarks.measuring import Row, Table
 
 ROOT = Path(__file__).parents[2]
-REPORT, README = ROOT / "docs" / "performance.md", ROOT / "README.md"
+REPORT, FRONT_PAGE = ROOT / "docs" / "performance.md", ROOT / "docs" / "index.md"
 PICTURE = REPORT.with_suffix(".svg")
 HEADS = ("target", "measured", "asked", "reached", "ours: time, error", "rival: time, error")
 
