@@ -5,11 +5,14 @@ import threading
 
 import pytest
 from anyio import CapacityLimiter
+from sqlalchemy import text
+from sqlalchemy.exc import DBAPIError
 
-from service.api.heavy_reads import WAITING, GoneError, HeavyReads, Reader, go_on
+from service.api.heavy_reads import WAITING, HeavyReads, Reader
 from service.api.reading_threads import SharedAnswer
 from service.api.replies.errors import ApiError
 from service.settings import Settings
+from service.storage.database.database import Database, NobodyWaitsError
 from service.storage.database.ids import new_id
 
 MB = 10**6
@@ -148,15 +151,17 @@ def test_whoever_leaves_the_line_takes_no_place_with_him():
     running(test)
 
 
-def test_what_nobody_waits_for_stops_and_holds_its_place_until_then():
+def test_what_nobody_waits_for_reads_nothing_more_and_holds_its_place_until_then(database):
     async def test(make):
         reads, first, ends = make(), Blocked(), []
 
         def long():
-            first()
+            with database.read():
+                first()
             try:
-                go_on()
-            except GoneError:
+                with database.read():
+                    ends.append("read")
+            except NobodyWaitsError:
                 ends.append("stopped")
                 raise
 
@@ -170,7 +175,43 @@ def test_what_nobody_waits_for_stops_and_holds_its_place_until_then():
         first.goes_on.set()
         await next_one
         assert ends == ["stopped", "next"]
-        go_on()  # outside of a read it does nothing
+
+    running(test)
+
+
+ENDLESS = {
+    "sqlite": "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT max(i) FROM n",
+    "postgresql": "SELECT pg_sleep(1e6)",
+}
+
+
+@pytest.mark.parametrize("opened", [Database.read, Database.read_rows])
+def test_a_statement_that_nobody_waits_for_ends_in_its_midst(database, opened):
+    async def test(make):
+        reads, begins, ends = make(), threading.Event(), []
+
+        def endless():
+            with opened(database) as connection:
+                connection.execute(text("SELECT 1"))
+                begins.set()
+                try:
+                    connection.execute(text(ENDLESS[database.engine.dialect.name]))
+                except DBAPIError as fault:
+                    ends.append(fault)
+                    raise
+
+        reading = asyncio.create_task(reads.begin(ANN, endless))
+        await asyncio.to_thread(begins.wait, 60)
+        reading.cancel()
+        await asyncio.gather(reading, return_exceptions=True)
+
+        def count():
+            with database.read() as session:
+                return session.scalar(text("SELECT 2"))
+
+        # The one place is free, and whoever gets the connection is not interrupted.
+        assert await reads.begin(BOB, count) == 2
+        assert len(ends) == 1
 
     running(test)
 
