@@ -19,7 +19,7 @@ from service.app import create_app
 from service.connections.gate import UNREAD_SECONDS, Gate, Phase
 from service.connections.listener import Listener
 from service.connections.server import guarded
-from service.logs import Complaints
+from service.logs import Complaints, place_of
 from service.settings import Settings
 from tests.support.keys import Clock
 
@@ -124,6 +124,23 @@ def test_a_complaint_is_written_once_in_a_while_with_the_number_of_the_others(ca
         "too many",
         "too many (999 times more since the last line)",
     ]
+
+
+def test_complaints_of_one_kind_are_one_whatever_they_say_and_faults_of_one_line_are_of_one_kind(caplog):
+    complaints, faults = Complaints(logging.getLogger("test"), Clock()), []
+    for number in range(3):
+        try:
+            {}[number]
+        except KeyError as fault:
+            faults.append(fault)
+            complaints.tell(f"request {number}", fault, kind=place_of(fault), level=logging.ERROR)
+    complaints.tell("request 3", kind="another")
+    assert [(record.getMessage(), record.levelname) for record in caplog.records] == [
+        ("request 0", "ERROR"),
+        ("request 3", "WARNING"),
+    ]
+    assert caplog.records[0].exc_info[1] is faults[0]
+    assert place_of(KeyError()) == "KeyError"
 
 
 @contextmanager
