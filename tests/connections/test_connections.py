@@ -413,6 +413,22 @@ def test_a_body_has_a_deadline(sqlite_url, verdicts):
     serve(act, create_app(Settings(**settings), sandbox=verdicts), **settings)
 
 
+def test_whoever_sends_too_much_is_told_so_and_may_go_on(sqlite_url, verdicts):
+    async def act(port):
+        head = b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
+        reader, writer = await connect(port)
+        # All of it is sent before anything is read, as a proxy does; the kernel does not buffer so much.
+        writer.write(head + b"Content-Length: 15000000\r\n\r\n" + b" " * 15_000_000)
+        await writer.drain()
+        assert (await reader.readline()).startswith(b"HTTP/1.1 413 ")
+        writer.write(ONCE)
+        assert (await reader.read()).count(b"HTTP/1.1 200 ") == 1
+        writer.close()
+
+    settings = {"database_url": sqlite_url}
+    serve(act, create_app(Settings(**settings), sandbox=verdicts), **settings)
+
+
 def test_a_request_of_two_lengths_is_refused_and_nothing_after_it_is_read(sqlite_url, verdicts):
     async def act(port):
         head = b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
