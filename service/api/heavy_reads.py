@@ -29,7 +29,7 @@ from typing import Any, TypeVar  # Any: a function of the C library
 
 from service.api.replies.errors import ApiError
 from service.settings import Settings
-from service.storage.database.database import Reading
+from service.storage.database.database import WantedRead
 
 T = TypeVar("T")
 
@@ -183,7 +183,7 @@ class HeavyReads:
         self._tidy_soon()
 
     async def _compute(self, work: Callable[[], T]) -> T:
-        loop, reading = asyncio.get_running_loop(), Reading()
+        loop, reading = asyncio.get_running_loop(), WantedRead()
         context = contextvars.copy_context()
         try:
             computing: Future[T] = self._threads.submit(context.run, reading.run, work)

@@ -49,7 +49,7 @@ class NobodyWaitsError(Exception):
     """Whoever wanted what is read has gone."""
 
 
-class Reading:
+class WantedRead:
     """Reads for somebody who may leave: another thread ends them, even in the midst of a statement."""
 
     def __init__(self) -> None:
@@ -66,11 +66,11 @@ class Reading:
         NobodyWaitsError, sqlalchemy.exc.DBAPIError
             It was ended, between two statements or in one.
         """
-        token = _READING.set(self)
+        token = _WANTED.set(self)
         try:
             return work()
         finally:
-            _READING.reset(token)
+            _WANTED.reset(token)
 
     def end(self) -> None:
         """End it, and wait until it has ended."""
@@ -99,12 +99,12 @@ class Reading:
                 self._left.notify_all()
 
 
-_READING: ContextVar[Reading | None] = ContextVar("reading", default=None)
+_WANTED: ContextVar[WantedRead | None] = ContextVar("wanted", default=None)
 
 
 @contextmanager
 def _interruptible(connection: Callable[[], Connection]) -> Iterator[None]:
-    reading = _READING.get()
+    reading = _WANTED.get()
     if reading is None:
         yield
     else:

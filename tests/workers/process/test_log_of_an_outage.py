@@ -67,7 +67,7 @@ def run(monkeypatch, caplog, nobody, presence):
         poll_seconds=0.0,
         grace_seconds=0.0,
     )
-    with caplog.at_level(logging.INFO, logger="workers"):
+    with caplog.at_level(logging.WARNING, logger="workers"):
         nobody.loop.run()
     waker.close()
     assert not nobody.away
