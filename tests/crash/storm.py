@@ -16,14 +16,14 @@ import numpy as np
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session, aliased
 
-from service.jobs.states import FINISHED, AttemptOutcome, JobKind, JobState
+from service.jobs.states import FINISHED, AttemptOutcome, JobKind, JobState, pause_after
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.solutions import SolutionRow
 from service.storage.tables.sweeps import SweepRow
 from tests.crash.client import Client
-from tests.crash.installation import Installation, kill
+from tests.crash.installation import SETTINGS, Installation, kill
 from tests.support.databases import url_of
 from tests.support.postgres import postgres_server
 from tests.workers.processes import wait_until
@@ -80,9 +80,11 @@ class Figures:
         of = [each for each in self.taken_over if each.kind is kind]
         parts = (
             "{:.1f} s, p99 {:.1f}, most {:.1f} s".format(*np.quantile(seconds or [0.0], [0.5, 0.99, 1.0]))
-            for seconds in ([each.seconds for each in of], [each.with_workers for each in of])
+            for seconds in ([each.seconds for each in of], [each.waiting for each in of])
         )
-        return "{} {} taken over in {} ({} while a worker took jobs)".format(len(of), name, *parts)
+        return "{} {} taken over in {} ({} of waiting for a worker that took jobs)".format(
+            len(of), name, *parts
+        )
 
 
 @dataclass(frozen=True)
@@ -93,8 +95,9 @@ class TakenOver:
     """A chunk of a sweep waits behind all problems, until its lane is owed a job."""
     seconds: float
     """To the next claim: from the death of the worker if it was killed, else from the end of the attempt."""
-    with_workers: float
-    """Of these, those in which some worker took jobs; in the others all had been killed and were starting."""
+    waiting: float
+    """Of these, those in which it might have been claimed: some worker took jobs, while in the others all had
+    been killed and were starting; and the pause was over that a job has which was lost alone before."""
 
 
 @dataclass(frozen=True)
@@ -277,9 +280,19 @@ def _taken_over(session: Session, deaths: Mapping[int, float]) -> list[TakenOver
         # The name of a worker has the number of its process.
         killed = deaths.get(int(attempt.worker.split(":")[-2]), ended)
         since = killed if attempt.started_at <= killed <= ended else ended
-        covered = _covered(since, began, [(first, last) for first, last in spans])
-        taken_over.append(TakenOver(JobKind(kind), began - since, covered))
+        working = [(first, last) for first, last in spans]
+        waiting = _covered(since, ended, working) + _covered(ended + _pause(session, attempt), began, working)
+        taken_over.append(TakenOver(JobKind(kind), began - since, waiting))
     return taken_over
+
+
+def _pause(session: Session, attempt: AttemptRow) -> float:
+    """Return how long a job paused at least after an attempt."""
+    if attempt.outcome != AttemptOutcome.LOST.value:
+        return 0.0
+    lost = AttemptRow.outcome == AttemptOutcome.LOST.value, AttemptRow.number <= attempt.number
+    losses = session.scalar(select(func.count()).where(AttemptRow.job_id == attempt.job_id, *lost)) or 0
+    return pause_after(losses, float(SETTINGS["POLHODE_RETRY_SECONDS"]), -1.0)
 
 
 def _covered(start: float, end: float, spans: list[tuple[float, float]]) -> float:

@@ -69,6 +69,7 @@ class EventWatcher:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._task: asyncio.Task[None] | None = None
         self._is_stopped = False
+        self._is_failing = False
         self.complaints = Complaints(logger)
 
     def start(self) -> None:
@@ -226,9 +227,12 @@ class EventWatcher:
         try:
             told, around = await to_thread.run_sync(self._see, known, is_around, limiter=self._looking)
         except Exception as fault:  # whatever it is, the streams go on
-            said = "events: the database cannot be looked at"
-            self.complaints.tell(said, fault, kind=place_of(fault), level=logging.ERROR)
+            if not self._is_failing:
+                said = "events: the database cannot be looked at"
+                self.complaints.tell(said, fault, kind=place_of(fault), level=logging.ERROR)
+            self._is_failing = True
             return
+        self._is_failing = False
         await self._pass_on(listeners, told, around)
 
     def _see(self, known: dict[Subject, float | None], is_around: bool) -> _Sight:
