@@ -1,4 +1,4 @@
-"""Prepares a new child process: limits its memory, and makes it die with its parents.
+"""Limits of processes: whether the system leaves room to start, and those of a new child, which dies with us.
 
 A child never outlives the process that asked for it, even if that process is killed:
 the kernel sends it SIGKILL when the pipe to it closes. PR_SET_PDEATHSIG alone is not
@@ -21,8 +21,24 @@ from pathlib import Path
 from service.collector import keep_what_is_loaded
 from service.logs import Logging, start_logging
 
-_MIB = 1024 * 1024
+_MB, _MIB = 10**6, 1024 * 1024
 _PR_SET_PDEATHSIG = 1
+
+
+def lack_of_room(*, tasks: int, megabytes: int) -> str | None:
+    """Return which limit of the system is too low for so many processes and threads, or so many megabytes.
+
+    Without this a start would fail anywhere, and say so in a dozen ways. None if there is room.
+    """
+    most, _ = resource.getrlimit(resource.RLIMIT_NPROC)
+    # The kernel does not count those of root.
+    if os.geteuid() != 0 and most != resource.RLIM_INFINITY and most < tasks:
+        return f"the limit of {most} processes and threads (ulimit -u) is too low: {tasks} are needed"
+    room, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if room != resource.RLIM_INFINITY and room < megabytes * _MB:
+        found = f"the limit of {room // _MB} MB of address space (ulimit -v)"
+        return f"{found} is too low: {megabytes} MB are needed"
+    return None
 
 
 def confine_child(memory_mb: int | None, logging: Logging | None) -> None:

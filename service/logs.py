@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from traceback import walk_tb
 from types import MappingProxyType, TracebackType
 from typing import TypeVar, TypeVarTuple
 
@@ -69,23 +70,40 @@ def call_about(
 
 
 class Complaints:
-    """Logs at most one line in so many seconds, and counts the suppressed ones."""
+    """Logs at most one line of a kind in so many seconds, and counts the suppressed ones."""
 
     def __init__(self, logger: logging.Logger, clock: Callable[[], float] = time.monotonic) -> None:
         self._logger, self._clock = logger, clock
         self._silent_until: dict[str, float] = {}
         self._kept_back: dict[str, int] = {}
 
-    def tell(self, message: str, fault: BaseException | None = None) -> None:
-        """Log the message as a warning, with the trace of a fault, unless it was logged too recently."""
-        now = self._clock()
-        if now < self._silent_until.get(message, now):
-            self._kept_back[message] = self._kept_back.get(message, 0) + 1
+    def tell(
+        self,
+        message: str,
+        fault: BaseException | None = None,
+        *,
+        kind: str | None = None,
+        level: int = logging.WARNING,
+    ) -> None:
+        """Log a message, with the trace of a fault, unless one of its kind was logged too recently.
+
+        Without a ``kind`` equal messages are of one. There must be few kinds: each is kept.
+        """
+        now, kind = self._clock(), kind or message
+        if now < self._silent_until.get(kind, now):
+            self._kept_back[kind] = self._kept_back.get(kind, 0) + 1
             return
-        others = self._kept_back.pop(message, 0)
-        self._silent_until[message] = now + SECONDS_BETWEEN_LINES
+        others = self._kept_back.pop(kind, 0)
+        self._silent_until[kind] = now + SECONDS_BETWEEN_LINES
         more = f" ({others} times more since the last line)" if others else ""
-        self._logger.warning("%s%s", message, more, exc_info=fault)
+        self._logger.log(level, "%s%s", message, more, exc_info=fault)
+
+
+def place_of(fault: BaseException) -> str:
+    """Return the kind of a fault: its class, and the line that raised it."""
+    *_, (frame, line) = [(None, 0), *walk_tb(fault.__traceback__)]
+    where = "" if frame is None else f" at {frame.f_code.co_filename}:{line}"
+    return f"{type(fault).__name__}{where}"
 
 
 def start_logging(chosen: LogFormat | None, level: LogLevel) -> Logging:

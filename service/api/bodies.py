@@ -14,6 +14,7 @@ from service.api.replies.errors import ApiError
 from service.schemas.reading.strict_json import InvalidJsonError, parse_json
 
 MAX_BODY_BYTES = 1_000_000
+_DISCARDED_BYTES = 16 * MAX_BODY_BYTES
 JSON, UTF_8 = "application/json", "utf-8"
 MERGE_PATCH = "application/merge-patch+json"
 """The media type of a change of a JSON document (RFC 7396); plain JSON means the same here."""
@@ -43,8 +44,10 @@ async def _read(request: Request, inside: Resources, asking: str, *accepted: str
     coding = _coding_of(request.headers.getlist("content-encoding"))
     length = request.headers.get("content-length", "0")
     if length.isdecimal() and int(length[:20]) > MAX_BODY_BYTES:
-        # Not read at all: what is sent of it is of no use.
-        raise _too_large("", {"Connection": "close"})
+        # What is sent of it is of no use. To close the connection would reset it, so that whoever is still
+        # sending, or a proxy, may not get the answer; so not much is read and thrown away.
+        is_discarded = int(length[:20]) <= _DISCARDED_BYTES and "expect" not in request.headers
+        raise _too_large("", {} if is_discarded else {"Connection": "close"})
     content, seconds = bytearray(), inside.settings.body_seconds
     try:
         async with asyncio.timeout(seconds):

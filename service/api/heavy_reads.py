@@ -7,7 +7,7 @@ all others. So few reads compute at the same time, and what they have made and i
 - Keys take turns; without keys, connections do. Of each the parts of its answers come in their order.
 - What waits to be sent has a budget of bytes, of which one key may use half. Where it is used up, the
   connection that has not read for longest is closed; if all read, the next answer is refused.
-- If its client has gone, a read leaves the line, or stops where it asks :func:`go_on`.
+- If its client has gone, a read leaves the line, or stops at its next statement, or in the midst of one.
 
 All methods are called on the event loop.
 """
@@ -29,6 +29,7 @@ from typing import Any, TypeVar  # Any: a function of the C library
 
 from service.api.replies.errors import ApiError
 from service.settings import Settings
+from service.storage.database.database import WantedRead
 
 T = TypeVar("T")
 
@@ -52,27 +53,6 @@ class Reader:
     key_id: str | None
     connection: object = None
     """Without a key: its address."""
-
-
-class GoneError(Exception):
-    """The client has gone: nobody waits for what is computed."""
-
-
-@dataclass(slots=True)
-class _Call:
-    """One part of an answer that is computed in a thread."""
-
-    is_wanted: bool = True
-
-
-_CALL: contextvars.ContextVar[_Call | None] = contextvars.ContextVar("call", default=None)
-
-
-def go_on() -> None:
-    """Raise :class:`GoneError` if nobody waits for what this thread computes; for long computations."""
-    call = _CALL.get()
-    if call is not None and not call.is_wanted:
-        raise GoneError
 
 
 class HeavyReads:
@@ -203,11 +183,10 @@ class HeavyReads:
         self._tidy_soon()
 
     async def _compute(self, work: Callable[[], T]) -> T:
-        loop, call = asyncio.get_running_loop(), _Call()
+        loop, reading = asyncio.get_running_loop(), WantedRead()
         context = contextvars.copy_context()
-        context.run(_CALL.set, call)
         try:
-            computing: Future[T] = self._threads.submit(context.run, work)
+            computing: Future[T] = self._threads.submit(context.run, reading.run, work)
         except RuntimeError:
             self._leave()
             raise _busy("the service stops") from None
@@ -221,7 +200,7 @@ class HeavyReads:
         try:
             return await asyncio.wrap_future(computing)
         except asyncio.CancelledError:
-            call.is_wanted = False
+            threading.Thread(target=reading.end, name="ending", daemon=True).start()
             raise
 
     def _tidy_soon(self) -> None:

@@ -22,6 +22,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from service.jobs.states import AttemptOutcome, JobKind
 from service.local.restarts import WorkerStanding
+from service.logs import Complaints
 from service.storage.upkeep.statistics import BOUNDS, LIVE, Durations, Figures, Statistics
 from service.verdicts.memory import KeptExaminations
 
@@ -107,6 +108,7 @@ class _DatabaseCollector(Collector):
     def __init__(self, statistics: Statistics, version: str) -> None:
         self._statistics = statistics
         self._version = version
+        self._complaints = Complaints(logger)
 
     def describe(self) -> list[Metric]:
         """Return nothing, so that registering makes no query."""
@@ -118,7 +120,7 @@ class _DatabaseCollector(Collector):
         try:
             figures = self._statistics.current()
         except SQLAlchemyError as fault:
-            logger.warning("no metrics of the database: %s", type(fault).__name__)
+            self._complaints.tell(f"no metrics of the database: {type(fault).__name__}")
             yield GaugeMetricFamily("polhode_database_up", "The database answers.", 0)
             return
         yield GaugeMetricFamily("polhode_database_up", "The database answers.", 1)

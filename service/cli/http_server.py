@@ -1,6 +1,7 @@
 """Serves the API over HTTP on an open socket, until a signal."""
 
 import socket
+import sys
 
 import typer
 import uvicorn
@@ -15,6 +16,9 @@ from service.logs import announce
 from service.settings import Settings
 from service.stopping import StopAsked
 from service.verdicts.starting import VerdictChildren
+
+_SWITCH_SECONDS = 0.001
+"""A thread keeps the interpreter for so long while others want it; Python's own is five times as long."""
 
 
 def serve_http(
@@ -54,6 +58,9 @@ def serve_http(
             keep_what_is_loaded()
             # Not earlier: what workers say comes after that line.
             doorbell.tell_database_is_ready()
+            # Threads that write text take the interpreter from the event loop: this is how long it waits for
+            # each of them.
+            sys.setswitchinterval(_SWITCH_SECONDS)
             # Uvicorn raises the signals it received again at its end: they have been handled already.
             server.run(sockets=[listener])
             if not server.started:

@@ -4,11 +4,17 @@ import socket
 
 from service.cli.common import REFUSED, fail, migrate_database
 from service.cli.keys import require_key
+from service.confinement import lack_of_room
 from service.local.wakeup import Doorbell
 from service.local.workers import LocalWorkers
 from service.logs import start_logging
 from service.settings import Settings
-from service.verdicts.starting import VerdictChildren
+from service.verdicts.starting import VerdictChildren, verdict_children
+
+_TASKS, _TASKS_OF_A_CHILD = 50, 2
+"""Threads of the API when all are busy, and the processes around its children, counted."""
+_ADDRESS_MB = 2000
+"""Libraries and stacks of all threads take 1600; hardly a tenth of it is memory."""
 
 
 def run_service(settings: Settings) -> None:
@@ -19,6 +25,9 @@ def run_service(settings: Settings) -> None:
     told that it is ready.
     """
     start_logging(settings.log_format, settings.log_level or "warning")
+    tasks = _TASKS + _TASKS_OF_A_CHILD * (verdict_children() + settings.workers)
+    if (reason := lack_of_room(tasks=tasks, megabytes=_ADDRESS_MB)) is not None:
+        fail(reason, REFUSED)
     if not settings.is_loopback:
         require_key(settings)
     with _listen(settings.host, settings.port) as listener:

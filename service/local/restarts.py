@@ -1,7 +1,7 @@
 """Decides when a worker process that ended is started again.
 
-A process that ran for a while is restarted at once, since its jobs wait. One that
-dies repeatedly soon after its start would only waste processor time, so the
+A process that ran for a while, or has worked, is restarted at once, since its jobs wait.
+One that dies repeatedly before it can work would only waste processor time, so the
 pauses grow.
 """
 
@@ -21,9 +21,9 @@ class Restarts:
     early_deaths: int = 0
     """Consecutive early deaths up to now."""
 
-    def after_death(self, lived_seconds: float) -> "Restarts":
+    def after_death(self, lived_seconds: float, *, has_worked: bool) -> "Restarts":
         """Return the counts after another death."""
-        is_early = lived_seconds < EARLY_SECONDS
+        is_early = lived_seconds < EARLY_SECONDS and not has_worked
         return Restarts(self.deaths + 1, self.early_deaths + 1 if is_early else 0)
 
     @property

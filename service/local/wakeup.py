@@ -57,18 +57,19 @@ class Doorbell:
         self._is_database_ready = True
         self.ring()
 
-    def new_line(self) -> socket.socket:
+    def new_line(self, heard: Callable[[], None] = lambda: None) -> socket.socket:
         """Return the worker's end of a new pair of sockets.
 
         Pass its file descriptor to the worker process, then close it here, so that
-        each side notices when the other has died.
+        each side notices when the other has died. ``heard`` is called, from another thread,
+        at each word of that worker.
         """
         ours, theirs = socket.socketpair()
         with self._lock:
             self._lines.append(ours)
             if self._is_database_ready:
                 ours.send(b".")
-        threading.Thread(target=self._listen, args=(ours,), name="doorbell", daemon=True).start()
+        threading.Thread(target=self._listen, args=(ours, heard), name="doorbell", daemon=True).start()
         return theirs
 
     def ring(self) -> None:
@@ -152,10 +153,11 @@ class Doorbell:
                 if not waiters:
                     del self._waiting[job_id]
 
-    def _listen(self, line: socket.socket) -> None:
+    def _listen(self, line: socket.socket, heard: Callable[[], None]) -> None:
         with line, line.makefile("r", encoding="ascii") as reader:
             with contextlib.suppress(OSError):
                 for word in map(str.strip, reader):
+                    heard()
                     if word != WARM:
                         self.announce(word)
                     elif self._tell_warm is not None:

@@ -34,6 +34,8 @@ class LocalWorkers:
         self._restarts = Restarts()
         self._last_code: int | None = None
         self._starts_at: float | None = None
+        self._has_worked = threading.Event()
+        """The process that runs has finished a job, or is warm."""
         self._process = self._start()
         self._keeper = threading.Thread(target=self._keep, name="keeper of workers", daemon=True)
         self._keeper.start()
@@ -72,7 +74,8 @@ class LocalWorkers:
             self._keeper.join()
 
     def _start(self) -> "subprocess.Popen[bytes]":
-        line = self._doorbell.new_line()
+        self._has_worked = threading.Event()
+        line = self._doorbell.new_line(self._has_worked.set)
         with line:
             options = ["--slots", str(self._settings.workers), "--wake-fd", str(line.fileno())]
             return subprocess.Popen(
@@ -97,7 +100,7 @@ class LocalWorkers:
         """Start another process, after a pause if there must be one; return False if it is to stop."""
         while True:
             self._last_code = code
-            self._restarts = self._restarts.after_death(lived_seconds)
+            self._restarts = self._restarts.after_death(lived_seconds, has_worked=self._has_worked.is_set())
             pause = self._restarts.pause_seconds
             self._starts_at = time.monotonic() + pause
             logger.warning("%s", self.standing())

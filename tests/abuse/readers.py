@@ -1,7 +1,7 @@
 """Clients that ask for much and read nothing, and what the others notice of them.
 
-``python -m tests.abuse.readers [NAME ...]`` prints a table of the attacks: how long others wait, and the
-memory of the API. The tests use its parts, and assert no time.
+``python -m tests.abuse.readers [NAME ...]`` prints a table of the attacks: how long others wait, in the
+median and at the 99th percentile, and the memory of the API. The tests use its parts, and assert no time.
 """
 
 import argparse
@@ -43,13 +43,16 @@ class Attack:
 TRAJECTORY = "/v1/solutions/{solution}/trajectory?stop=1000&samples=100000"
 ATTACKS = {
     "trajectories as CSV": Attack(f"{TRAJECTORY}&format=csv", 60),
-    "150 trajectories as CSV": Attack(f"{TRAJECTORY}&format=csv", 150),
+    "many trajectories as CSV": Attack(f"{TRAJECTORY}&format=csv", 150),
     "trajectories as JSON, gzip": Attack(TRAJECTORY, 60, "gzip"),
     "points as NPZ": Attack("/v1/sweeps/{sweep}/points?format=npz", 60),
     "sorted points": Attack("/v1/sweeps/{sweep}/points?order=-period&limit=1", 60),
     "statistics of points": Attack("/v1/sweeps/{sweep}/points/statistics?of=period", 60),
-    "1000 of a static file": Attack("{static}", 1000),
-    "1000 of /openapi.json": Attack("/openapi.json", 1000),
+    "packages": Attack("/v1/sweeps/{sweep}/package", 60),
+    "lists with conditions": Attack("/v1/solutions?where=period<5&order=-energy", 150),
+    "a static file": Attack("{static}", 1000),
+    "/openapi.json": Attack("/openapi.json", 1000),
+    "a file of /docs": Attack("/docs/swagger-ui-bundle.js", 1000),
 }
 
 
@@ -115,12 +118,11 @@ class Others:
         for thread in self._threads:
             thread.join()
 
-    def line(self) -> str:
-        parts = []
-        for name, seconds in self.seconds.items():
-            found = np.quantile(seconds, [0.5, 0.99]) if seconds else [np.nan, np.nan]
-            parts.append(f"{name} {found[0]:.3f}/{found[1]:.3f} s ({len(seconds)})")
-        return ", ".join(parts)
+    def cells(self) -> Iterator[str]:
+        """Yield the median and the 99th percentile of each kind of request, in seconds, and their number."""
+        for seconds in self.seconds.values():
+            middle, late = np.quantile(seconds or [np.nan], [0.5, 0.99])
+            yield f"{middle:.3f}, {late:.3f} ({len(seconds)})"
 
     def _repeat(self, name: str, pause: float, ask: Callable[[int], None]) -> None:
         number = 0
@@ -171,6 +173,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--after", type=float, default=30.0)
     asked = parser.parse_args()
+    columns = "attack", "/livez", "GET /v1/jobs", "submit and wait", "503"
+    columns += "MB idle, most, after", "s of work after", "load"
+    say(f"| {' | '.join(columns)} |\n|{' --- |' * len(columns)}")
     for name in asked.names or ATTACKS:
         attack = ATTACKS[name]
         with tempfile.TemporaryDirectory() as there:
@@ -187,13 +192,14 @@ def main() -> None:
                     others.start()
                     time.sleep(asked.seconds)
                     others.stop()
+                    load = os.getloadavg()[0]
                 ended = processor_seconds(pid)
                 time.sleep(asked.after)
                 spent = processor_seconds(pid) - ended
+                memory = ", ".join(f"{each / MB:.0f}" for each in (idle, others.peak, memory_of(pid)))
                 say(
-                    f"{name}: {others.line()}, 503 {others.refused}; memory {idle / MB:.0f}, at most "
-                    f"{others.peak / MB:.0f}, afterwards {memory_of(pid) / MB:.0f} MB; "
-                    f"{spent:.1f} s of work for clients that have left"
+                    f"| {attack.clients} clients, {name} | {' | '.join(others.cells())} | {others.refused} "
+                    f"| {memory} | {spent:.1f} | {load:.0f} |"
                 )
 
 

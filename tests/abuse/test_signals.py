@@ -120,7 +120,7 @@ def test_a_service_that_has_something_to_put_in_order_does_so(run, moment):
 
 
 def test_a_worker_that_has_entered_the_database_leaves_it(run, tmp_path):
-    ended = run(WORKER, "workers.process.database_work:Runner", signal.SIGTERM, "run")
+    ended = run(WORKER, "selectors:PollSelector", signal.SIGTERM, "run")
     assert ended.returncode == 0
     assert "Traceback" not in ended.stderr
     database = Database(f"sqlite:///{tmp_path / 'polhode.db'}")

@@ -19,7 +19,7 @@ from service.app import create_app
 from service.connections.gate import UNREAD_SECONDS, Gate, Phase
 from service.connections.listener import Listener
 from service.connections.server import guarded
-from service.logs import Complaints
+from service.logs import Complaints, place_of
 from service.settings import Settings
 from tests.support.keys import Clock
 
@@ -124,6 +124,23 @@ def test_a_complaint_is_written_once_in_a_while_with_the_number_of_the_others(ca
         "too many",
         "too many (999 times more since the last line)",
     ]
+
+
+def test_complaints_of_one_kind_are_one_whatever_they_say_and_faults_of_one_line_are_of_one_kind(caplog):
+    complaints, faults = Complaints(logging.getLogger("test"), Clock()), []
+    for number in range(3):
+        try:
+            {}[number]
+        except KeyError as fault:
+            faults.append(fault)
+            complaints.tell(f"request {number}", fault, kind=place_of(fault), level=logging.ERROR)
+    complaints.tell("request 3", kind="another")
+    assert [(record.getMessage(), record.levelname) for record in caplog.records] == [
+        ("request 0", "ERROR"),
+        ("request 3", "WARNING"),
+    ]
+    assert caplog.records[0].exc_info[1] is faults[0]
+    assert place_of(KeyError()) == "KeyError"
 
 
 @contextmanager
@@ -393,6 +410,22 @@ def test_a_body_has_a_deadline(sqlite_url, verdicts):
         assert problem(answer) == (408, "request_timeout")
 
     settings = {"database_url": sqlite_url, "body_seconds": 0.2}
+    serve(act, create_app(Settings(**settings), sandbox=verdicts), **settings)
+
+
+def test_whoever_sends_too_much_is_told_so_and_may_go_on(sqlite_url, verdicts):
+    async def act(port):
+        head = b"POST /v1/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
+        reader, writer = await connect(port)
+        # All of it is sent before anything is read, as a proxy does; the kernel does not buffer so much.
+        writer.write(head + b"Content-Length: 15000000\r\n\r\n" + b" " * 15_000_000)
+        await writer.drain()
+        assert (await reader.readline()).startswith(b"HTTP/1.1 413 ")
+        writer.write(ONCE)
+        assert (await reader.read()).count(b"HTTP/1.1 200 ") == 1
+        writer.close()
+
+    settings = {"database_url": sqlite_url}
     serve(act, create_app(Settings(**settings), sandbox=verdicts), **settings)
 
 

@@ -7,23 +7,23 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from http.client import HTTPException
 from pathlib import Path
 
 import numpy as np
-from sqlalchemy import Select, func, select
-from sqlalchemy.orm import aliased
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session, aliased
 
-from service.jobs.states import FINISHED, AttemptOutcome, JobState
+from service.jobs.states import FINISHED, AttemptOutcome, JobKind, JobState, pause_after
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.solutions import SolutionRow
 from service.storage.tables.sweeps import SweepRow
 from tests.crash.client import Client
-from tests.crash.installation import Installation, kill
+from tests.crash.installation import SETTINGS, Installation, kill
 from tests.support.databases import url_of
 from tests.support.postgres import postgres_server
 from tests.workers.processes import wait_until
@@ -44,6 +44,8 @@ class Figures:
 
     seconds: float = 0.0
     kills: Counter[str] = field(default_factory=Counter)
+    deaths: dict[int, float] = field(default_factory=dict)
+    """When which process was killed."""
     acknowledged: list[str] = field(default_factory=list)
     repeated: int = 0
     """Requests that got no answer or a 503, and were sent again."""
@@ -56,24 +58,46 @@ class Figures:
     lost_attempts: int = 0
     points: int = 0
     """Stored points of sweeps."""
-    taken_over: list[float] = field(default_factory=list)
-    """Seconds from the end of each attempt that was lost, or returned, to the next claim of its job."""
+    taken_over: list["TakenOver"] = field(default_factory=list)
+    """Jobs whose attempts were lost, or returned."""
     recovery_seconds: float = 0.0
     """Seconds from the last kill to the last result."""
     left_processes: int = 0
     doctor: dict = field(default_factory=dict)
 
     def line(self) -> str:
-        over = np.quantile(self.taken_over or [0.0], [0.5, 0.99, 1.0])
         kills = ", ".join(f"{count} {kind}" for kind, count in sorted(self.kills.items()))
         return (
             f"{self.seconds:.0f} s, killed: {kills}; {len(self.acknowledged)} jobs, {self.points} points, "
             f"{self.repeated} requests sent again, {self.lost_attempts} attempts lost; "
-            f"{len(self.taken_over)} taken over in {over[0]:.1f} s, p99 {over[1]:.1f}, most {over[2]:.1f} s; "
+            f"{self._said('problems', JobKind.SOLVE)}; {self._said('chunks', JobKind.CHUNK)}; "
             f"jobs unfinished {self.unfinished}, lost {self.lost}, doubled {self.doubled}; "
             f"recovered in {self.recovery_seconds:.1f} s, processes left {self.left_processes}, "
             f"doctor {'clean' if self.doctor['clean'] else 'NOT CLEAN'}"
         )
+
+    def _said(self, name: str, kind: JobKind) -> str:
+        of = [each for each in self.taken_over if each.kind is kind]
+        parts = (
+            "{:.1f} s, p99 {:.1f}, most {:.1f} s".format(*np.quantile(seconds or [0.0], [0.5, 0.99, 1.0]))
+            for seconds in ([each.seconds for each in of], [each.waiting for each in of])
+        )
+        return "{} {} taken over in {} ({} of waiting for a worker that took jobs)".format(
+            len(of), name, *parts
+        )
+
+
+@dataclass(frozen=True)
+class TakenOver:
+    """A job that was claimed again after an attempt that was lost, or returned."""
+
+    kind: JobKind
+    """A chunk of a sweep waits behind all problems, until its lane is owed a job."""
+    seconds: float
+    """To the next claim: from the death of the worker if it was killed, else from the end of the attempt."""
+    waiting: float
+    """Of these, those in which it might have been claimed: some worker took jobs, while in the others all had
+    been killed and were starting; and the pause was over that a job has which was lost alone before."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +219,8 @@ def _rage(
         if "child" in kinds:
             first = next((kind for kind in due if kind in kinds), None)
             kind = first or chance.choices(kinds, [PREY[kind] for kind in kinds])[0]
-            if kill(chance.choice([pid for pid, of in processes if of == kind])):
+            if kill(prey := chance.choice([pid for pid, of in processes if of == kind])):
+                figures.deaths[prey] = time.time()
                 figures.kills[kind] += 1
                 due = [other for other in due if other != kind]
         installation.start_the_dead()
@@ -226,7 +251,7 @@ def _count(figures: Figures, database: Database) -> None:
         figures.doubled = len(session.scalars(twice.union(again)).all())
         lost = AttemptRow.outcome == AttemptOutcome.LOST.value
         figures.lost_attempts = session.scalar(select(func.count()).select_from(AttemptRow).where(lost)) or 0
-        figures.taken_over = list(session.scalars(_taken_over()))
+        figures.taken_over = _taken_over(session, figures.deaths)
         sweeps = session.execute(select(SweepRow.state, SweepRow.done)).all()
     ended = sum(states[state.value] for state in FINISHED)
     figures.unfinished = len(figures.acknowledged) - ended
@@ -235,16 +260,48 @@ def _count(figures: Figures, database: Database) -> None:
     figures.points = sum(done for _, done in sweeps)
 
 
-def _taken_over() -> Select[float]:
-    """Return the statement for the seconds until an attempt that did not end followed another one."""
+def _taken_over(session: Session, deaths: Mapping[int, float]) -> list[TakenOver]:
     following = aliased(AttemptRow)
     unended = AttemptOutcome.LOST.value, AttemptOutcome.RETURNED.value
-    return (
-        select(following.started_at - AttemptRow.ended_at)
+    found = session.execute(
+        select(JobRow.kind, AttemptRow, following.started_at)
         .select_from(AttemptRow)
+        .join(JobRow, JobRow.id == AttemptRow.job_id)
         .join(following, following.job_id == AttemptRow.job_id)
         .where(following.number == AttemptRow.number + 1, AttemptRow.outcome.in_(unended))
-    )
+    ).all()
+    first_claim, last_claim = func.min(AttemptRow.started_at), func.max(AttemptRow.started_at)
+    spans = session.execute(
+        select(first_claim, last_claim).group_by(AttemptRow.worker).order_by(first_claim)
+    ).all()
+    taken_over = []
+    for kind, attempt, began in found:
+        ended = attempt.ended_at or began
+        # The name of a worker has the number of its process.
+        killed = deaths.get(int(attempt.worker.split(":")[-2]), ended)
+        since = killed if attempt.started_at <= killed <= ended else ended
+        working = [(first, last) for first, last in spans]
+        waiting = _covered(since, ended, working) + _covered(ended + _pause(session, attempt), began, working)
+        taken_over.append(TakenOver(JobKind(kind), began - since, waiting))
+    return taken_over
+
+
+def _pause(session: Session, attempt: AttemptRow) -> float:
+    """Return how long a job paused at least after an attempt."""
+    if attempt.outcome != AttemptOutcome.LOST.value:
+        return 0.0
+    lost = AttemptRow.outcome == AttemptOutcome.LOST.value, AttemptRow.number <= attempt.number
+    losses = session.scalar(select(func.count()).where(AttemptRow.job_id == attempt.job_id, *lost)) or 0
+    return pause_after(losses, float(SETTINGS["POLHODE_RETRY_SECONDS"]), -1.0)
+
+
+def _covered(start: float, end: float, spans: list[tuple[float, float]]) -> float:
+    """Return how much of a time lies within spans, which are in the order of their beginnings."""
+    seconds, upto = 0.0, start
+    for first, last in spans:
+        seconds += max(0.0, min(last, end) - max(first, upto))
+        upto = max(upto, last)
+    return seconds
 
 
 def _batches(ids: list[str]) -> Iterator[list[str]]:

@@ -17,16 +17,21 @@ from service.local.restarts import (
 lives = st.lists(st.floats(0.0, 4 * EARLY_SECONDS), max_size=50)
 
 
-def after(seconds):
+def after(seconds, *, has_worked=False):
     restarts = Restarts()
     for lived in seconds:
-        restarts = restarts.after_death(lived)
+        restarts = restarts.after_death(lived, has_worked=has_worked)
     return restarts
 
 
 @given(lives, st.floats(EARLY_SECONDS, 1e9))
-def test_one_that_had_worked_is_started_again_at_once_whatever_was_before(before, lived):
+def test_one_that_ran_for_a_while_is_started_again_at_once_whatever_was_before(before, lived):
     assert after([*before, lived]).pause_seconds == 0.0
+
+
+@given(lives, st.floats(0.0, 1e9))
+def test_so_is_one_that_had_worked_however_short(before, lived):
+    assert after(before).after_death(lived, has_worked=True).pause_seconds == 0.0
 
 
 @given(lives)

@@ -3,6 +3,7 @@
 import errno
 import subprocess
 import sys
+import threading
 
 import pytest
 
@@ -18,6 +19,21 @@ from tests.support.api import TestClient
 from tests.workers.processes import wait_until
 
 FOREVER = [sys.executable, "-S", "-c", "import signal; signal.pause()"]
+WARM_AT_ONCE = """
+import os, signal, sys
+os.write(int(sys.argv[sys.argv.index("--wake-fd") + 1]), b"warm\\n")
+signal.pause()
+"""
+ENDS_AT_THE_SECOND = f"""
+import signal
+signals = []
+def note(*_):
+    signals.append(1)
+    if len(signals) == 2:
+        raise SystemExit(7)
+signal.signal(signal.SIGTERM, note)
+{WARM_AT_ONCE.replace("signal.pause()", "while True: signal.pause()")}
+"""
 AT_ONCE = [sys.executable, "-S", "-c", "raise SystemExit(3)"]
 
 
@@ -27,7 +43,7 @@ def keep(monkeypatch):
     started = []
 
     def begin(command):
-        monkeypatch.setattr("service.local.workers.worker_command", lambda *_: command)
+        monkeypatch.setattr("service.local.workers.worker_command", lambda *given: [*command, *given])
         bell = Doorbell()
         started.append((LocalWorkers(Settings(workers=1, grace_seconds=0.0), bell), bell))
         return started[-1][0]
@@ -48,15 +64,45 @@ def test_a_killed_worker_is_started_again(keep):
     assert (workers.standing().restarts.deaths, workers.standing().last_code) == (1, -9)
 
 
-def test_a_worker_that_had_worked_is_back_without_a_pause(keep, monkeypatch):
-    monkeypatch.setattr("service.local.restarts.EARLY_SECONDS", 0.0)
-    workers, waits = keep(FOREVER), []
-    stopping = workers._stopping
+def pauses_of(workers, monkeypatch):
+    """Note how long is waited before the next start, and wait for nothing."""
+    waits, stopping = [], workers._stopping
     monkeypatch.setattr(stopping, "wait", lambda seconds: waits.append(seconds) or stopping.is_set())
-    first = workers._process
+    return waits
+
+
+def test_a_worker_that_ran_for_a_while_is_back_without_a_pause(keep, monkeypatch):
+    monkeypatch.setattr("service.local.restarts.EARLY_SECONDS", 0.0)
+    workers = keep(FOREVER)
+    waits, first = pauses_of(workers, monkeypatch), workers._process
     first.kill()
     wait_until(lambda: workers._process is not first)
     assert waits == [0.0]
+
+
+def test_workers_that_are_killed_at_work_are_back_without_a_pause_however_often(keep, monkeypatch):
+    workers = keep([sys.executable, "-S", "-c", WARM_AT_ONCE])
+    waits = pauses_of(workers, monkeypatch)
+    for _ in range(3):
+        worker = workers._process
+        wait_until(workers._has_worked.is_set)
+        worker.kill()
+        wait_until(lambda worker=worker: workers._process is not worker)
+    assert waits == [0.0] * 3
+
+
+def test_a_second_signal_to_the_service_is_one_to_its_worker(keep, monkeypatch):
+    workers = keep([sys.executable, "-S", "-c", ENDS_AT_THE_SECOND])
+    monkeypatch.setattr(workers._settings, "grace_seconds", 3600.0)
+    wait_until(workers._has_worked.is_set)
+    urges = []
+    stopping = threading.Thread(target=workers.stop, args=(urges.append,))
+    stopping.start()
+    wait_until(lambda: urges)
+    # Both may arrive as one, if the first was not handled yet.
+    wait_until(lambda: workers._process.poll() is not None or urges[0]())
+    stopping.join()
+    assert workers._process.returncode == 7
 
 
 def test_a_worker_that_dies_at_once_again_is_told_with_its_pause(keep):

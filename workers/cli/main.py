@@ -14,6 +14,9 @@ from service.settings import SettingsError, read_settings
 from service.terminal import FileFaultError, say
 
 _FAILED, _WRONG_USAGE = 1, 2
+_TASKS, _TASKS_OF_A_SLOT, _ADDRESS_MB = 10, 4, 1000
+"""What a worker needs, counted: its threads, the processes around its children, two children a slot while
+they are replaced; and what a child reserves with all code loaded, 700 MB."""
 
 app = typer.Typer(
     name="python -m workers",
@@ -52,12 +55,16 @@ def run(
     wake_fd: Annotated[int | None, typer.Option(help="descriptor of the service's wake-up socket")] = None,
 ) -> None:
     """Compute queued jobs until stopped."""
+    from service.confinement import lack_of_room  # noqa: PLC0415
     from workers.process.tasks import COMPUTATIONS, PRELOAD, WARM_UP  # noqa: PLC0415
     from workers.process.worker import WorkerTasks, run_worker  # noqa: PLC0415
 
     settings = read_settings(database_url=database_url)
     start_logging(settings.log_format, settings.log_level or "info")
     slots = slots if slots is not None else max(settings.workers, 1)
+    if (reason := lack_of_room(tasks=_TASKS + _TASKS_OF_A_SLOT * slots, megabytes=_ADDRESS_MB)) is not None:
+        say(reason)
+        raise typer.Exit(_FAILED)
     try:
         if wake_fd is None:
             # Started alone. A service that starts workers migrates, and tells them when it has.

@@ -1,6 +1,5 @@
 """A worker's use of its database: it is present there, and computes its jobs."""
 
-import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,6 @@ from service.sandbox import Sandbox
 from service.settings import Settings
 from service.stopping import StopAsked
 from service.storage.database.database import Database
-from service.storage.database.revisions import refuse_unknown
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import WorkerRegistry
@@ -24,8 +22,6 @@ from workers.process.warming import Warming
 
 if TYPE_CHECKING:
     from workers.process.procrastinate import Notifications
-
-logger = logging.getLogger(__name__)
 
 PRESENT_SECONDS = 10.0
 """Largest time between refreshes of the presence row: a third of the time after which it expires."""
@@ -54,17 +50,13 @@ def use_database(computations: Computations, settings: Settings, slots: int, equ
     worker = WorkerProcess(new_worker_name(host), host, settings.engine, slots)
     database = Database(settings.database_url)
     registry = WorkerRegistry(database, lease_seconds=settings.lease_seconds)
-    presence = Presence(registry, worker, seconds=min(settings.lease_seconds, PRESENT_SECONDS))
+    seconds = min(settings.lease_seconds, PRESENT_SECONDS)
+    presence = Presence(registry, worker, seconds=seconds, alone=settings.engine == "local")
     try:
-        refuse_unknown(database.engine)
-        presence.begin(alone=settings.engine == "local")
-        try:
-            with about(worker=worker.name):
-                logger.info("worker %s with %d slots", worker.name, slots)
-                _loop(computations, settings, worker, presence, database, equipment)
-        finally:
-            presence.end()
+        with about(worker=worker.name):
+            _loop(computations, settings, worker, presence, database, equipment)
     finally:
+        presence.end()
         database.close()
 
 

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from service.jobs.kernels import Kernels
 from service.local.wakeup import WARM, WorkerLine
+from service.logs import Complaints
 from service.storage.database.availability import is_away
 from workers.process.presence import Presence
 from workers.process.runner import WATCH_SECONDS, Runner
@@ -86,6 +87,7 @@ class EngineLoop:
         self._grace_seconds = grace_seconds
         self._stop_by: float | None = None
         self._is_away = False
+        self._complaints = Complaints(logger)
         self._has_told = False
 
     def stop(self) -> None:
@@ -108,13 +110,14 @@ class EngineLoop:
                 if not is_away(fault):
                     raise
                 if not self._is_away:
-                    # Logged once: an outage may last for hours, with two attempts a second.
-                    logger.exception("the database cannot be reached; trying again until it can")
+                    # Not at each attempt: an outage may last for hours. Nor at each outage: where only some
+                    # writes fail, such as on a full disk, every second turn is one.
+                    self._complaints.tell("the database cannot be reached; trying again until it can", fault)
                 self._is_away = True
                 time.sleep(_AWAY_SECONDS)
             else:
                 if self._is_away:
-                    logger.warning("the database can be reached again")
+                    self._complaints.tell("the database can be reached again")
                 self._is_away = False
                 self._wait()
         try:

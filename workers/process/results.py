@@ -11,6 +11,7 @@ from service.jobs.kernels import NeedsKernelsError
 from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome, SolveOutcome
 from service.jobs.store import JobStore
+from service.logs import Complaints, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.availability import is_away
 from workers.process.limits import JobLimits
@@ -37,6 +38,7 @@ class Results:
 
     def __init__(self, store: JobStore, limits: JobLimits) -> None:
         self._store, self._limits = store, limits
+        self._complaints = Complaints(logger)
 
     def store(
         self, claim: Claim, outcome_of: Callable[[], Outcome], then_take: int, terms: TakingTerms
@@ -92,7 +94,9 @@ class Results:
             raise fault
         else:
             # A bug: it would only repeat itself, so there is no other attempt.
-            logger.error("job %s attempt %d", claim.job_id, claim.attempt, exc_info=fault)
+            # A long list may consist of jobs that all meet it.
+            said = f"job {claim.job_id} attempt {claim.attempt}"
+            self._complaints.tell(said, fault, kind=place_of(fault), level=logging.ERROR)
             self._fail(claim, "internal_error", f"{type(fault).__name__}: {fault}")
 
     def _fail(self, claim: Claim, code: str, detail: str) -> None:

@@ -18,6 +18,7 @@ from anyio import CapacityLimiter, to_thread
 from service.api.events.lookout import Lookout, Place, Subject, Surroundings
 from service.api.events.recent import ReadAhead, RecentEvents
 from service.api.events.texts import Told, end_of
+from service.logs import Complaints, place_of
 from service.storage.jobs.changes import SETTLED_SECONDS
 
 logger = logging.getLogger(__name__)
@@ -69,6 +70,7 @@ class EventWatcher:
         self._task: asyncio.Task[None] | None = None
         self._is_stopped = False
         self._is_failing = False
+        self.complaints = Complaints(logger)
 
     def start(self) -> None:
         """Begin to look whenever somebody listens, on the running event loop."""
@@ -224,9 +226,10 @@ class EventWatcher:
         is_around = any(each.subject is None for each in listeners)
         try:
             told, around = await to_thread.run_sync(self._see, known, is_around, limiter=self._looking)
-        except Exception:  # whatever it is, the streams go on
+        except Exception as fault:  # whatever it is, the streams go on
             if not self._is_failing:
-                logger.exception("events: the database cannot be looked at")
+                said = "events: the database cannot be looked at"
+                self.complaints.tell(said, fault, kind=place_of(fault), level=logging.ERROR)
             self._is_failing = True
             return
         self._is_failing = False

@@ -12,6 +12,7 @@ from anyio import CapacityLimiter, to_thread
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.jobs.keys import ApiKey
+from service.logs import Complaints
 from service.storage.keys.key_store import USED_SECONDS, KeyStore
 
 _log = logging.getLogger(__name__)
@@ -39,6 +40,7 @@ class KeyRing:
     def __init__(self, store: KeyStore, clock: Callable[[], float] = time.monotonic) -> None:
         self._store, self._clock = store, clock
         self._lock = threading.Lock()
+        self._complaints = Complaints(_log)
         self._known: Known | None = None
         self._noted: dict[str, float] = {}
         self._looking = CapacityLimiter(1)
@@ -85,4 +87,4 @@ class KeyRing:
         try:
             self._store.touch(key.id)
         except SQLAlchemyError:
-            _log.warning("the last use of key %s could not be recorded", key.prefix)
+            self._complaints.tell(f"the last use of key {key.prefix} could not be recorded", kind="use")

@@ -22,7 +22,7 @@ from service.jobs.errors import (
     StillAtWorkError,
 )
 from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
-from service.logs import Complaints
+from service.logs import Complaints, about, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.reading.faults import Fault, InvalidProblemError
 from service.schemas.sweep.reading import InvalidSweepError
@@ -83,9 +83,11 @@ async def respond(request: Request, error: Exception) -> Response:
         request.app.state.complaints.tell(f"{_UNAVAILABLE}: {type(error).__name__}", error)
     elif refusal.status >= HTTPStatus.INTERNAL_SERVER_ERROR and refusal.code not in _OVERLOAD:
         trace = None if isinstance(error, ApiError) else error
+        kind = refusal.code if trace is None else place_of(trace)
+        said = f"{request.method} {request.url.path}: {refusal.code}"
         # Unexpected errors are answered outside of the request's own context.
-        extra = {"fields": {"request_id": request_id}}
-        _log.error("%s %s: %s", request.method, request.url.path, refusal.code, exc_info=trace, extra=extra)
+        with about(request_id=request_id):
+            request.app.state.complaints.tell(said, trace, kind=kind, level=logging.ERROR)
     response = refusal.response(request_id)
     response.headers.update(standing_headers(request.scope))
     return response

@@ -6,7 +6,6 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 
 from service.api.dependencies import Inside
-from service.api.heavy_reads import go_on
 from service.api.middleware.heavy_answers import heavy
 from service.api.queries.analysis import FacetsQuery, StatisticsQuery, read_facets, read_statistics
 from service.api.queries.points import vocabulary_of
@@ -74,9 +73,7 @@ def get_point_facets(request: Request, sweep_id: SweepId, asked: FacetsAsked, in
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     analysis = read_facets(asked, vocabulary_of(sweep))
-    table = PointTable(
-        PointReader(inside.sweeps, record.id, sweep, with_series=False, go_on=go_on), analysis.conditions
-    )
+    table = PointTable(PointReader(inside.sweeps, record.id, sweep, with_series=False), analysis.conditions)
     return _facets(table.facet(subject.name, asked.parameters.limit) for subject in analysis.by)
 
 
@@ -121,9 +118,7 @@ def get_point_statistics(
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     analysis = read_statistics(asked, vocabulary_of(sweep))
-    table = PointTable(
-        PointReader(inside.sweeps, record.id, sweep, with_series=False, go_on=go_on), analysis.conditions
-    )
+    table = PointTable(PointReader(inside.sweeps, record.id, sweep, with_series=False), analysis.conditions)
     by, query = _name(analysis.by), asked.parameters
     return _statistics(
         statistic

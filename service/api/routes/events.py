@@ -1,7 +1,6 @@
 """Streams of events: what happens to a job, to a sweep, and in the installation, as it happens."""
 
 import asyncio
-import logging
 from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import aclosing
 from http import HTTPStatus
@@ -33,7 +32,6 @@ from service.storage.database.availability import is_away
 from service.storage.database.database import Database
 from service.storage.jobs.changes import Followable
 
-logger = logging.getLogger(__name__)
 router = APIRouter(prefix="/v1", tags=["events"])
 
 HEARTBEAT_SECONDS = 15.0
@@ -191,7 +189,7 @@ async def _texts(
         if not is_away(fault):
             raise
         # The client connects again, and is told 503 until the database is back.
-        logger.warning("a stream of events has ended: the database cannot be reached")
+        inside.events.complaints.tell("a stream of events has ended: the database cannot be reached")
 
 
 async def _is_live(inside: Resources, holder: ApiKey | None) -> bool:

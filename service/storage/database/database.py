@@ -11,10 +11,13 @@ FULL costs one fsync a commit (0.3 ms on the disk it was measured on).
 """
 
 import json
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+import sqlite3
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from contextvars import ContextVar
 from sqlite3 import Connection as SqliteConnection
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from sqlalchemy import Connection, Engine, create_engine, event, exc, make_url
 from sqlalchemy.orm import Session
@@ -26,6 +29,8 @@ from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFile, Databa
 if TYPE_CHECKING:  # SQLAlchemy loads the driver of the database that is used, and no other
     from psycopg import Connection as PostgresConnection
 
+T = TypeVar("T")
+
 _BEGIN = "sqlite_begin"
 
 BUSY_SECONDS = 30.0
@@ -34,6 +39,89 @@ CONNECT_SECONDS = 10
 """How long a Postgres server may take to answer; ``?connect_timeout=…`` in the URL overrides it."""
 IDLE_SECONDS = 60
 """Postgres ends a transaction, and releases its locks, that has been idle for so long."""
+_INTERRUPT_SECONDS = 5.0
+"""How long a Postgres server may take to accept that a statement is to end."""
+_AGAIN_SECONDS = 0.5
+"""Until a connection that is still used is interrupted once more."""
+
+
+class NobodyWaitsError(Exception):
+    """Whoever wanted what is read has gone."""
+
+
+class WantedRead:
+    """Reads for somebody who may leave: another thread ends them, even in the midst of a statement."""
+
+    def __init__(self) -> None:
+        self._left = threading.Condition()
+        self._connections: list[object] = []
+        """Those that it reads by at this moment, of the driver."""
+        self._is_over = False
+
+    def run(self, work: Callable[[], T]) -> T:
+        """Return ``work()``, of which every :meth:`Database.read` in this thread is meant.
+
+        Raises
+        ------
+        NobodyWaitsError, sqlalchemy.exc.DBAPIError
+            It was ended, between two statements or in one.
+        """
+        token = _WANTED.set(self)
+        try:
+            return work()
+        finally:
+            _WANTED.reset(token)
+
+    def end(self) -> None:
+        """End it, and wait until it has ended."""
+        # Under the lock: nobody else is given a connection whose statement is about to be interrupted.
+        with self._left:
+            self._is_over = True
+            while self._connections:
+                for connection in self._connections:
+                    _interrupt(connection)
+                # Again, since it may have been between two statements.
+                self._left.wait(_AGAIN_SECONDS)
+
+    @contextmanager
+    def by(self, connection: Connection) -> Iterator[None]:
+        """Read by a connection, unless it is over."""
+        driver = connection.connection.driver_connection
+        with self._left:
+            if self._is_over:
+                raise NobodyWaitsError
+            self._connections.append(driver)
+        try:
+            yield
+        finally:
+            with self._left:
+                self._connections.remove(driver)
+                self._left.notify_all()
+
+
+_WANTED: ContextVar[WantedRead | None] = ContextVar("wanted", default=None)
+
+
+@contextmanager
+def _interruptible(connection: Callable[[], Connection]) -> Iterator[None]:
+    reading = _WANTED.get()
+    if reading is None:
+        yield
+    else:
+        with reading.by(connection()):
+            yield
+
+
+def _interrupt(driver: object) -> None:
+    if isinstance(driver, SqliteConnection):
+        with suppress(sqlite3.Error):  # it is broken
+            driver.interrupt()
+        return
+    import psycopg  # noqa: PLC0415  # loaded already, since this is one of its connections
+
+    if isinstance(driver, psycopg.Connection):
+        with suppress(psycopg.Error):
+            driver.cancel_safe(timeout=_INTERRUPT_SECONDS)
 
 
 class Database:
@@ -51,13 +139,13 @@ class Database:
     @contextmanager
     def read(self) -> Iterator[Session]:
         """Open a transaction that sees one state of the database and changes nothing."""
-        with Session(self.engine) as session:
+        with Session(self.engine) as session, _interruptible(session.connection):
             yield session
 
     @contextmanager
     def read_rows(self) -> Iterator[Connection]:
         """Open a transaction as :meth:`read` does, for statements on tables, without the ORM."""
-        with self.engine.connect() as connection:
+        with self.engine.connect() as connection, _interruptible(lambda: connection):
             yield connection
 
     @contextmanager

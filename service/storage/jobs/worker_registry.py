@@ -8,6 +8,7 @@ from service.jobs.kernels import Kernels
 from service.local.hosts import OtherHostError, WorkerProcess
 from service.storage.database.clock import DatabaseNow, database_now
 from service.storage.database.database import Database
+from service.storage.database.revisions import refuse_unknown
 from service.storage.tables.operations import WorkerRow
 
 SILENT_LEASES = 3
@@ -33,7 +34,10 @@ class WorkerRegistry:
         ------
         OtherHostError
             A worker of another machine is registered and alive.
+        UnknownRevisionError
+            A later version has changed the database.
         """
+        refuse_unknown(self._database.engine)
         self.see(worker, is_warm=False)
         if not alone:
             return

@@ -7,7 +7,7 @@ gathered, as many at a time as memory allows, each time from all chunks that
 contain any of them.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -69,17 +69,8 @@ class PointBlock:
 class PointReader:
     """Reads the stored points of one sweep, with or without their series."""
 
-    def __init__(
-        self,
-        store: SweepStore,
-        sweep_id: str,
-        sweep: Sweep,
-        *,
-        with_series: bool,
-        go_on: Callable[[], None] = lambda: None,
-    ) -> None:
-        """``go_on`` is called before each batch is read, and may raise: then nobody wants the points."""
-        self._store, self._id, self._sweep, self._go_on = store, sweep_id, sweep, go_on
+    def __init__(self, store: SweepStore, sweep_id: str, sweep: Sweep, *, with_series: bool) -> None:
+        self._store, self._id, self._sweep = store, sweep_id, sweep
         self._series = sweep.series_columns if with_series else ()
         self.row_numbers = 2 + len(sweep.axes) + len(sweep.keep) + len(self._series) * sweep.samples
         """Numbers that a point takes in memory."""
@@ -227,7 +218,6 @@ class PointReader:
         axes: Mapping[str, FloatArray],
         series: Sequence[str],
     ) -> PointBlock:
-        self._go_on()
         packets = self._store.data(self._id, [chunk.first for chunk in batch])
         parts = [decode_points(packet, with_series=bool(series)) for packet in packets]
         sizes = [chunk.count for chunk in batch]

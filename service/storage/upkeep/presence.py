@@ -15,6 +15,7 @@ from sqlalchemy import Connection, delete, insert, inspect, select, update
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.local.hosts import new_worker_name, this_host
+from service.logs import Complaints
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database
 from service.storage.database.postgres_errors import is_postgres_error
@@ -63,6 +64,8 @@ class ServicePresence:
         self._name = new_worker_name(self._host)
         self._seconds = seconds
         self._clock = clock
+        # On a full disk some writes succeed and others do not.
+        self._complaints = Complaints(logger)
         self._fault: str | None = None
         self._began_at: float | None = None
         self._stopping = threading.Event()
@@ -90,11 +93,11 @@ class ServicePresence:
         except SQLAlchemyError as fault:
             reason = _reason(fault)
             if self._fault is None:
-                logger.warning("nothing can be written to the database: %s", reason)
+                self._complaints.tell(f"nothing can be written to the database: {reason}", kind="away")
             self._fault = reason
         else:
             if self._fault is not None:
-                logger.warning("the database can be written to again")
+                self._complaints.tell("the database can be written to again")
             self._fault = None
         finally:
             self._began_at = None

@@ -257,8 +257,10 @@ def test_a_half_of_a_surrogate_pair_in_a_message_can_still_be_sent():
     assert refusal_of(KeyError("\ud800")).response().status_code == 500
 
 
-@pytest.mark.parametrize("length", ["1000001", "1" + 20 * "0", "9" * 5000])
-def test_a_body_that_is_said_to_be_too_long_is_refused_before_it_is_read(client, length):
+@pytest.mark.parametrize(
+    ("length", "closes"), [("1000001", False), ("16000001", True), ("1" + 20 * "0", True), ("9" * 5000, True)]
+)
+def test_a_body_that_is_said_to_be_too_long_is_refused_before_it_is_read(client, length, closes):
     def never_sent():
         raise AssertionError("it was read")
         yield
@@ -266,4 +268,7 @@ def test_a_body_that_is_said_to_be_too_long_is_refused_before_it_is_read(client,
     headers = {**JSON, "Content-Length": length}
     response = client.post("/v1/jobs", content=never_sent(), headers=headers)
     refusal(response, 413, "body_too_large")
+    assert (response.headers.get("connection") == "close") is closes
+    # A client that asks first sends nothing of it, and its next request would be taken for the body.
+    response = client.post("/v1/jobs", content=never_sent(), headers={**headers, "Expect": "100-continue"})
     assert response.headers["connection"] == "close"

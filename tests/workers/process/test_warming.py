@@ -231,11 +231,10 @@ def test_the_row_says_at_once_that_it_is_warm_and_how_far_kernels_are(tmp_path, 
     database = Database(copy_of(sqlite_template, tmp_path))
     registry = WorkerRegistry(database, lease_seconds=3600.0)
     assert registry.state() == "none"
-    rows = [Presence(registry, WorkerProcess(name, "here", "local", 1), seconds=3600.0) for name in "ab"]
+    workers = [WorkerProcess(name, "here", "local", 1) for name in "ab"]
+    rows = [Presence(registry, worker, seconds=3600.0, alone=True) for worker in workers]
     for row in rows:
-        row.begin(alone=True)
-    assert registry.state() == "starting"
-    rows[0].keep(is_warm=False, kernels=None)
+        row.keep(is_warm=False, kernels=None)
     assert registry.state() == "starting"
     assert registry.kernels() == []
     # Long before the row is to be renewed.

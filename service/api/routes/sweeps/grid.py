@@ -10,7 +10,6 @@ from fastapi import APIRouter, Depends, Request, Response
 from service.api.dependencies import Inside
 from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, NPZ, Accept, named_file, preferred
 from service.api.formats.npz import coded, npz_file
-from service.api.heavy_reads import go_on
 from service.api.middleware.heavy_answers import heavy
 from service.api.queries.grid import GridQuery, GridWish, read_grid_wish
 from service.api.queries.queries import Asked, asked_of, query_parameters
@@ -61,7 +60,7 @@ def get_grid(
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     wish = read_grid_wish(asked, sweep)
-    reader = PointReader(inside.sweeps, record.id, sweep, with_series=False, go_on=go_on)
+    reader = PointReader(inside.sweeps, record.id, sweep, with_series=False)
     grid = read_grid(reader, cell_indices(sweep, wish.at), wish.of)
     headers = told_of(request, inside, standing_in(record)) | named_file(f"grid-{record.id}", media_type)
     return Response(_WRITERS[media_type](sweep, wish, grid), media_type=media_type, headers=headers)

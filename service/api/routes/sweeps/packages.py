@@ -8,7 +8,6 @@ from service.api.dependencies import Inside
 from service.api.formats.metadata import about_points, errors_of_points, provenance_of_points
 from service.api.formats.packages import ZIP, Package, package
 from service.api.formats.points import kinds_of, parquet
-from service.api.heavy_reads import go_on
 from service.api.middleware.heavy_answers import heavy
 from service.api.middleware.methods import is_head
 from service.api.queries.points import PointsQuery, read_wish
@@ -50,7 +49,7 @@ def get_package(request: Request, sweep_id: SweepId, inside: Inside) -> Response
         return Response(media_type=ZIP, headers=told)
     sweep = read_sweep(record.document)
     wish = read_wish(Asked(PointsQuery(), frozenset(), ()), record.id, sweep, has_lists=True)
-    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series), go_on=go_on)
+    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     about = Package(
         record.id,
         record.document,

@@ -14,7 +14,6 @@ from service.api.dependencies import Inside
 from service.api.formats.metadata import about_points
 from service.api.formats.negotiation import CSV, JSON, NPZ, PARQUET, Accept, chosen, named_file
 from service.api.formats.points import STREAMS, rows
-from service.api.heavy_reads import go_on
 from service.api.middleware.heavy_answers import heavy
 from service.api.middleware.methods import is_head
 from service.api.queries.cursors import cursor_of
@@ -77,7 +76,7 @@ def get_points(
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     wish = read_wish(asked, record.id, sweep, has_lists=media_type != CSV)
-    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series), go_on=go_on)
+    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     is_page = media_type == JSON
     refuse_if_any([*wish.faults, *(_faults_of_page(wish.query.limit, reader) if is_page else ())])
     told = told_of(request, inside, standing_in(record)) | named_file(f"points-{record.id}", media_type)
