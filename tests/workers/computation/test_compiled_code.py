@@ -18,6 +18,7 @@ from service.jobs.kernels import NeedsKernelsError
 from service.jobs.outcome import Solved
 from service.sandbox import Sandbox
 from service.verdicts.atlases import examine_atlas_of_job
+from tests.support.effort import each_once
 from workers.computation import compiled_code, compute
 from workers.computation.atlases import draw_document, with_stability
 from workers.computation.compiled_code import (
@@ -109,8 +110,7 @@ def hits_after_solving(document):
     return sum(solve_sets.stats.cache_hits.values())
 
 
-@pytest.mark.parametrize("first", ["before", "after"])
-@pytest.mark.parametrize("second", ["before", "after"])
+@each_once(first=["before", "after"], second=["after", "before"])
 def test_a_second_process_finds_what_the_first_has_compiled(tmp_path, first, second):
     assert run(CALLING, first, "yes", folder=tmp_path) == "0 1"
     assert list(tmp_path.rglob("*power*"))
