@@ -80,7 +80,7 @@ def _marked(found: tuple[SolutionStanding, Marks]) -> tuple[object, ...]:
 
 
 def _computed(standing: SweepStanding) -> tuple[object, ...]:
-    return standing.id, standing.done, standing.refused
+    return standing.id, standing.done, standing.refused, standing.way
 
 
 def _for_ever(_: object) -> str:

@@ -31,7 +31,7 @@ def solve(
         Path | None, typer.Option(metavar="OUT", help="write the samples as CSV; - is stdout")
     ] = None,
 ) -> None:
-    """Solve one problem in this terminal, without a database."""
+    """Solve one problem in this terminal, without a database: 2 s, also where nothing is compiled."""
     options = ["--json"] if as_json else []
     if csv is not None:
         options.append(f"--csv={csv}")
@@ -53,7 +53,7 @@ def atlas(
 
 
 def compile_solvers() -> None:
-    """Compile the fast solvers, which takes a minute or two, so that the first job does not wait for it."""
+    """Compile the fast solvers now: minutes, once on a machine. Services do it in the background."""
     become_worker(["compile"], os.environ)
 
 

@@ -37,6 +37,11 @@ def largest_chunk(samples: int, columns: int) -> int:
     return max(1, min(LARGEST_CHUNK, LARGEST_BLOCK // max(samples * columns, 1)))
 
 
+def pilot(points: int, most: int) -> Range:
+    """Return the first chunk of a sweep of so many points, where a chunk has ``most`` points at most."""
+    return Range(0, min(PILOT_POINTS, most, points))
+
+
 def next_size(point_seconds: float, left: int, most: int) -> int:
     """Return the size of the next chunk: a point takes ``point_seconds``, ``left`` points have no chunk."""
     usual = CHUNK_SECONDS / point_seconds if point_seconds > CHUNK_SECONDS / most else float(most)

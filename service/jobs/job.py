@@ -75,10 +75,13 @@ class Claim:
 
     @property
     def payload(self) -> Mapping[str, object]:
-        """The document to compute: the problem, or {"sweep", "way", "first", "count"} for a chunk."""
+        """The document to compute: the problem, or {"sweep", "way", "waits", "first", "count"} for a chunk.
+
+        A plain chunk waits for kernels, unless its problem says that nobody will have them.
+        """
         if self.sweep is None:
             return self.problem
-        return {"sweep": self.sweep, "way": self.way, **self.problem}
+        return {"sweep": self.sweep, "way": self.way, "waits": True, **self.problem}
 
 
 @dataclass(frozen=True, slots=True)

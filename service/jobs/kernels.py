@@ -15,14 +15,32 @@ _UNKNOWN_SECONDS = 300.0
 
 WAITS = "waits for kernels, which are being compiled"
 """Why a job is queued again that has no plain way."""
+NEVER = "kernels, which might do it, cannot be compiled here"
+"""Why a job has ended that has no plain way."""
 FASTER = "polhode compile, once on a machine, makes what follows faster"
 """Said by commands that start nothing which outlives them."""
 
 Way = Literal["compiled", "plain"]
+Outlook = Literal["there", "coming", "never"]
+"""Whether a worker has all kernels, it or another one that shares its queue will, or nobody."""
 
 
 class NeedsKernelsError(Exception):
-    """The plain way does not lead to a final answer: the job waits for its kernels."""
+    """The plain way does not lead to a final answer: the job waits for its kernels.
+
+    Attributes
+    ----------
+    refusal
+        Code, detail and pointer of what the plain way says, which is final where nobody will have kernels;
+        None where it was not gone.
+    """
+
+    def __init__(self, refusal: Mapping[str, object] | None = None) -> None:
+        super().__init__(refusal)
+        self.refusal = refusal
+
+    def __str__(self) -> str:
+        return WAITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,15 +53,19 @@ class Kernels:
     """About how many are left until all are there; None as long as nobody knows."""
     fault: str | None = None
     """Why they never will be."""
+    waits: str | None = None
+    """Why compiling does not begin yet."""
 
     @staticmethod
     def read(document: Mapping[str, object]) -> "Kernels":
         """Return what :meth:`document` has written; raises TypeError, ValueError for anything else."""
-        done, of, seconds, fault = (document.get(name) for name in ("done", "of", "seconds", "fault"))
+        names = ("done", "of", "seconds", "fault", "waits")
+        done, of, seconds, fault, waits = (document.get(name) for name in names)
         if not isinstance(done, int) or not isinstance(of, int):
             raise TypeError("a number of kernels is missing")
         left = float(seconds) if isinstance(seconds, int | float) else None
-        return Kernels(done, of, left, None if fault is None else str(fault))
+        why = (None if each is None else str(each) for each in (fault, waits))
+        return Kernels(done, of, left, *why)
 
     def document(self) -> dict[str, object]:
         """Return it for JSON."""
@@ -52,6 +74,8 @@ class Kernels:
     def __str__(self) -> str:
         if self.fault is not None:
             return f"not compiled: {self.fault}"
+        if self.waits is not None:
+            return f"not compiled yet: {self.waits}"
         left = "" if self.seconds is None else f", about {self.seconds:.0f} s"
         return f"compiling: {self.done} of {self.of}{left}"
 

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from service.jobs.idempotency import Receipt
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
+from service.jobs.kernels import Way
 from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome, SolveOutcome
 from service.schemas.query.list_query import ListQuery
@@ -168,6 +169,14 @@ class JobStore(Protocol):
 
     def give_back(self, claim: Claim, why: str = "the worker stopped", *, pause_seconds: float = 0.0) -> bool:
         """Queue the job again because its worker does not compute it; this is not counted as a loss."""
+        ...
+
+    def change_way(self, claim: Claim, way: Way, why: str, *, pause_seconds: float = 0.0) -> bool:
+        """Queue a chunk again, and have all points of its sweep computed anew, on another ``way``.
+
+        None that is there is kept: they have one provenance. Where the sweep goes that way already, what the
+        chunk refuses is final from now on.
+        """
         ...
 
     def give_back_all(self, claims: Sequence[Claim], why: str) -> None:

@@ -141,7 +141,7 @@ PARTS: Mapping[str, Part] = {
     "tier-costs": tier_costs,
     "tiers": partial(tables, "tiers", (costs.tiers, costs.outputs, costs.parts)),
     "certified": partial(tables, "certified", (certified.others,)),
-    "starting": partial(tables, "starting", (starting.starting,)),
+    "starting": partial(tables, "starting", (starting.starting, starting.new_machine)),
     "compiling": partial(tables, "compiling", (compiling.compiling,)),
     "service": partial(tables, "service", (service.around,)),
     "throughput": partial(

@@ -10,6 +10,9 @@ import httpx
 import pytest
 
 import polhode as ph
+from polhode.connecting import terms_of
+from polhode.local import TellingCarrier
+from polhode.motions import Motion
 from tests.workers.processes import wait_until
 
 PROGRAM = """
@@ -49,6 +52,25 @@ def test_it_keeps_a_database_of_ones_own_and_deletes_a_temporary_one(tmp_path, b
         assert kept.execute("SELECT id FROM jobs WHERE state = 'queued'").fetchall() == [
             (job.replace("-", ""),)
         ]
+
+
+@pytest.mark.parametrize("compiling", [None, {"done": 41, "of": 190, "seconds": 50.0, "waits": None}])
+def test_that_a_faster_way_is_made_ready_is_told_once(capsys, compiling):
+    answer = {"status": "ok"} | ({} if compiling is None else {"compiling": compiling})
+    carrier = TellingCarrier(terms_of("http://127.0.0.1", cache=False))
+    carrier._http = httpx.Client(
+        base_url="http://127.0.0.1", transport=httpx.MockTransport(lambda _: httpx.Response(200, json=answer))
+    )
+
+    def solved(way):
+        return Motion(carrier, {"provenance": {"way": way}})
+        yield
+
+    assert carrier.run(solved("compiled")).way == "compiled"
+    assert capsys.readouterr().err == ""
+    assert [carrier.run(solved("plain")).way for _ in range(2)] == ["plain", "plain"]
+    how_far = "" if compiling is None else ", which are compiled in the background (41 of 190, about 50 s)"
+    assert capsys.readouterr().err == f"polhode: solved without the fast solvers{how_far}\n"
 
 
 def test_what_the_service_says_is_told_if_it_does_not_start(tmp_path, monkeypatch):

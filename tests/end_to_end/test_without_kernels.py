@@ -7,7 +7,7 @@ import pytest
 
 from service.catalogue.classical import example_of
 from service.dynamics.classical.catalogue import CASES
-from service.jobs.kernels import WAITS
+from service.jobs.kernels import NEVER, WAITS
 from tests.support.serving import serving
 from tests.workers.processes import wait_until
 from workers.computation.compiled_code import FOLDER_VARIABLE, WAY_VARIABLE
@@ -43,6 +43,17 @@ def service(tmp_path_factory):
         (code / "compiled" / "progress.json").write_text(json.dumps({"done": 41, "of": 190, "seconds": 50}))
         with serving(folder, **{FOLDER_VARIABLE: str(code), WAY_VARIABLE: ""}) as running:
             yield running
+
+
+@pytest.fixture(scope="module")
+def in_vain(tmp_path_factory):
+    """A service whose compiling task fails: where its lock should be is a folder."""
+    folder = tmp_path_factory.mktemp("in vain")
+    (folder / "code" / "compiled").mkdir(parents=True, mode=0o700)
+    (folder / "code" / "compiled" / "lock").mkdir()
+    with serving(folder, **{FOLDER_VARIABLE: str(folder / "code"), WAY_VARIABLE: ""}) as running:
+        wait_until(lambda: "kernels" in running.call("GET", "/readyz").document["checks"])
+        yield running
 
 
 @pytest.mark.parametrize("tier", ["draft", "standard", "high", "certified"])
@@ -86,7 +97,26 @@ def test_the_service_tells_how_far_kernels_are(service):
     def told():
         return service.call("GET", "/readyz").document.get("compiling")
 
-    wait_until(lambda: told() == {"done": 41, "of": 190, "seconds": 50.0})
+    wait_until(lambda: told() == {"done": 41, "of": 190, "seconds": 50.0, "waits": None})
+
+
+def test_where_compiling_fails_the_plain_way_is_final_and_says_so(in_vain):
+    told = in_vain.call("GET", "/readyz").document
+    assert told["checks"]["kernels"].startswith("not compiled: compiled code cannot be kept")
+    assert "compiling" not in told
+    high = {**STATE, "accuracy": {"tier": "high"}}
+    job = in_vain.call("POST", "/v1/jobs", high, Prefer="wait=60").document
+    assert (job["state"], job["error"]["code"]) == ("failed", "accuracy_not_met")
+    assert job["error"]["detail"].endswith(NEVER)
+    solution, _ = in_vain.solve({**STATE, "accuracy": {"tier": "standard"}})
+    assert solution["provenance"]["way"] == "plain"
+    axes = [{"pointer": "/motion/omega/0", "values": [0, "1/10"]}]
+    sweep = in_vain.call("POST", "/v1/sweeps", {"base": high, "axes": axes, "keep": ["energy"]}).document[
+        "id"
+    ]
+    wait_until(lambda: in_vain.call("GET", f"/v1/sweeps/{sweep}").document["state"] == "succeeded")
+    done = in_vain.call("GET", f"/v1/sweeps/{sweep}").document
+    assert (done["way"], done["refused"]) == ("plain", 2)
 
 
 def attempts(service, job):

@@ -17,10 +17,17 @@ from service.terminal import answer, say
 from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
 from workers.calibration.reference import NoReferenceError
 from workers.calibration.whole_jobs import whole_jobs
+from workers.cli.compile import compile_solvers
+from workers.computation.compiled_code import GROUPS, way_for
 
 
 def measure_and_store(*, quick: bool, as_json: bool) -> int:
-    """Measure, store and print the table; return 0 on success, else 1."""
+    """Measure, store and print the table; return 0 on success, else 1.
+
+    What it measures is the compiled way: where kernels are missing they are compiled first.
+    """
+    if way_for(*GROUPS) == "plain" and compile_solvers() != 0:
+        return 1
     effort = QUICK if quick else FULL
     database = Database(read_settings().database_url)
     try:

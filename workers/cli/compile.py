@@ -97,7 +97,9 @@ def _compile(tell: Callable[[Kernels], None], *, waits_for_memory: bool) -> None
     assert folder is not None
     if is_ready(*GROUPS):
         return
-    while waits_for_memory and _available_mb() < _ENOUGH_MB:
+    while waits_for_memory and (available := _available_mb()) < _ENOUGH_MB:
+        why = f"{available:.0f} MB of memory are available, and compiling needs {_ENOUGH_MB}"
+        tell(Kernels(0, KERNELS, None, waits=why))
         time.sleep(_LOOK_SECONDS)
     notes = folder / "progress.json"
     with (folder / "lock").open("w") as lock:

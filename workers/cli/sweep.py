@@ -124,6 +124,8 @@ def _run(
     if file is not None:
         file.close()
     told.tell(found, tally, time.monotonic() - began)
+    if way == "plain" and tally.refused:
+        say(f"compiled kernels may solve what was refused without them: {FASTER}")
     missing = crew.missing()
     return _fail(_told_missing(found, missing), _FAILED) if missing else _DONE
 

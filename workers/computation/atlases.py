@@ -21,15 +21,16 @@ def draw_document(document_json: str) -> Drawn | Refused:
     """Draw what a document of :func:`~service.schemas.atlas.reading.read_atlas` asks for."""
     answer = examine_atlas_of_job(document_json)
     if read_atlas(json.loads(document_json)).wants_stability:
-        answer = with_stability(document_json, answer)
+        answer = with_stability(document_json, answer, waits=True)
     found = json.loads(answer)
     return Refused(found["error"]) if "error" in found else Drawn(encode_document(found["verdict"]))
 
 
-def with_stability(document_json: str, atlas_json: str) -> str:
+def with_stability(document_json: str, atlas_json: str, *, waits: bool = False) -> str:
     """Return an atlas as :mod:`service.verdicts.atlases` answers it, with the stability of its windows.
 
-    ``document_json`` is what was asked. Windows that are not periodic have none.
+    ``document_json`` is what was asked. Windows that are not periodic have none. A plain way that ``waits``
+    for kernels raises :class:`~service.jobs.kernels.NeedsKernelsError` in place of refusing.
     """
     document, answer = json.loads(document_json), json.loads(atlas_json)
     atlas = answer.get("verdict", {"parts": []})
@@ -37,21 +38,21 @@ def with_stability(document_json: str, atlas_json: str) -> str:
         samples = part["samples"]
         for window in () if samples is None else samples["windows"]:
             if window["kind"] == "periodic":
-                window["stability"] = _along(document, window["window"], samples["lambda"])
+                window["stability"] = _along(document, window["window"], samples["lambda"], waits)
     return json.dumps(answer, allow_nan=False)
 
 
-def _along(document: Document, window: int, lambdas: list[float]) -> Document:
+def _along(document: Document, window: int, lambdas: list[float], waits: bool) -> Document:
     columns: dict[str, list[object]] = {name: [] for name in (*TOLD, "reason")}
     for lambda_ in lambdas:
-        found, reason = _at(document, window, lambda_)
+        found, reason = _at(document, window, lambda_, waits)
         for column, name in TOLD.items():
             columns[column].append(None if found is None else found[name])
         columns["reason"].append(reason)
     return dict(columns)
 
 
-def _at(document: Document, window: int, lambda_: float) -> tuple[Document | None, str | None]:
+def _at(document: Document, window: int, lambda_: float, waits: bool) -> tuple[Document | None, str | None]:
     """Return the stability that a job tells, or the code it is refused with."""
     motion: Document = {"type": "planar", "lambda": lambda_, "window": window}
     motion |= {name: document[name] for name in ("g1_sign", "g3_sign") if name in document}
@@ -59,7 +60,7 @@ def _at(document: Document, window: int, lambda_: float) -> tuple[Document | Non
     problem["motion"] = motion
     problem["time"] = {"periods": 1, "samples": 2}
     problem["outputs"] = ["stability"]
-    outcome = solve_document(json.dumps(problem), way=way_for("planar", "outputs"))
+    outcome = solve_document(json.dumps(problem), way=way_for("planar", "outputs"), waits=waits)
     if isinstance(outcome, Refused):
         return None, str(outcome.error["code"])
     stability = outcome.summary["stability"]

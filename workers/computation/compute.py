@@ -18,7 +18,7 @@ from service.dynamics.problem import PlanarMotion, Problem, StateMotion
 from service.dynamics.reduction.windows import hand_on_windows
 from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.verdict.simple_form import simplified
-from service.jobs.kernels import WAITS, NeedsKernelsError, told_way
+from service.jobs.kernels import NeedsKernelsError, told_way
 from service.jobs.outcome import Refused, Solved, SolveOutcome, StoredSolution
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
@@ -52,18 +52,21 @@ FloatArray = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 
-def solve_document(document_json: str, windows_json: str = "", way: Way | None = None) -> SolveOutcome:
+def solve_document(
+    document_json: str, windows_json: str = "", way: Way | None = None, *, waits: bool = False
+) -> SolveOutcome:
     """Solve the problem in ``document_json``; what cannot be solved is told in the outcome, not raised.
 
     ``windows_json`` has the windows of its curve, if they were kept: they are not found again. Without a
-    ``way`` it is the compiled one if its kernels are ready.
+    ``way`` it is the compiled one if its kernels are ready, and a plain one waits for them: no refusal of a
+    solver is final. So does a given one that ``waits``.
 
     Raises
     ------
     InvalidProblemError
         The document states no problem.
     NeedsKernelsError
-        No ``way`` was given, kernels are not ready, and the plain way does not have what they have.
+        The plain way waits for kernels, and does not have what they have.
     """
     began = time.perf_counter()
     document = json.loads(document_json)
@@ -73,13 +76,13 @@ def solve_document(document_json: str, windows_json: str = "", way: Way | None =
         return _refused(document, fault)
     motion = problem.motion
     if not windows_json or not isinstance(motion, PlanarMotion):
-        return _solve_read(document, as_solved(problem), began, way)
+        return _solve_read(document, as_solved(problem), began, way, waits)
     windows = read_windows(windows_json, problem.body, problem.potential, motion)
     if windows:
         # Whether there is a simpler formula was found with them.
         problem = replace(problem, potential=windows[0].arcs[0].loop.potential)
     hand_on_windows(problem.body, problem.potential, motion, windows)
-    return _solve_read(document, problem, began, way)
+    return _solve_read(document, problem, began, way, waits)
 
 
 def as_solved(problem: Problem) -> Problem:
@@ -109,13 +112,15 @@ def kernels_of(problem: Problem) -> tuple[Group, ...]:
     return tuple(groups)
 
 
-def _solve_read(document: Document, problem: Problem, began: float, way: Way | None) -> SolveOutcome:
+def _solve_read(
+    document: Document, problem: Problem, began: float, way: Way | None, waits: bool
+) -> SolveOutcome:
     """Solve the ``problem`` that was read from ``document``."""
     chosen = way or way_for(*kernels_of(problem))
     try:
         with on_way(chosen):
-            waits = chosen == "plain" and way is None and _can_wait()
-            return _solve_on_way(document, problem, began, waits=waits)
+            may_wait = chosen == "plain" and (waits or way is None) and _can_wait()
+            return _solve_on_way(document, problem, began, waits=may_wait)
     except NotReadyError as fault:
         if way is not None or not _can_wait():
             raise
@@ -140,7 +145,7 @@ def _solve_on_way(document: Document, problem: Problem, began: float, *, waits: 
         summary, dense, columns = in_units(problem, lambda units: _solve_in(document, problem, units))
     except DynamicsError as fault:
         if waits and type(fault).__module__.startswith(solvers.__name__):
-            raise NeedsKernelsError(WAITS) from fault
+            raise NeedsKernelsError(_refused(document, fault).error) from fault
         return _refused(document, fault)
     summary["cost"] = {"compute_seconds": time.perf_counter() - began}
     return Solved(summary, encode_dense(dense), encode_arrays(columns))
@@ -174,7 +179,12 @@ def _refused(document: object, fault: DynamicsError) -> Refused:
 
 
 def solve_checked(
-    document_json: str, *, explains: bool = True, kept: Kept | None = None, way: Way | None = None
+    document_json: str,
+    *,
+    explains: bool = True,
+    kept: Kept | None = None,
+    way: Way | None = None,
+    waits: bool = False,
 ) -> SolveOutcome:
     """Examine and solve a problem whose potential and motion have not been examined yet.
 
@@ -183,7 +193,7 @@ def solve_checked(
     """
     document = json.loads(document_json)
     examined = examine_document(document, explains=explains, kept=kept)
-    return _solve_examined(document, examined, way)
+    return _solve_examined(document, examined, way, waits=waits)
 
 
 def solve_judged(document_json: str, report_json: str) -> SolveOutcome:
@@ -193,7 +203,9 @@ def solve_judged(document_json: str, report_json: str) -> SolveOutcome:
     return _solve_examined(document, Examined(report, problem), None)
 
 
-def _solve_examined(document: Document, examined: Examined, way: Way | None) -> SolveOutcome:
+def _solve_examined(
+    document: Document, examined: Examined, way: Way | None, *, waits: bool = False
+) -> SolveOutcome:
     began = time.perf_counter()
     problem, report = examined.problem, examined.answer
     if problem is None or "error" in report:
@@ -211,7 +223,7 @@ def _solve_examined(document: Document, examined: Examined, way: Way | None) -> 
         # Another document: it states a tier where the first one had a budget.
         document = with_tier(document, choice)
         problem = read_problem(document)
-    return _solve_read(document, as_solved(problem), began, way)
+    return _solve_read(document, as_solved(problem), began, way, waits)
 
 
 def solve(problem: Problem) -> Motion:

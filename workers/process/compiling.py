@@ -16,12 +16,16 @@ from contextlib import suppress
 
 from service.jobs.kernels import KERNELS, Kernels
 from service.local.worker_command import worker_command
+from service.pools import cause_of_death
 
 logger = logging.getLogger(__name__)
 
 TELL_SECONDS = 10.0
 """How often the log tells how far it is."""
 _LOOK_SECONDS = 0.2
+_TRIES = 3
+_NOT_STARTED = 127
+"""As a shell has it."""
 
 
 class Compiling:
@@ -37,10 +41,25 @@ class Compiling:
         self.kernels = Kernels(0, KERNELS, None)
 
     def run(self, should_stop: Callable[[], bool]) -> str | None:
-        """Compile until all is there; return why it is not. A machine has one such task: others wait."""
+        """Compile until all is there; return why it is not. A machine has one such task: others wait.
+
+        A task that is killed, as where memory runs out, is started again, twice at most, and goes on.
+        """
         logger.info("kernels are compiled in the background; until then jobs are solved without them")
         self.expect()
         self._wake()
+        for _ in range(_TRIES):
+            code, said = self._try(should_stop)
+            if code >= 0 or should_stop():
+                break
+            logger.warning("the task that compiles kernels %s", cause_of_death(code))
+        fault = None if code == 0 else said or f"the task {cause_of_death(code)}"
+        self.kernels = None if fault is None else Kernels(0, KERNELS, None, fault)
+        self._wake()
+        return None if fault is None else f"kernels are not compiled: {fault}"
+
+    def _try(self, should_stop: Callable[[], bool]) -> tuple[int, str]:
+        """Run the task once; return its exit code and what it said last."""
         try:
             # A group of its own, so that its second process ends with it.
             task = subprocess.Popen(
@@ -52,7 +71,7 @@ class Compiling:
                 start_new_session=True,
             )
         except OSError as fault:
-            return self._end(f"the compiler cannot be started ({fault})")
+            return _NOT_STARTED, f"the compiler cannot be started ({fault})"
         said: list[str] = []
         readers = [
             threading.Thread(target=self._read, args=(task,), daemon=True),
@@ -62,7 +81,8 @@ class Compiling:
             reader.start()
         while task.poll() is None and not should_stop():
             time.sleep(_LOOK_SECONDS)
-        if task.poll() is None:
+        if task.returncode is None or task.returncode < 0:
+            # Killed alone it leaves its second process behind, which has our pipes, too.
             with suppress(ProcessLookupError):
                 os.killpg(task.pid, signal.SIGKILL)
         code = task.wait()
@@ -71,12 +91,7 @@ class Compiling:
         for pipe in (task.stdin, task.stdout, task.stderr):
             if pipe is not None:
                 pipe.close()
-        return self._end(None if code == 0 else " ".join(said[-1:]).strip() or f"exit code {code}")
-
-    def _end(self, fault: str | None) -> str | None:
-        self.kernels = None if fault is None else Kernels(0, KERNELS, None, fault)
-        self._wake()
-        return None if fault is None else f"kernels are not compiled: {fault}"
+        return code, " ".join(said[-1:]).strip()
 
     def _read(self, task: "subprocess.Popen[str]") -> None:
         told_at = -TELL_SECONDS

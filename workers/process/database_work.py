@@ -83,6 +83,7 @@ def _loop(
         slots=worker.slots,
         limits=limits,
         wake=equipment.waker,
+        outlook=presence.outlook,
     )
     notifications = _notifications(database) if settings.engine == "procrastinate" else None
     loop = EngineLoop(

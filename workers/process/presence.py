@@ -6,7 +6,7 @@ import time
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.jobs.kernels import Kernels
+from service.jobs.kernels import Kernels, Outlook
 from service.local.hosts import WorkerProcess
 from service.storage.jobs.worker_registry import WorkerRegistry
 
@@ -50,6 +50,13 @@ class Presence:
             self._registry.see(self._worker, is_warm=is_warm, kernels=kernels)
             self._is_warm, self._kernels = is_warm, kernels
             self._due_at = time.monotonic() + self._seconds
+
+    def outlook(self) -> Outlook:
+        """Tell whether kernels are there, or will be, here or at another worker that shares the queue."""
+        if self._kernels is None:
+            return "there"
+        is_in_vain = self._kernels.fault is not None and not self._registry.may_have_kernels()
+        return "never" if is_in_vain else "coming"
 
     def seconds_left(self) -> float:
         """Return how long :meth:`keep` has nothing to do."""

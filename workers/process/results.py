@@ -7,9 +7,10 @@ from functools import partial
 from typing import TypedDict
 
 from service.jobs.job import Claim, Taken
-from service.jobs.kernels import NeedsKernelsError
+from service.jobs.kernels import NEVER, WAITS, NeedsKernelsError, Outlook
 from service.jobs.lanes import Lane
 from service.jobs.outcome import Outcome, SolveOutcome
+from service.jobs.states import JobKind
 from service.jobs.store import JobStore
 from service.logs import Complaints, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
@@ -19,7 +20,9 @@ from workers.process.limits import JobLimits
 logger = logging.getLogger(__name__)
 
 WAIT_SECONDS = 5.0
-"""After so long a job that waits for kernels is tried again."""
+"""After so long a job that waits for kernels is tried again ..."""
+LONG_WAIT_SECONDS = 60.0
+"""... and one that went beyond a limit without them."""
 
 
 class TakingTerms(TypedDict):
@@ -36,8 +39,8 @@ class Results:
     A fault of the database that passes is raised: the result waits with the caller until it is back.
     """
 
-    def __init__(self, store: JobStore, limits: JobLimits) -> None:
-        self._store, self._limits = store, limits
+    def __init__(self, store: JobStore, limits: JobLimits, outlook: Callable[[], Outlook]) -> None:
+        self._store, self._limits, self._outlook = store, limits, outlook
         self._complaints = Complaints(logger)
 
     def store(
@@ -77,11 +80,13 @@ class Results:
     def record(self, claim: Claim, fault: BaseException, *, has_begun: bool = True) -> None:
         """Write why an attempt has no result."""
         if isinstance(fault, NeedsKernelsError):
-            logger.info("job %s attempt %d: %s", claim.job_id, claim.attempt, fault)
-            self._store.give_back(claim, str(fault), pause_seconds=WAIT_SECONDS)
+            self._wait_for_kernels(claim, fault)
         elif isinstance(fault, SandboxCrashError) or not has_begun:
             logger.warning("job %s attempt %d: %s", claim.job_id, claim.attempt, fault)
             self._store.lose(claim, str(fault), has_begun=has_begun, **self._limits.retries())
+        elif isinstance(fault, SandboxTimeoutError | SandboxMemoryError) and self._outlook() == "coming":
+            # Perhaps it went the plain way, which takes more of both than kernels do.
+            self._give_back(claim, f"{fault}; {WAITS}", LONG_WAIT_SECONDS)
         elif isinstance(fault, SandboxTimeoutError):
             detail = f"not finished after {self._limits.job_seconds:g} s, the limit for one job"
             self._fail(claim, "time_limit", detail)
@@ -98,6 +103,24 @@ class Results:
             said = f"job {claim.job_id} attempt {claim.attempt}"
             self._complaints.tell(said, fault, kind=place_of(fault), level=logging.ERROR)
             self._fail(claim, "internal_error", f"{type(fault).__name__}: {fault}")
+
+    def _wait_for_kernels(self, claim: Claim, fault: NeedsKernelsError) -> None:
+        """Queue a job again, or end it where nobody will have kernels: then the plain way is all there is."""
+        if self._outlook() != "never":
+            self._give_back(claim, str(fault), WAIT_SECONDS)
+        elif claim.kind is JobKind.CHUNK:
+            self._store.change_way(claim, "plain", NEVER)
+        else:
+            refusal = fault.refusal or {"code": "not_ready", "detail": WAITS}
+            self._store.finish_failure(claim, {**refusal, "detail": f"{refusal['detail']}; {NEVER}"})
+
+    def _give_back(self, claim: Claim, why: str, pause_seconds: float) -> None:
+        """Queue a job again that waits for kernels; a sweep whose plain way does not do waits with it."""
+        logger.info("job %s attempt %d: %s", claim.job_id, claim.attempt, why)
+        if claim.way == "plain":
+            self._store.change_way(claim, "compiled", why, pause_seconds=pause_seconds)
+        else:
+            self._store.give_back(claim, why, pause_seconds=pause_seconds)
 
     def _fail(self, claim: Claim, code: str, detail: str) -> None:
         self._store.finish_failure(claim, {"code": code, "detail": detail})

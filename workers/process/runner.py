@@ -13,6 +13,7 @@ from typing import Any  # Any: an outcome, or those of a batch
 
 from service.jobs.batching import BATCH_SECONDS, BatchSize
 from service.jobs.job import Claim, Taken
+from service.jobs.kernels import Outlook
 from service.jobs.lanes import Lane, LaneShares
 from service.jobs.outcome import Outcome, SolveOutcome
 from service.jobs.states import JobKind
@@ -59,6 +60,8 @@ class Runner:
         Unique name of the worker.
     wake
         Called from another thread when a child is done, so that the loop calls :meth:`collect`.
+    outlook
+        Whether there are kernels for jobs that wait for them.
     """
 
     def __init__(
@@ -71,6 +74,7 @@ class Runner:
         slots: int,
         limits: JobLimits,
         wake: Callable[[], None],
+        outlook: Callable[[], Outlook] = lambda: "there",
     ) -> None:
         self._name = name
         self._store = store
@@ -84,7 +88,7 @@ class Runner:
         self._waits_since = 0.0
         """When a child last began something, or a job last began to wait."""
         self._leases = Leases(store, limits.lease_seconds)
-        self._results = Results(store, limits)
+        self._results = Results(store, limits, outlook)
         self._portions = Portions(BatchSize(), slots, limits.lease_seconds)
         self._shares = LaneShares()
         self._is_dry = False

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.problem import PlanarMotion
-from service.jobs.kernels import WAITS, NeedsKernelsError
+from service.jobs.kernels import NeedsKernelsError
 from service.jobs.outcome import ChunkOutcome
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
@@ -46,8 +46,9 @@ _NOTHING = np.empty(0)
 def compute_chunk(document_json: str) -> ChunkOutcome:
     """Solve ``count`` points of a sweep from ``first`` on, or as many of them as time allows.
 
-    The document is ``{"sweep": …, "first": …, "count": …, "way": …}``; without a way it is the compiled one
-    if its kernels are ready. The numbers and samples of a point are, to the last bit, those of the job of
+    The document is ``{"sweep": …, "first": …, "count": …, "way": …, "waits": …}``; without a way it is the
+    compiled one if its kernels are ready. On a plain way that ``waits`` no refusal of a solver is final. The
+    numbers and samples of a point are, to the last bit, those of the job of
     ``sweep.document(index)`` on that way, and its outcome is how that job would end, also
     by what is refused before there is a job. :func:`.plan.make_plan` says which
     sweeps are solved in blocks by compiled code; the others, and the points it
@@ -56,7 +57,7 @@ def compute_chunk(document_json: str) -> ChunkOutcome:
     Raises
     ------
     NeedsKernelsError
-        The way is that of kernels, and they are not ready.
+        The way is that of kernels, and they are not ready; or it waits for them.
     """
     began = time.perf_counter()
     document = json.loads(document_json)
@@ -64,19 +65,18 @@ def compute_chunk(document_json: str) -> ChunkOutcome:
     way: Way = document.get("way") or way_for(*GROUPS)
     try:
         with on_way(way):
-            points = _solver_of(sweep, way).solve(
-                document["first"], document["count"], began + ENOUGH_SECONDS
-            )
+            solver = _solver_of(sweep, way, waits=document.get("waits") is True)
+            points = solver.solve(document["first"], document["count"], began + ENOUGH_SECONDS)
     except NotReadyError as fault:
-        raise NeedsKernelsError(WAITS) from fault
+        raise NeedsKernelsError from fault
     return chunk_outcome(points, time.perf_counter() - began)
 
 
 class ChunkSolver:
-    """Solves chunks of one sweep on one way."""
+    """Solves chunks of one sweep on one way; a plain one may wait for kernels: see :func:`compute_chunk`."""
 
-    def __init__(self, plan: Plan, way: Way = "compiled") -> None:
-        self._plan, self._way = plan, way
+    def __init__(self, plan: Plan, way: Way = "compiled", *, waits: bool = False) -> None:
+        self._plan, self._way, self._waits = plan, way, waits
         self._blocks: BlockSolver | MovingSolver | SlicedSolver | StateSolver | None = None
         self._slices: SlicedSolver | None = None
         if way == "plain":
@@ -169,7 +169,14 @@ class ChunkSolver:
         if not self._judged % MOST_VERDICTS:
             self._verdicts = Kept({})
         self._judged += 1
-        return solve_point(self._plan.sweep, index, is_judged=is_judged, way=self._way, kept=self._verdicts)
+        return solve_point(
+            self._plan.sweep,
+            index,
+            is_judged=is_judged,
+            way=self._way,
+            waits=self._waits,
+            kept=self._verdicts,
+        )
 
 
 def _may_be_cut(plan: Plan) -> bool:
@@ -218,6 +225,6 @@ class _Chunk:
 
 
 @lru_cache(maxsize=8)
-def _solver_of(sweep_json: str, way: Way) -> ChunkSolver:
+def _solver_of(sweep_json: str, way: Way, *, waits: bool) -> ChunkSolver:
     # Proofs and programs are the same for all chunks of a sweep.
-    return ChunkSolver(make_plan(read_sweep(json.loads(sweep_json))), way)
+    return ChunkSolver(make_plan(read_sweep(json.loads(sweep_json))), way, waits=waits)

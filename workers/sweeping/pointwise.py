@@ -33,19 +33,24 @@ class SweepPoint:
 
 
 def solve_point(
-    sweep: Sweep, index: int, *, is_judged: bool, way: Way, kept: Kept | None = None
+    sweep: Sweep, index: int, *, is_judged: bool, way: Way, waits: bool = False, kept: Kept | None = None
 ) -> SweepPoint:
     """Solve the point like its job of that way; with ``is_judged`` its potential is known to be admissible.
 
     Then only the verdict is skipped: other refusals that precede a job are
     raised by the job itself. Else the verdict may be in ``kept``, or is put there.
+
+    Raises
+    ------
+    NeedsKernelsError
+        A plain way that ``waits`` for kernels refuses the point.
     """
     document = json.dumps(sweep.document(index))
     try:
         outcome = (
-            solve_document(document, way=way)
+            solve_document(document, way=way, waits=waits)
             if is_judged
-            else solve_checked(document, explains=False, kept=kept, way=way)
+            else solve_checked(document, explains=False, kept=kept, way=way, waits=waits)
         )
     except InvalidProblemError:
         return _refused(sweep, "invalid_problem")

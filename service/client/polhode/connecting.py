@@ -35,7 +35,7 @@ def connect(
     progress
         Draw a bar, or what to tell the progress; None: a bar on terminals and in notebooks.
     """
-    return Client(ThreadCarrier(_terms(url, key, patience, cache, progress)))
+    return Client(ThreadCarrier(terms_of(url, key, patience, cache=cache, progress=progress)))
 
 
 def connect_async(
@@ -47,16 +47,18 @@ def connect_async(
     progress: bool | Callable[[Progress], None] | None = None,
 ) -> AsyncClient:
     """Return a client whose operations are awaited; the arguments are those of :func:`connect`."""
-    return AsyncClient(LoopCarrier(_terms(url, key, patience, cache, progress)))
+    return AsyncClient(LoopCarrier(terms_of(url, key, patience, cache=cache, progress=progress)))
 
 
-def _terms(
+def terms_of(
     url: str | None,
-    key: str | None,
-    patience: float,
-    cache: bool | str | os.PathLike[str],
-    progress: bool | Callable[[Progress], None] | None,
+    key: str | None = None,
+    patience: float = 120.0,
+    *,
+    cache: bool | str | os.PathLike[str] = True,
+    progress: bool | Callable[[Progress], None] | None = None,
 ) -> Terms:
+    """Return on which terms a client asks; the arguments are those of :func:`connect`."""
     address = (url or os.environ.get("POLHODE_URL") or DEFAULT_URL).rstrip("/")
     if not address.startswith(("http://", "https://")):
         raise WrongArgumentError(f"{address!r} is no address; such as {DEFAULT_URL} is accepted")

@@ -8,10 +8,17 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import TypeVar
 
 from polhode.clients import Client
-from polhode.connecting import connect
+from polhode.connecting import terms_of
 from polhode.errors import PolhodeError, WrongArgumentError
+from polhode.motions import Motion
+from polhode.transport.carriers import ThreadCarrier
+from polhode.transport.exchange import ask_json
+from polhode.transport.steps import Operation
+
+T = TypeVar("T")
 
 _ADDRESS = re.compile(r"serving (http://\S+?),")
 _START_SECONDS = 120.0
@@ -22,11 +29,32 @@ class ServiceDiedError(PolhodeError):
     """The service did not start; the message has what it said last."""
 
 
+class TellingCarrier(ThreadCarrier):
+    """Says once on stderr that solvers are still being compiled, where a motion was solved without them."""
+
+    _has_told = False
+
+    def run(self, steps: Operation[T]) -> T:
+        """Return the operation's result; what it raises passes through."""
+        result = super().run(steps)
+        if isinstance(result, Motion) and result.way == "plain" and not self._has_told:
+            self._has_told = True
+            ready = super().run(ask_json(self.terms, "GET", "/readyz"))
+            match ready.get("compiling"):
+                case {"done": done, "of": of, "seconds": seconds}:
+                    left = "" if seconds is None else f", about {seconds:.0f} s"
+                    how_far = f", which are compiled in the background ({done} of {of}{left})"
+                case _:
+                    how_far = ""
+            print(f"polhode: solved without the fast solvers{how_far}", file=sys.stderr)  # noqa: T201
+        return result
+
+
 class LocalClient(Client):
     """A client with a service of its own; :meth:`close` ends both."""
 
-    def __init__(self, client: Client, keeper: "subprocess.Popen[bytes]") -> None:
-        super().__init__(client.carrier)
+    def __init__(self, carrier: ThreadCarrier, keeper: "subprocess.Popen[bytes]") -> None:
+        super().__init__(carrier)
         self._keeper = keeper
 
     def close(self) -> None:
@@ -39,6 +67,9 @@ def local(
     database: str | os.PathLike[str] | None = None, *, workers: int | None = None, cache: bool = True
 ) -> LocalClient:
     """Start a service and return a client of it; the service ends with this program, or by ``close()``.
+
+    It takes about five seconds. On a new machine solvers are compiled in the background, which is told on
+    stderr with the first motion that is solved without them.
 
     Parameters
     ----------
@@ -66,7 +97,8 @@ def local(
         start_new_session=True,
     )
     try:
-        return LocalClient(connect(_address(keeper, folder / "log"), cache=cache), keeper)
+        terms = terms_of(_address(keeper, folder / "log"), cache=cache)
+        return LocalClient(TellingCarrier(terms), keeper)
     except BaseException:
         _end(keeper)
         shutil.rmtree(folder, ignore_errors=True)

@@ -97,6 +97,12 @@ class Motion(Generic[CarrierT]):
         return str(self.document["method"])
 
     @property
+    def way(self) -> str:
+        """``compiled``, or ``plain``: as accurate, before the solvers of that machine were compiled."""
+        told = self.document.get("provenance")
+        return "plain" if isinstance(told, Mapping) and told.get("way") == "plain" else "compiled"
+
+    @property
     def stability(self) -> Mapping[str, object] | None:
         """Whether small disturbances leave the plane, if the outputs asked for it."""
         told = self.document.get("stability")

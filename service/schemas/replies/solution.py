@@ -261,6 +261,7 @@ class CompilingOut(ResponseModel):
     done: int = Field(description="Kernels that are compiled, at the worker that has the fewest.")
     of: int = Field(description="All kernels.")
     seconds: float | None = Field(description="About how many seconds are left; null while nobody knows.")
+    waits: str | None = Field(description="Why it has not begun yet; null once it has.")
 
 
 class ReadinessOut(HealthOut):

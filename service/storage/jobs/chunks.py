@@ -8,12 +8,12 @@ would deadlock.
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, bindparam, func, literal_column, select, update
+from sqlalchemy import Connection, bindparam, delete, func, literal_column, select, update
 from sqlalchemy.orm import Session, defer
 
-from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_rest, further
+from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_rest, further, pilot
 from service.jobs.job import Claim
-from service.jobs.kernels import Kernels, way_of_sweep
+from service.jobs.kernels import Kernels, Way, way_of_sweep
 from service.jobs.lanes import Lane
 from service.jobs.outcome import ChunkOutcome
 from service.jobs.states import AttemptOutcome, JobKind, JobState, sources
@@ -94,7 +94,7 @@ def queue_chunks(
             turn=turn,
             key_id=sweep.key_id,
             sweep_id=sweep.id,
-            problem={"first": each.first, "count": each.count, "most": most},
+            problem=_problem(each, most),
             digest=_NO_DIGEST,
             alone=alone,
             created_at=now,
@@ -143,6 +143,29 @@ def replace_failed(session: Session, sweep: SweepRow | None, job_id: str) -> lis
     code = str((job.error or {}).get("code", "internal_error"))
     refused = chunk_outcome(ChunkPoints(outcomes=[code], numbers={}), seconds=0.0)
     return _store(session, sweep, asked.first, refused, (), most)
+
+
+def first_problem(sweep: SweepRow, claim: Claim) -> Document:
+    """Return what the chunk of ``claim`` is to compute if its sweep begins again."""
+    _, most = _range(claim.problem)
+    return _problem(pilot(sweep.points, most), most)
+
+
+def begin_again(session: Session, sweep: SweepRow, claim: Claim, way: Way) -> None:
+    """Forget all points of a locked sweep; the chunk of ``claim``, from its first point on, is its only one.
+
+    The others are deleted: who computes one has lost it.
+    """
+    _, most = _range(claim.problem)
+    points = SweepChunkRow.sweep_id == sweep.id
+    freed = session.scalar(select(func.sum(func.length(SweepChunkRow.data))).where(points)) or 0
+    session.execute(delete(SweepChunkRow).where(points).execution_options(synchronize_session=False))
+    others = JobRow.sweep_id == sweep.id, JobRow.id != claim.job_id
+    session.execute(delete(JobRow).where(*others).execution_options(synchronize_session=False))
+    sweep.way, sweep.done, sweep.refused, sweep.point_seconds = way, 0, 0, None
+    sweep.next_index = sweep.chunk_points = pilot(sweep.points, most).count
+    session.flush()
+    charge(session.connection(), sweep.key_id, -int(freed))
 
 
 def cancel(session: Session, sweep: SweepRow) -> bool:
@@ -210,6 +233,10 @@ def _top_up(session: Session, sweep: SweepRow, most: int) -> list[JobRow]:
 def _end(session: Session, sweep: SweepRow, state: JobState) -> None:
     sweep.state, sweep.finished_at = state.value, database_now(session)
     session.flush()
+
+
+def _problem(chunk: Range, most: int) -> Document:
+    return {"first": chunk.first, "count": chunk.count, "most": most}
 
 
 def _range(problem: Document) -> tuple[Range, int]:

@@ -10,6 +10,7 @@ from service.jobs.dispatch import Dispatcher
 from service.jobs.errors import JobFinishedError, JobNotFoundError
 from service.jobs.idempotency import Receipt
 from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
+from service.jobs.kernels import Way
 from service.jobs.lanes import Lane
 from service.jobs.outcome import ChunkOutcome, Drawn, Outcome, Refused, Solved, SolveOutcome
 from service.jobs.states import SUBMITTED, AttemptOutcome, JobKind, JobState
@@ -265,6 +266,21 @@ class SqlJobStore:
         with self._database.write() as session:
             return self._give_back(session, claim, why, pause_seconds)
 
+    def change_way(self, claim: Claim, way: Way, why: str, *, pause_seconds: float = 0.0) -> bool:
+        """Queue a chunk again, and have all points of its sweep computed anew, on another way."""
+        with self._database.write() as session:
+            sweep = chunks.hold(session, claim.sweep_id)
+            if sweep is None:
+                return False
+            begins_again = sweep.way != way
+            problem = (
+                chunks.first_problem(sweep, claim) if begins_again else {**claim.problem, "waits": False}
+            )
+            changed = self._give_back(session, claim, why, pause_seconds, problem=problem)
+            if changed and begins_again:
+                chunks.begin_again(session, sweep, claim, way)
+            return changed
+
     def give_back_all(self, claims: Sequence[Claim], why: str) -> None:
         """Queue several jobs again by one commit."""
         if claims:
@@ -310,9 +326,12 @@ class SqlJobStore:
         self._deliver(session, chunks.replace_failed(session, sweep, claim.job_id))
         return True
 
-    def _give_back(self, session: Session, claim: Claim, why: str, pause_seconds: float = 0.0) -> bool:
-        later = {"ready_at": database_now(session) + pause_seconds} if pause_seconds else {}
-        if not move(session, JobState.QUEUED, *fence(claim), **later):
+    def _give_back(
+        self, session: Session, claim: Claim, why: str, pause_seconds: float = 0.0, **values: object
+    ) -> bool:
+        if pause_seconds:
+            values["ready_at"] = database_now(session) + pause_seconds
+        if not move(session, JobState.QUEUED, *fence(claim), **values):
             return False
         end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.RETURNED, why)
         self._deliver(session, [session.get_one(JobRow, claim.job_id)])

@@ -88,10 +88,17 @@ class WorkerRegistry:
 
     def kernels(self) -> list[Kernels]:
         """Return how far the workers that are alive and compile are with it."""
+        return [each for each in self._all_kernels() if each is not None]
+
+    def may_have_kernels(self) -> bool:
+        """Tell whether a worker that is alive has all kernels, or still compiles."""
+        return any(each is None or each.fault is None for each in self._all_kernels())
+
+    def _all_kernels(self) -> list[Kernels | None]:
         with self._database.read() as session:
             alive = WorkerRow.seen_at >= database_now(session) - self._silent_seconds
             told = session.scalars(select(WorkerRow.kernels).where(alive, WorkerRow.slots > 0)).all()
-        return [Kernels.read(each) for each in told if each is not None]
+        return [None if each is None else Kernels.read(each) for each in told]
 
     def leave(self, worker: WorkerProcess) -> None:
         """Remove the row of a worker that shuts down."""

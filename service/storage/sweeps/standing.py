@@ -17,17 +17,18 @@ _SWEEPS = table_of(SweepRow)
 
 @dataclass(frozen=True, slots=True)
 class SweepStanding:
-    """The facts that decide which points there are: chunks are only ever added."""
+    """The facts that decide which points there are: as long as the way is one, chunks are only ever added."""
 
     id: str
     done: int
     refused: int
+    way: str | None
     is_finished: bool
 
 
 def standing_in(record: SweepRecord) -> SweepStanding:
     """Return how far a sweep was when its record was read."""
-    return SweepStanding(record.id, record.done, record.refused, record.finished_at is not None)
+    return SweepStanding(record.id, record.done, record.refused, record.way, record.finished_at is not None)
 
 
 def sweep_standing_of(database: Database, sweep_id: str) -> SweepStanding:
@@ -38,11 +39,11 @@ def sweep_standing_of(database: Database, sweep_id: str) -> SweepStanding:
         found = connection.execute(_statement(), {"id": sweep_id}).one_or_none()
     if found is None:
         raise SweepNotFoundError(sweep_id)
-    return SweepStanding(str(found[0]), found[1], found[2], found[3] is not None)
+    return SweepStanding(str(found.id), found.done, found.refused, found.way, found.finished_at is not None)
 
 
 @cache
 def _statement() -> Select[Any]:
     """Return the statement, which takes longer to build than to execute."""
-    columns = _SWEEPS.c.id, _SWEEPS.c.done, _SWEEPS.c.refused, _SWEEPS.c.finished_at
+    columns = _SWEEPS.c.id, _SWEEPS.c.done, _SWEEPS.c.refused, _SWEEPS.c.way, _SWEEPS.c.finished_at
     return select(*columns).where(_SWEEPS.c.id == bindparam("id"))

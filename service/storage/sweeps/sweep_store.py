@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 from sqlalchemy import Connection, select
 from sqlalchemy.orm import Session, defer
 
-from service.jobs.chunking import PILOT_POINTS, Range
+from service.jobs.chunking import pilot
 from service.jobs.dispatch import Dispatcher
 from service.jobs.estimates import remaining_seconds
 from service.jobs.idempotency import Receipt
@@ -73,7 +73,7 @@ class SweepStore:
 
         ``most`` is the largest chunk that may be made of it.
         """
-        pilot = Range(0, min(PILOT_POINTS, most, points))
+        first = pilot(points, most)
         with self._database.write() as session:
             row = SweepRow(
                 id=new_id(),
@@ -81,10 +81,10 @@ class SweepStore:
                 document=document,
                 facts=_facts(document),
                 points=points,
-                next_index=pilot.count,
+                next_index=first.count,
                 done=0,
                 refused=0,
-                chunk_points=pilot.count,
+                chunk_points=first.count,
                 priority=priority,
                 key_id=key_id,
                 created_at=database_now(session),
@@ -93,7 +93,7 @@ class SweepStore:
             session.add(row)
             session.flush()
             insert_labels(session, SweepRow, [(row.id, row.created_at, marks)])
-            jobs = chunks.queue_chunks(session, row, [pilot], most)
+            jobs = chunks.queue_chunks(session, row, [first], most)
             session.flush()
             self._dispatcher.dispatch(session.connection(), [delivery_of(job) for job in jobs])
             record = _record(session, row)

@@ -12,6 +12,7 @@ from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import find_windows
+from tests.support.effort import seldom
 from tests.support.planar import body, formula
 
 # V = V1[F] + Q G with V1 = 0 where |g1| = |g3| = s and s² = (1 - g2²)/2, so that G = V(s, g2, s)/Q there. On
@@ -46,7 +47,10 @@ SAMPLES = 12
 """With 9, a window that opens and merges between two of the λ is missed, as docs/atlas.md says."""
 
 
-@pytest.mark.parametrize("name", PAIRS)
+# Between the singularities at the poles the others take ten times as long as the last one.
+@pytest.mark.parametrize(
+    "name", ["mirrored", *seldom("appears and merges", "four changes, one across the equator")]
+)
 def test_what_is_seen_is_what_is_proved_of_the_same_potential(name, monkeypatch):
     moments, text, F, G, ends = PAIRS[name]
     on, over = body(*moments), LambdaRange(*map(Fraction, ends))

@@ -5,16 +5,20 @@ import threading
 import pytest
 from sqlalchemy import func, select, update
 
+from service.api.tagged import TAGGED
 from service.jobs.errors import JobNotFoundError
 from service.jobs.estimates import RECENT_SECONDS, ChunkRun
 from service.jobs.kernels import Kernels
+from service.jobs.keys import Role
 from service.jobs.states import JobKind, JobState
 from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
 from service.local.hosts import WorkerProcess
 from service.storage.codecs.points import decode_points
 from service.storage.jobs.worker_registry import WorkerRegistry
+from service.storage.keys.key_store import KeyStore
 from service.storage.sweeps import recent_chunks
 from service.storage.sweeps.recent_chunks import chunk_runs, complete_since
+from service.storage.sweeps.standing import standing_in
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.jobs import AttemptRow, JobRow
 from tests.support.databases import PROBLEM
@@ -42,7 +46,7 @@ def test_chunks_are_no_jobs_of_anybody(sweeps, jobs):
     submit(sweeps)
     claim = jobs.claim("worker", lease_seconds=60.0)
     assert claim.kind is JobKind.CHUNK
-    assert claim.payload == {"sweep": SWEEP, "way": "compiled", **claim.problem}
+    assert claim.payload == {"sweep": SWEEP, "way": "compiled", "waits": True, **claim.problem}
     assert list_jobs(jobs).total == 0
     for forbidden in (jobs.get, jobs.cancel, jobs.attempts):
         with pytest.raises(JobNotFoundError):
@@ -63,6 +67,51 @@ def test_the_way_of_a_sweep_is_chosen_by_its_first_worker_and_obeyed_by_all(swee
     assert jobs.give_back(first, "waits for kernels")
     again = jobs.claim("warm", lease_seconds=60.0)
     assert (again.job_id, again.payload["way"], sweeps.get(record.id).way) == (first.job_id, way, way)
+
+
+def test_a_sweep_that_changes_its_way_keeps_no_point_and_begins_again(sweeps, jobs, database):
+    keys = KeyStore(database)
+    key, _ = keys.create(Role.SUBMIT)
+    record = submit(sweeps, key_id=key.id)
+    finish_sweep(jobs, chunks=3)
+    of_compiled = standing_in(sweeps.get(record.id))
+    asks, loses = (jobs.claim("worker", lease_seconds=60.0) for _ in range(2))
+    assert (of_compiled.done, asks.way) == (27, "compiled")
+    assert keys.all().keys[0].stored_bytes > 0
+    assert jobs.change_way(asks, "plain", "kernels cannot be compiled")
+    now = sweeps.get(record.id)
+    assert (now.state, now.way, now.done, now.refused, now.point_seconds) == (
+        JobState.RUNNING,
+        "plain",
+        0,
+        0,
+        None,
+    )
+    assert (list(sweeps.chunks(record.id)), keys.all().keys[0].stored_bytes) == ([], 0)
+    # Who computes another chunk has lost it, and so has who asks twice.
+    assert jobs.held([asks, loses]) == frozenset()
+    assert not jobs.change_way(asks, "plain", "kernels cannot be compiled")
+    finish_sweep(jobs, chunks=3)
+    of_plain = standing_in(sweeps.get(record.id))
+    # As many points, but others: who has the former ones is not told that nothing has changed.
+    assert (of_plain.done, of_plain.refused) == (of_compiled.done, of_compiled.refused)
+    tagged = TAGGED["/v1/sweeps/{sweep_id}/points"]
+    assert tagged.identity(of_plain) != tagged.identity(of_compiled)
+    finish_sweep(jobs)
+    done = sweeps.get(record.id)
+    assert (done.state, done.way, done.done) == (JobState.SUCCEEDED, "plain", POINTS)
+    indices = [i for chunk in sweeps.chunks(record.id) for i in range(chunk.first, chunk.first + chunk.count)]
+    assert indices == list(range(POINTS))
+
+
+def test_what_a_chunk_refuses_is_final_where_its_way_is_all_there_is(sweeps, jobs):
+    record = submit(sweeps)
+    finish_sweep(jobs, chunks=1)
+    claim = jobs.claim("worker", lease_seconds=60.0)
+    assert jobs.change_way(claim, claim.way, "kernels cannot be compiled")
+    again = jobs.claim("worker", lease_seconds=60.0)
+    assert (again.job_id, again.payload) == (claim.job_id, {**claim.payload, "waits": False})
+    assert sweeps.get(record.id).done == 9
 
 
 def test_a_job_that_waits_is_given_to_nobody_before_its_time(sweeps, jobs):

@@ -17,7 +17,10 @@ import workers
 from service.jobs.kernels import NeedsKernelsError
 from service.jobs.outcome import Solved
 from service.sandbox import Sandbox
-from workers.computation import compiled_code
+from service.verdicts.atlases import examine_atlas_of_job
+from tests.support.effort import each_once
+from workers.computation import compiled_code, compute
+from workers.computation.atlases import draw_document, with_stability
 from workers.computation.compiled_code import (
     FOLDER_VARIABLE,
     GROUPS,
@@ -32,6 +35,8 @@ from workers.computation.compiled_code import (
 from workers.computation.compute import solve_document
 from workers.process.tasks import PRELOAD
 from workers.solvers import compiled
+from workers.solvers.errors import AccuracyNotMetError
+from workers.sweeping.chunk import compute_chunk
 
 ROOT = Path(workers.__path__[0]).parent
 PACKAGE = "workers.solvers.compiled"
@@ -105,8 +110,7 @@ def hits_after_solving(document):
     return sum(solve_sets.stats.cache_hits.values())
 
 
-@pytest.mark.parametrize("first", ["before", "after"])
-@pytest.mark.parametrize("second", ["before", "after"])
+@each_once(first=["before", "after"], second=["after", "before"])
 def test_a_second_process_finds_what_the_first_has_compiled(tmp_path, first, second):
     assert run(CALLING, first, "yes", folder=tmp_path) == "0 1"
     assert list(tmp_path.rglob("*power*"))
@@ -231,8 +235,35 @@ def test_a_refusal_of_the_plain_way_is_not_final_while_kernels_may_still_come(tm
     problem = {**PROBLEM, "body": {"A": 2, "B": "3/2", "C": 1}, "motion": state, "accuracy": {"tier": "high"}}
     with pytest.raises(NeedsKernelsError):
         solve_document(json.dumps(problem))
+    # Nor is that of a point: its sweep waits.
+    axes = [{"pointer": "/motion/omega/0", "values": [0, "1/10"]}]
+    sweep = {"base": problem, "axes": axes, "keep": ["energy"]}
+    chunk = {"sweep": sweep, "way": "plain", "first": 0, "count": 2}
+    with pytest.raises(NeedsKernelsError) as waiting:
+        compute_chunk(json.dumps({**chunk, "waits": True}))
+    assert waiting.value.refusal["code"] == "accuracy_not_met"
     # Where somebody wants it so, it is.
     assert solve_document(json.dumps(problem), way="plain").error["code"] == "accuracy_not_met"
+    assert compute_chunk(json.dumps({**chunk, "waits": False})).refused == 2
+
+
+def test_an_atlas_takes_no_refusal_of_the_plain_way_for_final_either(tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.delenv(compiled_code.WAY_VARIABLE)
+    monkeypatch.setattr(compiled_code, "_ready", set())
+
+    def refused(*_):
+        raise AccuracyNotMetError(1.0, 1e-10)
+
+    monkeypatch.setattr(compute, "_solve_in", refused)
+    body = {"A": 2, "B": "3/2", "C": 1}
+    asked = {"body": body, "potential": PROBLEM["potential"], "lambda": [0.5, 0.6], "samples": 9}
+    document = json.dumps({**asked, "outputs": ["period", "stability"]})
+    with pytest.raises(NeedsKernelsError):
+        draw_document(document)
+    atlas = json.loads(with_stability(document, examine_atlas_of_job(document)))["verdict"]
+    windows = [window for part in atlas["parts"] for window in part["samples"]["windows"]]
+    assert {reason for window in windows for reason in window["stability"]["reason"]} == {"accuracy_not_met"}
 
 
 def test_the_folder_is_that_of_the_caches_where_none_is_named(tmp_path, monkeypatch):

@@ -131,6 +131,7 @@ def test_a_worker_that_slept_through_its_lease_does_not_finish_the_job(jobs, url
     assert jobs.get(job.id).attempt == 2
 
 
+@pytest.mark.any_database
 def test_no_other_job_pays_for_the_one_at_which_workers_die(jobs, start_worker, log):
     problems = [{"number": number} for number in range(40)]
     # Late enough that its worker has others with it.

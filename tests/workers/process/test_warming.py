@@ -118,12 +118,12 @@ def test_kernels_are_compiled_between_the_stages_and_told_before_the_first_job(t
     first, rest = partial(nothing, str(tmp_path)), partial(sign, str(tmp_path))
     warming = Warming(sandbox, WarmUp(first, None, rest, is_not_compiled), slots=1, wake=woken.release)
 
-    def run(compiling, should_stop):
+    def compile_once(compiling, should_stop):
         assert not should_stop()
         told.append(compiling.kernels)
-        return compiling._end(fault)
+        return (0, "") if fault is None else (1, fault)
 
-    monkeypatch.setattr(Compiling, "run", run)
+    monkeypatch.setattr(Compiling, "_try", compile_once)
     try:
         warming.start()
         assert woken.acquire(timeout=120.0)

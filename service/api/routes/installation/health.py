@@ -52,7 +52,9 @@ async def get_readiness(inside: Inside) -> Response:
     if kernels is not None and kernels.fault is not None:
         checks["kernels"] = str(kernels)
     elif kernels is not None:
-        compiling = CompilingOut(done=kernels.done, of=kernels.of, seconds=kernels.seconds)
+        compiling = CompilingOut(
+            done=kernels.done, of=kernels.of, seconds=kernels.seconds, waits=kernels.waits
+        )
     return json_response(ReadinessOut(status="ok", checks=checks, workers=workers, compiling=compiling))
 
 
