@@ -96,8 +96,8 @@ class TakenOver:
     seconds: float
     """To the next claim: from the death of the worker if it was killed, else from the end of the attempt."""
     waiting: float
-    """Of these, those in which it might have been claimed: some worker took jobs, while in the others all had
-    been killed and were starting; and the pause was over that a job has which was lost alone before."""
+    """Seconds of these in which it might have been claimed: some worker took jobs, while in the others all
+    had been killed and were starting; and the pause was over that a job has which was lost alone before."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from service.terminal import FileFaultError, say
 
 _FAILED, _WRONG_USAGE = 1, 2
 _TASKS, _TASKS_OF_A_SLOT, _ADDRESS_MB = 10, 4, 1000
-"""What a worker needs, counted: its threads, the processes around its children, two children a slot while
+"""The needs of a worker, counted: its threads, the processes around its children, two children a slot while
 they are replaced; and what a child reserves with all code loaded, 700 MB."""
 
 app = typer.Typer(

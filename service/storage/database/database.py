@@ -55,7 +55,7 @@ class WantedRead:
     def __init__(self) -> None:
         self._left = threading.Condition()
         self._connections: list[object] = []
-        """Those that it reads by at this moment, of the driver."""
+        """The driver's connections by which it reads at this moment."""
         self._is_over = False
 
     def run(self, work: Callable[[], T]) -> T:
