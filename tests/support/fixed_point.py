@@ -119,6 +119,9 @@ class _Recurrence:
     def length(self, most: Fraction) -> Fraction:
         """Return the length of the next step."""
         last = max(abs(series[k]) for series in self.state for k in (ORDER, ORDER - 1))
+        # What is rounded off a coefficient grows as a power of the step: of small motions all that is left of
+        # high orders is 0, and steps beyond 1 would lose up to 1e-15 of what then grows.
+        most = min(most, Fraction(1))
         if last == 0:
             return most
         exponent = (BITS - LEFT_OUT - log2(last)) / ORDER
