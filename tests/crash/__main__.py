@@ -1,4 +1,4 @@
-"""``python -m tests.crash [NAME ...] [--minutes M] [--kills K]``: storms on SQLite, Postgres, Procrastinate."""
+"""``python -m tests.crash [NAME ...] [--minutes M] [--kills K]``: all storms, or those that are named."""
 
 import argparse
 import os
