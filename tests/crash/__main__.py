@@ -1,24 +1,26 @@
-"""``python -m tests.crash [--minutes M] [--kills K]``: storms on SQLite, Postgres and by Procrastinate."""
+"""``python -m tests.crash [NAME ...] [--minutes M] [--kills K]``: all storms, or those that are named."""
 
 import argparse
+import os
 import sys
 
 from tests.crash.storm import Plan, by_procrastinate, on_postgres, on_sqlite
 
 JOBS_PER_SECOND = 10
+STORMS = {"SQLite": on_sqlite, "Postgres": on_postgres, "Procrastinate": by_procrastinate}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.crash", description=__doc__)
+    parser.add_argument("names", nargs="*", choices=[[], *STORMS])
     parser.add_argument("--minutes", type=float, default=0.25, help="of each storm; then the waves settle")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kills", type=int, default=0, help="go on until so many are killed")
     options = parser.parse_args()
     seconds = 60.0 * options.minutes
     plan = Plan(options.seed, int(seconds * JOBS_PER_SECOND), seconds, options.kills)
-    storms = {"SQLite": on_sqlite, "Postgres": on_postgres, "Procrastinate": by_procrastinate}
-    for name, run in storms.items():
-        sys.stdout.write(f"{name}: {run(plan).line()}\n")
+    for name in options.names or STORMS:
+        sys.stdout.write(f"{name}, load {os.getloadavg()[0]:.0f}: {STORMS[name](plan).line()}\n")
         sys.stdout.flush()
 
 
