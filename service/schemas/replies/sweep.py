@@ -36,7 +36,7 @@ class SweepStateOut(ResponseModel):
         description="How all of its points are computed: by kernels, or without them since it is sooner done"
         " so than these are compiled. Chosen when a worker takes its first points; null until then. A sweep"
         " that is `compiled` waits for kernels that are not ready; `/readyz` tells how far they are. A"
-        " `plain` one that comes to a point which only kernels may solve becomes `compiled`, and begins again."
+        " `plain` one that comes to a point which only kernels may solve becomes `compiled` and begins again."
     )
 
 
