@@ -67,7 +67,7 @@ def test_the_period_at_a_lambda_whose_square_is_no_double(tier, exponent):
     "document",
     [
         planar(expression("-g1"), **{"lambda": "1e200"}),
-        planar(expression("-g1+1/20/g3^2"), **{"lambda": "1e299"}),
+        *seldom(planar(expression("-g1+1/20/g3^2"), **{"lambda": "1e299"})),  # ten seconds
         planar(expression("-g1"), nu="1e-300"),
         planar(expression("a*g1+b/g3^2", a="7/5", b="-3e155"), **{"lambda": "3e8", "window": 0})
         | {"time": {"stop": "1e-154", "samples": 5}, "outputs": ["gamma", "omega", "invariants"]},

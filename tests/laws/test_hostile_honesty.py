@@ -57,7 +57,7 @@ def test_many_problems_have_no_fault():
 
 
 @given(st.integers(0, 2**31))
-@settings(max_examples=examples(12, 300), deadline=None)
+@settings(max_examples=examples(5, 300), deadline=None)
 def test_windows_and_times_of_collisions_are_those_of_another_way(seed):
     """Random potentials with a pole of G, or two: windows, and in two tiers all claims of a motion."""
     text = facts_of(seed, 0, "infinite")

@@ -84,8 +84,13 @@ class Results:
         elif isinstance(fault, SandboxCrashError) or not has_begun:
             logger.warning("job %s attempt %d: %s", claim.job_id, claim.attempt, fault)
             self._store.lose(claim, str(fault), has_begun=has_begun, **self._limits.retries())
-        elif isinstance(fault, SandboxTimeoutError | SandboxMemoryError) and self._outlook() == "coming":
-            # Perhaps it went the plain way, which takes more of both than kernels do.
+        elif (
+            isinstance(fault, SandboxTimeoutError | SandboxMemoryError)
+            and claim.attempt < self._limits.max_attempts
+            and self._outlook() == "coming"
+        ):
+            # Perhaps it went the plain way, which takes more of both than kernels do. Not for ever: a machine
+            # that is short of memory may never have them, and kernels may not do it either.
             self._give_back(claim, f"{fault}; {WAITS}", LONG_WAIT_SECONDS)
         elif isinstance(fault, SandboxTimeoutError):
             detail = f"not finished after {self._limits.job_seconds:g} s, the limit for one job"

@@ -14,6 +14,7 @@ from service.jobs.states import JobKind, JobState
 from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
 from service.local.hosts import WorkerProcess
 from service.storage.codecs.points import decode_points
+from service.storage.inspection.inspect import inspect
 from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.keys.key_store import KeyStore
 from service.storage.sweeps import recent_chunks
@@ -88,6 +89,7 @@ def test_a_sweep_that_changes_its_way_keeps_no_point_and_begins_again(sweeps, jo
         None,
     )
     assert (list(sweeps.chunks(record.id)), keys.all().keys[0].stored_bytes) == ([], 0)
+    assert [finding.code for finding in inspect(database) if finding.broken] == []
     # Who computes another chunk has lost it, and so has who asks twice.
     assert jobs.held([asks, loses]) == frozenset()
     assert not jobs.change_way(asks, "plain", "kernels cannot be compiled")

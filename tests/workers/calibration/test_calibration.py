@@ -167,6 +167,15 @@ def test_a_failed_calibration_stores_nothing(settled, wrong_reference, monkeypat
     database.close()
 
 
+def test_nothing_is_measured_before_kernels_are_there(settled, monkeypatch):
+    compiled = []
+    monkeypatch.setattr("workers.cli.calibrate.way_for", lambda *_: "plain")
+    monkeypatch.setattr("workers.cli.calibrate.compile_solvers", lambda: compiled.append(True) or 1)
+    monkeypatch.setattr("workers.cli.calibrate.whole_jobs", None)
+    assert main(["calibrate", "--quick"]) == 1
+    assert compiled == [True]
+
+
 def test_what_was_measured_is_stored_and_printed_for_programs(settled, monkeypatch, capsys):
     monkeypatch.setattr("workers.cli.calibrate.QUICK", ONE)
     assert main(["calibrate", "--quick", "--json"]) == 0

@@ -62,14 +62,20 @@ def test_where_nobody_will_have_kernels_it_ends_with_what_the_plain_way_says(job
 
 
 @pytest.mark.parametrize("code", LIMITED)
-def test_what_goes_beyond_a_limit_without_kernels_is_tried_again_with_them(jobs, monkeypatch, code):
+@pytest.mark.parametrize(
+    ("afterwards", "attempts"), [("there", 2), ("never", 2), ("coming", LIMITS.max_attempts)]
+)
+def test_what_goes_beyond_a_limit_without_kernels_is_tried_again_with_them(
+    jobs, monkeypatch, code, afterwards, attempts
+):
     pauses = pauses_of(jobs, monkeypatch)
     job = jobs.submit(PROBLEM, "digest")
     Results(jobs, LIMITS, lambda: "coming").record(claimed(jobs), LIMITED[code])
     assert (jobs.get(job.id).state, pauses) == (JobState.QUEUED, [LONG_WAIT_SECONDS])
-    Results(jobs, LIMITS, lambda: "there").record(claimed(jobs), LIMITED[code])
+    while (claim := claimed(jobs)) is not None:
+        Results(jobs, LIMITS, lambda: afterwards).record(claim, LIMITED[code])
     done = jobs.get(job.id)
-    assert (done.state, done.error["code"], done.attempt) == (JobState.FAILED, code, 2)
+    assert (done.state, done.error["code"], done.attempt) == (JobState.FAILED, code, attempts)
 
 
 @pytest.fixture
