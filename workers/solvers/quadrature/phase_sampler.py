@@ -3,9 +3,9 @@
 import numpy as np
 
 from workers.solvers.assembly.dense import FloatArray, Sampler
+from workers.solvers.assembly.time_map import TimeMap
 from workers.solvers.errors import PrecisionLostError
 from workers.solvers.orbits.orbit import Orbit
-from workers.solvers.quadrature.time_map import TimeMap
 
 KNOWN_BITS, KNOWN = 54, 2.0**-54
 """Least relative accuracy of a variable's ball, or largest radius: either will do."""
