@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx, fmpq
 
+from service.dynamics.motion import Motion
 from service.schemas.problem.problem import read_problem
 from workers.computation.compute import solve, solve_document
 
@@ -204,3 +205,38 @@ def test_a_potential_by_its_functions_has_the_motions_of_its_formula(F, formula)
     general = solved({"type": "general", "F": F, "G": "0"}, "standard")["period"]
     proven = solved({"type": "expression", "expression": formula}, "certified")["period"]
     assert abs(arb(general["value"]) - arb(proven["value"])) <= general["error"] + 1e-15 * general["value"]
+
+
+# V1[k w^m] = −|g1|^(4/7) + c Q ρ^(−5/7) for A/C = 7/5: F is −h = −5/7 on the curve λ = 1, w = (2/5)^(2/5)
+# there, and V1 is 0 in the direction π/4, where Q = 6/5 ρ. With A/C = 5/7 it is the same with g3 for g1, and
+# w = (5/2)^(2/7).
+LEVEL, EVEN = "-5/7*(5/2)^(2/7)", "-2^(-2/7)*5/6*(1 - g2^2)^(-5/7)"
+GENERAL = {
+    "round": (("7/5", "1"), f"{LEVEL}*w^(5/7)", EVEN, "-abs(g1)^(4/7)"),
+    "mirrored": (("1", "7/5"), f"{LEVEL}/w", EVEN, "-abs(g3)^(4/7)"),
+    "to rest": (
+        ("7/5", "1"),
+        f"{LEVEL}*w^(5/7)",
+        f"{EVEN} + 1 + g2/5",
+        "-abs(g1)^(4/7) + (7/5*g1^2 + g3^2)*(1 + g2/5)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", GENERAL)
+def test_fractional_powers_of_w_have_the_motions_of_their_formula(name):
+    (A, C), F, G, text = GENERAL[name]
+    body, motion, times = {"A": A, "C": C}, {"type": "planar", "lambda": 1}, ["0", "1/2", "7", "-31"]
+
+    def found(potential: dict[str, object], accuracy: dict[str, object]) -> Motion:
+        document = {"body": body, "potential": potential, "motion": motion, "time": {"times": times}}
+        return solve(read_problem({**document, "accuracy": accuracy}))
+
+    # r is a power of time next to a pole, by the exponent 2/5: doubles tell 1e-16 to the power of 2/5 of it.
+    general = found({"type": "general", "F": F, "G": G}, {"tolerance": 1e-4})
+    # A phase in which the pole is smooth takes a few panels, not some hundred.
+    assert general.evidence["panels"] < 60
+    proven = found({"type": "expression", "expression": text}, {"tier": "high"})
+    told, known = general.dense.period, proven.dense.period
+    assert abs(told.hi - known.hi) <= told.error + known.error + 1e-15 * known.hi
+    assert np.abs(general.samples - proven.samples).max() <= general.error + proven.error
