@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from functools import cache
 
 import numpy as np
@@ -74,6 +75,10 @@ class Potential(ABC):
     def formula_part(self, g1_sign: int, g3_sign: int) -> "FormulaPotential | None":
         """Return the part that has a formula on a quadrant, of a potential that as a whole has none."""
         return None
+
+    def powers_of_w(self, g1_sign: int, g3_sign: int) -> tuple[Fraction, ...]:
+        """Return the exponents of F, if that is a sum of powers of w on a quadrant and V has no formula."""
+        return ()
 
     @abstractmethod
     def formula(self) -> str:

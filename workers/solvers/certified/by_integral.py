@@ -32,6 +32,8 @@ FindArc = Callable[[RigidBody, Potential, PlanarMotion], Arc | None]
 
 SHARES = (0.375, 0.625, 0.8125)
 """Places on the arc where the energy is taken: two at least are neither a pole nor the equator."""
+WAY_BITS = 16
+KEPT = 4
 NEWTON_TRIES = 12
 NARROWING = 2.0**-8
 """Factor by which a step must narrow the radius of a zero, or else another step is not worth it."""
@@ -68,7 +70,7 @@ class IntegralMotion:
     def model(self) -> FourierTime | TimeModel:
         """Return time as a function of the phase, which samples need and the period alone does not."""
         if self.strip is None or isinstance(self.phase, PolarWay):
-            return make_time_model(self.phase)
+            return make_time_model(self.phase, self.bits)
         return make_fourier_time(self.phase, self.strip, self.bits)
 
     @cached_property
@@ -119,6 +121,9 @@ def motion_by_integral(
     What ``find_arc`` finds is proven. Where it does not decide, or the motion is not there, the windows
     are looked for in balls.
     """
+    known = _known(body, potential, motion, bits)
+    if known is not None:
+        return known
     arc = None if find_arc is None else find_arc(body, potential, motion)
     start = None if arc is None else start_on(arc, motion)
     if start is not None:
@@ -129,6 +134,37 @@ def motion_by_integral(
         except (PrecisionNeededError, CertifiedUnavailableError):
             pass
     return integral_motion(periodic_window(body, potential, motion)[1], bits)
+
+
+def way_from(
+    body: RigidBody, potential: Potential, motion: PlanarMotion, start: StartingPoint, bits: int
+) -> IntegralMotion:
+    """Return a motion through poles that :func:`motion_by_integral` will then not look for once more.
+
+    Raises as :func:`integral_motion`.
+    """
+    found = _known(body, potential, motion, bits)
+    if found is None:
+        found = integral_motion(start, bits)
+        _KNOWN[_key(body, potential, motion, bits)] = potential, found
+        while len(_KNOWN) > KEPT:
+            # Another thread may have taken the oldest one away.
+            _KNOWN.pop(next(iter(_KNOWN), None), None)
+    return found
+
+
+_Key = tuple[RigidBody, int, PlanarMotion, int, int]
+_KNOWN: dict[_Key | None, tuple[Potential, IntegralMotion]] = {}
+"""The last KEPT ways through poles, the oldest first; while a potential is kept, no other has its number."""
+
+
+def _known(body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int) -> IntegralMotion | None:
+    found = _KNOWN.get(_key(body, potential, motion, bits))
+    return found[1] if found is not None and found[0] is potential else None
+
+
+def _key(body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int) -> _Key:
+    return body, id(potential), motion, ctx.prec, way_bits(bits)
 
 
 def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
@@ -158,13 +194,19 @@ def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
         if not passes or found.strip is not None:
             return found
     # Pieces are fewer, and bounds closer, on one side of a pole at a time.
-    way = IntegralMotion(way_of(replace(curve, unit=max(1, unit)), start, ends), start, curve.h, bits)
+    there = way_of(replace(curve, unit=max(1, unit)), start, ends)
+    way = IntegralMotion(there, start, curve.h, way_bits(bits))
     if not unit:
         try:
             way.model  # noqa: B018  made once, and asked for here
         except CertifiedUnavailableError:
             return found
     return way
+
+
+def way_bits(bits: int) -> int:
+    """Return to how many bits times through poles are computed: who asks for about as many gets the same."""
+    return -(-bits // WAY_BITS) * WAY_BITS
 
 
 def _tape(loop: Loop) -> Tape:

@@ -104,9 +104,9 @@ def certify(
     latest = max((abs(t) for t in times), default=Fraction(0))
     if about_a_period is not None:
         latest = Fraction(about_a_period)
-    precision = -(-(bits + GUARD_BITS + int(latest).bit_length()) // LIMB) * LIMB
+    precision, wanted = first_try(bits, latest)
     # With more precision less is left over of the integral, too.
-    unused = precision - (bits + PERIOD_BITS + int(latest).bit_length())
+    unused = precision - wanted
     while precision <= HIGHEST_PRECISION:
         with ctx.workprec(precision):
             try:
@@ -129,6 +129,12 @@ def certify(
                 pass
         precision += precision // 2
     raise CertifiedUnavailableError(f"{HIGHEST_PRECISION} bits are not enough")
+
+
+def first_try(bits: int, latest: Fraction) -> tuple[int, int]:
+    """Return the precision that serves most motions, and to how many bits the integral is wanted there."""
+    late = int(latest).bit_length()
+    return -(-(bits + GUARD_BITS + late) // LIMB) * LIMB, bits + PERIOD_BITS + late
 
 
 def _reduced(made: _Motion, turns: Sequence[Fraction]) -> list[arb]:

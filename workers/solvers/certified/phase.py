@@ -30,7 +30,7 @@ WIDE = 2.0**-36
 
 
 class TimedPhase(Protocol):
-    """A stretch of a planar motion as a function of θ, which grows with time."""
+    """A planar motion, or a stretch of it, as a function of θ, which grows with time."""
 
     def rate(self, theta: acb, *, analytic: bool) -> acb:
         """Return dt/dθ; not finite if ``analytic`` and it is not holomorphic on the ball."""
@@ -39,14 +39,21 @@ class TimedPhase(Protocol):
         """Return (p, q, r, g1, g2, g3) in the client's axes."""
 
     def phase(self, v: arb) -> arb:
-        """Return θ at a place of the stretch."""
+        """Return θ at a place of it."""
+
+
+class SmoothPhase(TimedPhase, Protocol):
+    """One that is holomorphic."""
+
+    def motion(self, theta: acb) -> tuple[acb, ...]:
+        """Return dt/dθ and the six variables."""
 
 
 @dataclass(frozen=True, slots=True)
 class PhaseStretch:
     """The part first ≤ θ ≤ last of a phase, on which its rate is holomorphic."""
 
-    phase: TimedPhase
+    phase: SmoothPhase
     first: arb
     last: arb
     shift: arb
@@ -126,9 +133,13 @@ class LibrationPhase:
             v = self.lower + (self.upper - self.lower) * sine * sine
             if not self.real.loses_digits(v):
                 return self.real.state(v, (self.upper - self.lower) * sine * cosine / rate)
-        at, quotient = self._at(acb(theta), analytic=False)
-        half = (self.upper - self.lower) / 2
-        return six_variables(self.curve, at, -half * theta.sin() * (self.curve.W(at) * quotient).sqrt().real)
+        return tuple(value.real for value in self.motion(acb(theta))[1:])
+
+    def motion(self, theta: acb) -> tuple[acb, ...]:
+        """See SmoothPhase.motion."""
+        at, quotient = self._at(theta, analytic=False)
+        half, root = (self.upper - self.lower) / 2, (self.curve.W(at) * quotient).sqrt()
+        return self.curve.loop.Z / (at.c * root), *six_variables(self.curve, at, -half * theta.sin() * root)
 
     def _at(self, theta: acb, *, analytic: bool) -> tuple[ComplexPlace, acb]:
         """Return the place and q."""
@@ -194,7 +205,7 @@ class RotationPhase:
     def rate(self, theta: acb, *, analytic: bool) -> acb:
         """See TimedPhase.rate."""
         at, P = self._at(theta, analytic=analytic)
-        return self.curve.loop.Z * P.rsqrt(analytic) / at.c
+        return self.curve.loop.Z / (at.c * self.curve.root_of(P, analytic))
 
     def rates(self, count: int) -> Iterator[arb]:
         """Yield dt/dθ at equidistant θ halfway between multiples of 2π/count."""
@@ -207,8 +218,13 @@ class RotationPhase:
         v = self.origin + self.direction * theta
         if rate is not None and not self.real.loses_digits(v):
             return self.real.state(v, self.direction / rate)
-        at, P = self._at(acb(theta), analytic=False)
-        return six_variables(self.curve, at, -self.direction * P.sqrt().real)
+        return tuple(value.real for value in self.motion(acb(theta))[1:])
+
+    def motion(self, theta: acb) -> tuple[acb, ...]:
+        """See SmoothPhase.motion."""
+        at, P = self._at(theta, analytic=False)
+        root = P.sqrt()
+        return self.curve.loop.Z / (at.c * root), *six_variables(self.curve, at, -self.direction * root)
 
     def _at(self, theta: acb, *, analytic: bool) -> tuple[ComplexPlace, acb]:
         v = self.origin + self.direction * theta
@@ -226,10 +242,7 @@ def _shares(count: int, precision: int) -> tuple[arb, ...]:
         return tuple((arb(2 * j + 1) / (2 * count)).sin_pi() ** 2 for j in range(count // 2))
 
 
-def six_variables(curve: ComplexLoop, at: ComplexPlace, p: arb) -> tuple[arb, ...]:
-    """Return (p, q, r, g1, g2, g3) in the client's axes from a real place and p."""
-    g1, g2, g3 = (value.real for value in curve.gamma(at))
-    r = curve.r_over_p(at).real * p
-    if curve.loop.mirrored:
-        return -r, arb(0), -p, g1, g2, g3
-    return p, arb(0), r, g1, g2, g3
+def six_variables(curve: ComplexLoop, at: ComplexPlace, p: acb) -> tuple[acb, ...]:
+    """Return (p, q, r, g1, g2, g3) in the client's axes from a place and p."""
+    r = curve.r_over_p(at) * p
+    return (-r, acb(0), -p, *curve.gamma(at)) if curve.loop.mirrored else (p, acb(0), r, *curve.gamma(at))

@@ -10,7 +10,7 @@ from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.tape import Instruction, Tape
 from service.dynamics.reduction.geometry.height import c_squared_ball, log_sine_ball
 from service.dynamics.reduction.geometry.loop import Loop, ball
-from workers.solvers.complex_plane.complex_loop import MANY
+from workers.solvers.complex_plane.complex_loop import MANY, geometric
 
 _Step = tuple[Callable[[arb, arb], arb], int, int]
 _ARITHMETIC: dict[str, Callable[[arb, arb], arb]] = {
@@ -127,9 +127,7 @@ class RealLoop:
         """Return |sin v|^(α−1), |sin v|^α and c²."""
         size = sine if self._side > 0 else -sine if self._side else abs(sine)
         if self._is_summed:
-            power, w, quotient = size**self._power, sine * sine, arb(1)
-            for _ in range(self._power):
-                quotient = quotient * w + 1
+            power, quotient = size**self._power, geometric(sine * sine, self._power + 1)
             c_squared = self._Z_squared + self._G_squared * quotient
         else:
             u = cosine * cosine

@@ -12,30 +12,36 @@ are at most
 """
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache, reduce
 from itertools import pairwise
 from math import hypot, pi
 
+import numpy as np
 from flint import acb, arb, arb_poly, ctx
+from numpy.typing import NDArray
 
 from workers.solvers.certified.cover import LOOSE, Box, bound
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.phase import MotionPhase, PhaseStretch, TimedPhase
+
+FloatArray = NDArray[np.float64]
 
 SLACK = 1.0625
 """ρ in half lengths of a piece: pieces overlap, so that a ball at an edge is inside one of them."""
 FIRST_PIECES = 4
 """For a phase that grows by π."""
 MAX_PIECES = 600
-SHORTEST = 2.0**-36
-"""Least length of a piece, relative to the whole: its ends are doubles."""
+SHORTEST = 2.0**-44
+"""Least length of a piece, relative to its stretch: its ends are doubles."""
+FEWEST = 40
+"""Places on the circle: the six variables, in doubles, are taken there too."""
 MAX_BOXES = 24
 SMALLEST_BOX = 0.2
 """Half the side of a box, in radii of the disc."""
 NEWTON_STEPS = 60
-SHARES = (1 / 16, 1 / 4, 1 / 2, 3 / 4, 15 / 16)
+SHARES = (0.0, 1 / 16, 1 / 4, 1 / 2, 3 / 4, 15 / 16, 1.0)
 """Places of a stretch at which its rate is looked at."""
 NO_BOUND = "no bound of its time as an analytic function was found"
 
@@ -44,11 +50,18 @@ NO_BOUND = "no bound of its time as an analytic function was found"
 class TimePiece:
     """dt/dθ and t for |θ − centre| ≤ radius, as polynomials in y = (θ − centre)/radius."""
 
+    begin: arb
+    """θ where the piece begins: what its polynomials are before it is another function next to a pole."""
+    end: arb
+    start: arb
+    """t where it begins."""
     centre: arb
     radius: arb
     slope: arb_poly
     """dt/dy."""
     time: arb_poly
+    states: FloatArray
+    """Coefficients of the six variables in doubles, shape (n, 6): what they leave out is not proved."""
 
     def time_at(self, theta: arb) -> arb:
         """Return t."""
@@ -62,7 +75,11 @@ class TimePiece:
         return y
 
     def phase_at(self, t: arb) -> arb:
-        """Return the enclosure of θ where the time is ``t``."""
+        """Return the enclosure of the θ of the piece where the time is ``t``.
+
+        Raises PrecisionNeededError where none is proved to be on the piece itself: next to a pole its
+        polynomials may take the same time once more, on the other side.
+        """
         y = self.approximation(t)
         late = self.time(y) - t
         radius = 2 * (late / self.slope(y)).abs_upper() + arb(2) ** -ctx.prec
@@ -70,22 +87,28 @@ class TimePiece:
             guess = arb(y, radius.abs_upper())
             found = y - late / self.slope(guess)
             if abs(guess) <= 1 and guess.contains(found):
-                return self.centre + self.radius * found
+                theta = self.centre + self.radius * found
+                if theta >= self.begin and theta <= self.end:
+                    return theta
             radius = 8 * radius
         raise PrecisionNeededError("the inverse of time")
 
     def approximation(self, t: arb) -> arb:
-        """Return y to about the current precision, by Newton's method from the chord."""
-        lowest, highest = self.time(arb(-1)).mid(), self.time(arb(1)).mid()
-        y = (2 * (t - lowest) / (highest - lowest) - 1).mid()
+        """Return y on the piece to about the current precision, by Newton's method inside a bracket."""
+        low, high = -arb(1) / SLACK, arb(1) / SLACK
+        lowest, highest = self.time(low).mid(), self.time(high).mid()
+        low, high = low.mid(), high.mid()
+        y = (low + (high - low) * (t - lowest) / (highest - lowest)).mid()
         for _ in range(NEWTON_STEPS):
-            step = ((self.time(y) - t) / self.slope(y)).mid()
+            if not (y >= low and y <= high):
+                y = ((low + high) / 2).mid()
+            late = self.time(y) - t
+            low, high = (low, y) if late > 0 else (y, high) if late < 0 else (low, high)
+            step = (late / self.slope(y)).mid()
             y = (y - step).mid()
-            if not abs(y) <= 1:
-                y = arb(1 if y > 0 else -1) * arb("0.999")
-            elif abs(step) < arb(2) ** (-ctx.prec // 2 - 2):
+            if abs(step) < arb(2) ** (-ctx.prec // 2 - 2):
                 break
-        return y
+        return y.max(low).min(high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,15 +116,20 @@ class TimeModel:
     """t(θ) over a turn, 0 at θ = 0, and θ(t)."""
 
     pieces: tuple[TimePiece, ...]
-    starts: tuple[float, ...]
-    """Times at which the pieces begin."""
-    phases: tuple[float, ...]
-    """Phases at which the pieces begin."""
     is_even: bool
     length: arb
     """θ at the end."""
     span: arb
     """The time there."""
+    starts: tuple[float, ...] = field(init=False)
+    """Times at which the pieces begin, about."""
+    phases: tuple[float, ...] = field(init=False)
+    """Phases at which the pieces begin, about."""
+
+    def __post_init__(self) -> None:
+        """Round to doubles what pieces are looked for by."""
+        object.__setattr__(self, "starts", tuple(float(piece.start) for piece in self.pieces))
+        object.__setattr__(self, "phases", tuple(float(piece.begin) for piece in self.pieces))
 
     @property
     def period(self) -> arb:
@@ -112,7 +140,10 @@ class TimeModel:
         """Return t for θ from 0 to the end, and back to 0 where dt/dθ is even."""
         if self.is_even and theta.mid() > self.length.mid():
             return self.period - self.time_at(2 * self.length - theta)
-        return self._piece(self.phases, theta).time_at(theta)
+        found = [
+            piece.time_at(theta) for piece in self._pieces(self.phases, lambda piece: piece.begin, theta)
+        ]
+        return reduce(arb.union, found)
 
     def phases_at(self, times: Sequence[arb]) -> list[arb]:
         """Return θ at any times, up to whole turns."""
@@ -124,11 +155,13 @@ class TimeModel:
         t = t - turns * self.period
         if self.is_even and t.mid() > self.span.mid():
             return 2 * self.length - self.phase_at(self.period - t)
-        piece = self._piece(self.starts, t)
+        pieces = self._pieces(self.starts, lambda piece: piece.start, t)
         try:
-            return piece.phase_at(t)
+            if len(pieces) == 1:
+                return pieces[0].phase_at(t)
         except PrecisionNeededError:
-            return self._between(t, piece)
+            pass
+        return self._between(t, pieces[0])
 
     def _between(self, t: arb, piece: TimePiece) -> arb:
         """Return θ next to a pole, where dt/dθ may vanish: time grows with it all the same."""
@@ -142,12 +175,21 @@ class TimeModel:
             off = 2 * off
         raise PrecisionNeededError("the inverse of time")
 
-    def _piece(self, begins: tuple[float, ...], value: arb) -> TimePiece:
-        return self.pieces[max(0, bisect_right(begins, float(value)) - 1)]
+    def _pieces(
+        self, begins: tuple[float, ...], begin_of: Callable[[TimePiece], arb], value: arb
+    ) -> list[TimePiece]:
+        """Return the pieces on which a phase, or a time, may be, which is known no better than their ends."""
+        number, last = max(0, bisect_right(begins, float(value)) - 1), len(self.pieces) - 1
+        return [
+            self.pieces[k]
+            for k in range(max(0, number - 1), min(last, number + 1) + 1)
+            if (k == 0 or not value < begin_of(self.pieces[k]))
+            and (k == last or not value > begin_of(self.pieces[k + 1]))
+        ]
 
 
-def make_time_model(phase: MotionPhase) -> TimeModel:
-    """Return the model at the current precision.
+def make_time_model(phase: MotionPhase, bits: int) -> TimeModel:
+    """Return the model at the current precision; what series leave out is 2^-bits of them, or less.
 
     Raises
     ------
@@ -155,18 +197,15 @@ def make_time_model(phase: MotionPhase) -> TimeModel:
         dt/dθ is not enclosed on pieces of any size that is tried.
     """
     pieces: list[TimePiece] = []
-    starts, phases = [], []
     t = arb(0)
     for stretch in phase.stretches:
         for left, right, size, largest in _cut(stretch):
-            piece = _piece(stretch, left, right, t, size, largest)
+            piece = _piece(stretch, left, right, t, size, largest, bits)
             pieces.append(piece)
-            starts.append(float(t))
-            phases.append(float(left + stretch.shift))
             t = piece.time_at(right + stretch.shift)
             if len(pieces) > MAX_PIECES:
                 raise CertifiedUnavailableError(NO_BOUND)
-    return TimeModel(tuple(pieces), tuple(starts), tuple(phases), phase.is_even, phase.length, t)
+    return TimeModel(tuple(pieces), phase.is_even, phase.length, t)
 
 
 def _cut(stretch: PhaseStretch) -> Iterator[tuple[arb, arb, arb, arb]]:
@@ -176,8 +215,10 @@ def _cut(stretch: PhaseStretch) -> Iterator[tuple[arb, arb, arb, arb]]:
     def size_at(place: float) -> arb:
         return abs(stretch.phase.rate(acb(place), analytic=False)).upper()
 
-    # Next to a pole dt/dθ may vanish, and what is next to nothing need not be known relative to itself.
-    least = max(size_at(first + (last - first) * share) for share in SHARES) / LOOSE
+    # Next to a pole dt/dθ may vanish, and what is next to nothing need not be known relative to itself. Where
+    # A/C is next to 1 it is next to nothing on nearly all of the stretch.
+    sizes = [size_at(first + (last - first) * share) for share in SHARES]
+    least = max(size for size in sizes if size.is_finite()) / LOOSE
     count = max(1, round(FIRST_PIECES * (last - first) / pi))
     cuts = [first + (last - first) * k / count for k in range(count)] + [last]
     waiting = list(pairwise(cuts))[::-1]
@@ -210,21 +251,28 @@ def _bound(phase: TimedPhase, left: float, right: float, size: arb) -> arb | Non
     return bound(phase, boxes, size=size, smallest=smallest, most=MAX_BOXES, is_needed=meets_disc)
 
 
-def _piece(stretch: PhaseStretch, left: arb, right: arb, begin: arb, size: arb, largest: arb) -> TimePiece:
+def _piece(
+    stretch: PhaseStretch, left: arb, right: arb, begin: arb, size: arb, largest: arb, bits: int
+) -> TimePiece:
     phase = stretch.phase
     centre = ((left + right) / 2).mid()
     radius = (SLACK * (right - left) / 2).mid()
-    # Even, and such that 5 M 2^-n is a few ulp of the function.
-    count = 2 * (1 + (ctx.prec + max(0, round(float((largest / size).log() / arb(2).log())))) // 2)
-    upper = [phase.rate(centre + radius * y, analytic=False) for y in _circle(count, ctx.prec)]
-    values = upper + [value.conjugate() for value in upper[-2:0:-1]]
+    # Even, and such that 5 M 2^-n is a few 2^-bits of the function.
+    excess = (largest / size).log() / arb(2).log() if largest > 0 else arb(0)
+    count = max(FEWEST, 2 * (1 + (bits + round(float(excess.max(arb(-bits))))) // 2))
+    upper = [phase.motion(centre + radius * y) for y in _circle(count, ctx.prec)]
+    rates = [rate for rate, *_ in upper]
+    values = rates + [value.conjugate() for value in rates[-2:0:-1]]
     coefficients = [value.real / count for value in acb.dft(values)]
     remainder = arb(0, (5 * largest * arb(2) ** -count).abs_upper())
     coefficients[0] += remainder
     slope = arb_poly([radius * value for value in coefficients])
     time = slope.integral()
     time = time + (begin - time((left - centre) / radius))
-    return TimePiece(centre + stretch.shift, radius, slope, time)
+    states = np.array([[complex(value) for value in state] for _, *state in upper])
+    states = np.fft.fft(np.concatenate([states, states[-2:0:-1].conj()]), axis=0).real / count
+    ends = left + stretch.shift, right + stretch.shift
+    return TimePiece(*ends, begin, centre + stretch.shift, radius, slope, time, states)
 
 
 @lru_cache(maxsize=64)

@@ -1,4 +1,4 @@
-"""The way of a motion through poles, by phases of its own between poles, rest points and the equator.
+"""The way of a motion through poles, by phases of its own next to poles, next to rest points and between.
 
 Where |g1| and V are no functions of sin v at a pole, time is a holomorphic function of the coordinate φ there
 (:mod:`workers.solvers.complex_plane.passage`) on one side and another one on the other side. About a rest
@@ -13,10 +13,20 @@ from itertools import pairwise
 from flint import acb, arb
 
 from service.dynamics.reduction.start import StartingPoint
-from workers.solvers.certified.phase import WIDE, LibrationPhase, PhaseStretch, TimedPhase, six_variables
+from workers.solvers.certified.phase import (
+    WIDE,
+    LibrationPhase,
+    PhaseStretch,
+    RotationPhase,
+    SmoothPhase,
+    six_variables,
+)
 from workers.solvers.certified.real_loop import RealLoop
 from workers.solvers.complex_plane.complex_loop import ComplexLoop, tighter
 from workers.solvers.complex_plane.passage import Passage, drops_matter
+
+NEAR_POLE = 0.3
+"""Distance from a pole within which φ is the phase; beyond, v itself, whose balls are narrower there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +46,19 @@ class PassagePhase:
         if theta.real.rad() > WIDE and not N.real > 0 and phi.real > 0:
             plain = replace(curve, unit=0, pole=0)
             N = tighter(N, plain.expanded_N(self.passage.angle(phi), analytic=True))
-        return curve.loop.Z * slope * (at.c_squared * curve.W(at) * N).rsqrt(analytic)
+        return curve.loop.Z * slope / curve.root_of(at.c_squared * curve.W(at) * N, analytic)
 
     def state(self, theta: arb) -> tuple[arb, ...]:
         """See MotionPhase.state."""
+        return tuple(value.real for value in self.motion(acb(theta))[1:])
+
+    def motion(self, theta: acb) -> tuple[acb, ...]:
+        """See SmoothPhase.motion."""
         curve = self.passage.curve
-        at, _ = self.passage.place(acb(self._sign * theta), analytic=False)
+        at, slope = self.passage.place(self._sign * theta, analytic=False)
         P = curve.W(at) * curve.N(at, analytic=False)
-        return six_variables(curve, at, -self.direction * P.sqrt().real)
+        rate = curve.loop.Z * slope * (at.c_squared * P).rsqrt()
+        return rate, *six_variables(curve, at, -self.direction * P.sqrt())
 
     def phase(self, v: arb) -> arb:
         """Return θ at v."""
@@ -81,13 +96,13 @@ class PolarWay:
         if self.is_even and theta.mid() > self.length.mid():
             there = self.state(2 * self.length - theta)
             return (*(-rate for rate in there[:3]), *there[3:])
-        number = self._number(theta)
-        stretch = self.stretches[number]
-        found = [stretch.phase.state(theta - stretch.shift)]
         # What is not known to be on one side of a pole may be on either.
-        for k, near in ((number - 1, stretch.begin), (number + 1, stretch.end)):
-            if 0 <= k < len(self.stretches) and theta.overlaps(near):
-                found.append(self.stretches[k].phase.state(theta - self.stretches[k].shift))
+        last = len(self.stretches) - 1
+        found = [
+            stretch.phase.state(theta - stretch.shift)
+            for k, stretch in enumerate(self.stretches)
+            if (k == 0 or not theta < stretch.begin) and (k == last or not theta > stretch.end)
+        ]
         return found[0] if len(found) == 1 else tuple(_hull(values) for values in zip(*found, strict=True))
 
     def phase(self, v: arb) -> arb:
@@ -127,13 +142,13 @@ def way_of(curve: ComplexLoop, start: StartingPoint, ends: tuple[arb, arb]) -> P
     return PolarWay(curve, _joined([first, *_passages(curve, *cuts, 1), last]), is_even=True)
 
 
-_Part = tuple[TimedPhase, arb, arb]
+_Part = tuple[SmoothPhase, arb, arb]
 
 
 def _passages(curve: ComplexLoop, v: arb, other: arb, direction: int) -> list[_Part]:
-    """Return the parts of the way from v to the other place, cut at the poles and on the equator."""
-    quarter = arb.pi() / 2
-    marks = [quarter * k for k in range(-8 * direction, 9 * direction, direction)]
+    """Return the parts of the way from v to the other place, cut at poles and NEAR_POLE beside them."""
+    poles = [arb.pi() * k for k in range(-4 * direction, 5 * direction, direction)]
+    marks = [pole + direction * off for pole in poles for off in (-NEAR_POLE, 0, NEAR_POLE)]
     inside = [
         mark for mark in marks if direction * mark > direction * v and direction * mark < direction * other
     ]
@@ -143,8 +158,13 @@ def _passages(curve: ComplexLoop, v: arb, other: arb, direction: int) -> list[_P
         middle = (begin + end) / 2
         pole = round(float(middle / arb.pi()))
         way = 1 if middle > arb.pi() * pole else -1
-        side = replace(curve, side=-way if pole % 2 else way, pole=(-1) ** pole if knows_drop else 0)
-        phase = PassagePhase(Passage(side, pole, way), direction)
+        side = -way if pole % 2 else way
+        if abs(middle - arb.pi() * pole) < NEAR_POLE:
+            beside = replace(curve, side=side, pole=(-1) ** pole if knows_drop else 0)
+            phase: SmoothPhase = PassagePhase(Passage(beside, pole, way), direction)
+        else:
+            far = replace(curve, side=side)
+            phase = RotationPhase(far, RealLoop(far.loop, far.tape, side), begin.mid(), direction)
         first, last = (arb(0) if at.overlaps(arb.pi() * pole) else phase.phase(at) for at in (begin, end))
         parts.append((phase, first, last))
     return parts

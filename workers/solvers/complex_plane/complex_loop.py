@@ -18,26 +18,29 @@ lies in the convex hull of the integrand.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache, partial
 from typing import NamedTuple, TypeVar
 
-from flint import acb, arb
+from flint import acb, arb, ctx
 
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, PowerSum, Small
-from service.dynamics.formula.programs import Kind, Way
+from service.dynamics.formula.programs import OFTEN, Kind, Way
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.reduction.geometry.loop import Loop, ball
 from workers.solvers.complex_plane.questions import BEND, SLOPE, VALUE, PlaneQuestion
 
 T = TypeVar("T")
+Ball = TypeVar("Ball", arb, acb)
 
 MANY = 32
 """Integers α up to this are summed as powers; all where a pole is passed."""
+OFTEN_ABOUT_POLES = 4
+"""As OFTEN of programs: sums of powers are dearer."""
 NEAR_EQUATOR = 2.0**-8
 NEAR_POLE = 2.0**-3
 _UNKNOWN = acb(arb.nan())
@@ -74,6 +77,18 @@ class ComplexLoop:
     side: int
     unit: int = 0
     pole: int = 0
+    known: dict[int, tuple[arb, arb, arb]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
+    """alpha, A and C as balls, by precision: every place needs them."""
+    about: tuple[object, ...] = field(init=False, compare=False, repr=False)
+    """What tells the programs of a formula about a pole from those about another."""
+
+    def __post_init__(self) -> None:
+        """Put together what is asked at every place."""
+        loop = self.loop
+        about = (*loop.alpha.as_integer_ratio(), loop.mirrored, loop.g1_sign, self.side, self.unit, self.pole)
+        object.__setattr__(self, "about", about if self._has_poles else ())
 
     def place(self, v: acb, *, analytic: bool) -> ComplexPlace:
         """Return the place; not finite if ``analytic`` and the curve is not holomorphic on the ball."""
@@ -85,21 +100,29 @@ class ComplexLoop:
             cosine = narrow if cosine.real > 0 else -narrow
         alpha, u = loop.alpha, cosine * cosine
         turn = acb(self.side or 1)
-        if alpha.denominator != 1:
+        root = sine if self.side >= 0 or not self.unit else -sine
+        if self.unit and analytic:
+            # Balls of powers by logarithms are far narrower than those of products, on regions.
+            log = root.log(analytic)
+            power, root = ((self._numbers()[0] - 1) * log).exp(), (log / self.unit).exp()
+        elif alpha.denominator != 1:
             power = (self.side * sine).pow(acb(ball(alpha - 1)), analytic=analytic)
         else:
             power = (sine if self.side >= 0 else -sine) ** (alpha.numerator - 1)
             if self.side == 0 and alpha.numerator % 2:
                 turn = sine.real_sgn(analytic)
         if alpha.denominator == 1 and (alpha <= MANY or self.side == 0):
-            quotient, w = acb(1), sine * sine
-            for _ in range(alpha.numerator - 1):
-                quotient = quotient * w + 1
+            quotient = geometric(sine * sine, alpha.numerator)
         else:
             quotient = self._quotient(sine, u, analytic=analytic)
         c_squared = loop.Z * loop.Z + loop.G * loop.G * quotient
-        root = sine if self.side >= 0 or not self.unit else -sine
-        return ComplexPlace(sine, cosine, power, turn, c_squared, c_squared.sqrt(analytic), root)
+        if self.unit > 1 and not analytic:
+            root = (root.log() / self.unit).exp()
+        return ComplexPlace(sine, cosine, power, turn, c_squared, self.root_of(c_squared, analytic), root)
+
+    def root_of(self, value: acb, analytic: bool) -> acb:
+        """Return √value; on regions by logarithms, whose balls are narrower, if there is a unit."""
+        return (value.log(analytic) / 2).exp() if self.unit and analytic else value.sqrt(analytic)
 
     def gamma(self, at: ComplexPlace) -> tuple[acb, acb, acb]:
         """Return g1, g2, g3 in the client's axes."""
@@ -115,8 +138,9 @@ class ComplexLoop:
     def slope(self, at: ComplexPlace, *, analytic: bool) -> acb:
         """Return dN/dv; not finite if ``analytic`` and N is not holomorphic, though its derivative may be."""
         loop = self.loop
-        A, C, G, Z = ball(loop.A), ball(loop.C), loop.G, loop.Z
-        first = loop.g1_sign * ball(loop.alpha) * G * at.power * at.turn * at.cosine
+        alpha, A, C = self._numbers()
+        G, Z = loop.G, loop.Z
+        first = loop.g1_sign * alpha * G * at.power * at.turn * at.cosine
         second = -at.sine * (A * (G * at.power) ** 2 + C * Z * Z) / (C * at.c)
         third = Z * at.cosine
         rates = (third, second, first) if loop.mirrored else (first, second, third)
@@ -129,7 +153,8 @@ class ComplexLoop:
         if self.side and not (self.side * at.sine).real > 0:
             # Powers of 1 − u are those of w only as long as |arg w| < π.
             return _UNKNOWN, _UNKNOWN
-        alpha, A, C, G, Z = ball(loop.alpha), ball(loop.A), ball(loop.C), loop.G, loop.Z
+        alpha, A, C = self._numbers()
+        G, Z = loop.G, loop.Z
         sine, cosine, size = at.sine, at.cosine, loop.g1_sign * G * at.turn
         below = at.power / sine
         if loop.alpha.denominator == 1:
@@ -163,14 +188,14 @@ class ComplexLoop:
 
     def W(self, at: ComplexPlace) -> acb:
         """Return P / N."""
-        A, C = ball(self.loop.A), ball(self.loop.C)
+        _, A, C = self._numbers()
         ratio = self.loop.G * at.power / self.loop.Z
         return 2 * C / (A * (C + A * ratio * ratio))
 
     def r_over_p(self, at: ComplexPlace) -> acb:
         """Return r/p = −A g1 / (C g3)."""
         loop = self.loop
-        return -loop.g1_sign * ball(loop.alpha) * loop.G / loop.Z * at.power * at.turn
+        return -loop.g1_sign * self._numbers()[0] * loop.G / loop.Z * at.power * at.turn
 
     def ask(
         self, question: PlaneQuestion, at: ComplexPlace, beside: Sequence[acb], *, analytic: bool
@@ -180,18 +205,27 @@ class ComplexLoop:
         kind: Kind = "analytic" if analytic else "complex"
         # About a pole formulas have sin v, G and Z for g1 and g3.
         inputs: tuple[acb, ...]
-        about: tuple[object, ...]
         if not self._has_poles:
-            inputs, about = self.gamma(at), ()
+            inputs = self.gamma(at)
         else:
             drop = (loop.Z * loop.Z + (loop.G * at.power) ** 2) / (1 + self.pole * second)
             inputs = at.root, drop if self.pole else second, acb(loop.G), acb(loop.Z)
-            about = loop.alpha, loop.mirrored, loop.g1_sign, self.side, self.unit, self.pole
-        name = (question.name, kind, *about)
-        run = self.tape.program(name, Way(kind, partial(self._traced, question)))
+        name = (question.name, kind, self.about)
+        run = self.tape.program(name, Way(kind, partial(self._traced, question), often=self._often))
         if run is not None:
             return run(*inputs, *beside)
         return self._answer(question, self.tape, _plain(analytic), inputs, beside)
+
+    def _numbers(self) -> tuple[arb, arb, arb]:
+        found = self.known.get(ctx.prec)
+        if found is None:
+            loop = self.loop
+            found = self.known[ctx.prec] = ball(loop.alpha), ball(loop.A), ball(loop.C)
+        return found
+
+    @property
+    def _often(self) -> int:
+        return OFTEN_ABOUT_POLES if self._has_poles else OFTEN
 
     @property
     def _has_poles(self) -> bool:
@@ -226,7 +260,7 @@ class ComplexLoop:
 
     def _quotient(self, sine: acb, u: acb, *, analytic: bool) -> acb:
         """Return (1 − w^α) / u for sin v of the sign ``side``."""
-        alpha, signed = ball(self.loop.alpha), self.side * sine
+        alpha, signed = self._numbers()[0], self.side * sine
         # Powers of 1 − u are those of w only as long as |arg w| < π.
         is_right = signed.real > 0
         log = (-u).log1p() if is_right and u.abs_upper() < 0.75 else 2 * signed.log(analytic)
@@ -235,7 +269,21 @@ class ComplexLoop:
         if not (is_right and u.abs_lower() < arb(NEAR_EQUATOR).max(4 * u.real.rad())):
             return direct
         hull = acb(1).union(1 - u)
+        if self.unit and analytic:
+            return tighter(direct, alpha * ((alpha - 1) * hull.log(analytic)).exp())
         return tighter(direct, alpha * hull.pow(acb(alpha - 1), analytic=analytic))
+
+
+def geometric(ratio: Ball, count: int) -> Ball:
+    """Return 1 + x + … + x^(count − 1)."""
+    if count > MANY:
+        half = geometric(ratio, count // 2)
+        total = half * (1 + ratio ** (count // 2))
+        return total * ratio + 1 if count % 2 else total
+    total = ratio * 0 + 1
+    for _ in range(count - 1):
+        total = total * ratio + 1
+    return total
 
 
 def tighter(one: acb, two: acb) -> acb:

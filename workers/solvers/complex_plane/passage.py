@@ -12,7 +12,7 @@ all powers of it if n is a multiple of their denominators: then V, p and time ar
 grow in number like log n.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
 
@@ -26,10 +26,6 @@ from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace
 
 GENERIC = Fraction(2, 3)
 """A value of |sin v|^(1/unit) at which a formula is asked for its powers."""
-FAR_FROM_POLE = 0.2
-"""Value of X = tan(u/2) from which on |sin v| is not taken from X."""
-FAR = 0.75
-"""sin²v up to which nothing is lost in 1 − sin²v."""
 
 
 def unit_at_poles(loop: Loop, tape: Tape) -> int:
@@ -85,13 +81,9 @@ class Passage:
         square = X * X
         total = 1 + square
         slope = n * below / (cosine * cosine * total)
-        if X.real > FAR_FROM_POLE:
-            # On the equator |sin v| is stationary, which its formula by X does not tell a wide ball.
-            at = replace(curve, unit=0, pole=0).place(self.angle(phi), analytic=analytic)
-            return at._replace(root=((side * at.sine).log(analytic) / n).exp()), slope
-        root = tangent * (2 / total).pow(acb(1) / n, analytic=analytic)
+        root = tangent * ((2 / total).log(analytic) / n).exp()
         whole = loop.alpha * n
-        quotient = _quotient(root * root, whole.numerator, n)
+        quotient = (1 - _raised(root, 2 * whole.numerator)) / (1 - _raised(root, 2 * n))
         c_squared = loop.Z * loop.Z + loop.G * loop.G * quotient
         at = ComplexPlace(
             sine=side * 2 * X / total,
@@ -99,7 +91,7 @@ class Passage:
             power=_raised(root, whole.numerator - n),
             turn=acb(side),
             c_squared=c_squared,
-            c=c_squared.sqrt(analytic),
+            c=curve.root_of(c_squared, analytic),
             root=root,
         )
         return at, slope
@@ -117,20 +109,3 @@ class Passage:
 def _raised(base: acb, exponent: int) -> acb:
     """Return a whole power; by logarithms, which keep wide balls narrower, where their branch is certain."""
     return (exponent * base.log()).exp() if base.real > 0 else base**exponent
-
-
-def _quotient(ratio: acb, count: int, other: int) -> acb:
-    """Return (1 − x^count) / (1 − x^other)."""
-    power = _raised(ratio, other)
-    if power.abs_upper() < FAR:
-        return (1 - _raised(ratio, count)) / (1 - power)
-    return _geometric(ratio, count) / _geometric(ratio, other)
-
-
-def _geometric(ratio: acb, count: int) -> acb:
-    """Return 1 + x + … + x^(count − 1)."""
-    if count == 1:
-        return acb(1)
-    half = _geometric(ratio, count // 2)
-    total = half * (1 + ratio ** (count // 2))
-    return total * ratio + 1 if count % 2 else total

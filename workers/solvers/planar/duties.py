@@ -6,7 +6,7 @@ in :mod:`.table`, and fulfil these duties:
 1. ``takes`` says whether the family may have a motion, at the cost of a glance: no compiler is loaded,
    nothing is solved. A family that takes a motion may still decline it.
 2. ``promise`` says how large the error of a sample may be that the family hands over. What it finds worse, it
-   declines. A family that promises nothing (inf) is the last of its row.
+   declines. A family that promises nothing (inf) is the last of its row, or knows that no other does better.
 3. ``solve`` returns the very motion of the place: the one in this window, from this start. Where the family
    finds another window, or cannot tell, it declines. It never guesses.
 4. What it claims, it knows: the error of the motion bounds that of all six variables at the asked times, and

@@ -4,8 +4,8 @@ Both tables are read from the top; the first row that fits holds. A family that 
 declines it, leaves it to the next one of its row.
 
 Doubles of compiled code are the cheapest, and as exact as the tier of their kernel demands. Next come
-elliptic functions, where the potential has three terms, and last the quadrature in balls, which has every
-motion.
+elliptic functions, where the potential has three terms, then the way through poles that are not smooth, and
+last the quadrature in balls, which has every motion.
 
 No tier costs more than the next more accurate one: what its own kernel declines, it leaves to all that the
 next one asks, in the same order.
@@ -20,6 +20,7 @@ from typing import Literal
 from service.dynamics.accuracy import TIER_TOLERANCES
 from service.dynamics.motion import EnclosureMethod
 from service.dynamics.problem import Accuracy, Method, Tier
+from workers.solvers.certified.family import WayFamily
 from workers.solvers.closed_form.family import ClosedFormFamily
 from workers.solvers.compiled.family import CompiledFamily, CompiledTier
 from workers.solvers.planar.duties import Family
@@ -29,7 +30,7 @@ Kind = Literal["any state", "periodic", "not periodic"]
 """The kind of a motion: integrated from any state; or planar, by the kind of its window."""
 Grade = Literal["draft", "loose", "standard", "high", "certified"]
 """The tiers; ``loose`` is a tolerance that is looser than the promise of ``standard``."""
-FamilyName = Literal["draft doubles", "standard doubles", "high doubles", "closed form", "quadrature"]
+FamilyName = Literal["draft doubles", "standard doubles", "high doubles", "closed form", "way", "quadrature"]
 Solver = FamilyName | Literal["integration"]
 Enclosing = Literal["always", "where needed", "never"]
 """Whether samples are enclosed: ``where needed`` is where doubles do not keep the tolerance."""
@@ -44,6 +45,7 @@ FAMILIES: Mapping[FamilyName, Family] = MappingProxyType(
         "standard doubles": CompiledFamily("standard"),
         "high doubles": CompiledFamily("high"),
         "closed form": ClosedFormFamily(),
+        "way": WayFamily(),
         "quadrature": QuadratureFamily(),
     }
 )
@@ -81,7 +83,8 @@ _FREE: tuple[Method, ...] = ("auto", "both")
 _ANY_GRADE: tuple[Grade, ...] = ("draft", "loose", "standard", "high", "certified")
 _NOT_BY_DOUBLES: tuple[Grade, ...] = ("certified",)
 _STANDARD: tuple[Grade, ...] = ("loose", "standard")
-_DEARER: tuple[Solver, ...] = ("closed form", "quadrature")
+_BY_BALLS: tuple[Solver, ...] = ("way", "quadrature")
+_DEARER: tuple[Solver, ...] = ("closed form", *_BY_BALLS)
 _BY_HIGH: tuple[Solver, ...] = ("high doubles", *_DEARER)
 _BY_STANDARD: tuple[Solver, ...] = ("standard doubles", *_BY_HIGH)
 _BY_DRAFT: tuple[Solver, ...] = ("draft doubles", *_BY_STANDARD)
@@ -92,7 +95,7 @@ FUNCTIONS_OF_TIME: tuple[Row, ...] = (
     Row(("any state",),     _ANY_METHOD,       _ANY_GRADE,       ("integration",)),
     Row(_PLANAR,            ("integration",),  _ANY_GRADE,       ("integration",)),
     Row(("not periodic",),  _ANY_METHOD,       _ANY_GRADE,       ("quadrature",)),
-    Row(("periodic",),      ("quadrature",),   _ANY_GRADE,       ("quadrature",)),
+    Row(("periodic",),      ("quadrature",),   _ANY_GRADE,       _BY_BALLS),
     Row(("periodic",),      _FREE,             ("draft",),       _BY_DRAFT),
     Row(("periodic",),      _FREE,             _STANDARD,        _BY_STANDARD),
     Row(("periodic",),      _FREE,             ("high",),        _BY_HIGH),

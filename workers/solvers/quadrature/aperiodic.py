@@ -14,13 +14,13 @@ from service.dynamics.sampling import sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput
 from workers.solvers.assembly.dense import Sampler, resolve_motion
 from workers.solvers.assembly.description import conventions_of, energy_of, evidence_of
+from workers.solvers.assembly.time_map import TimeMap
 from workers.solvers.errors import EndNotKnownError, PrecisionLostError
 from workers.solvers.evidence import with_claim_shown
 from workers.solvers.orbits.orbit import starting_state
 from workers.solvers.quadrature.flight import Flight, Reach, asymptote, make_flight, reach
 from workers.solvers.quadrature.phase_sampler import phase_sampler
 from workers.solvers.quadrature.squared_speed import time_map_of
-from workers.solvers.quadrature.time_map import TimeMap
 
 FloatArray = NDArray[np.float64]
 

@@ -10,9 +10,11 @@ from service.dynamics.problem import Problem
 from service.dynamics.reduction.ends import require_known_ends
 from workers.solvers.assembly.periodic import Sampled, make_periodic
 from workers.solvers.assembly.place import Declined, PeriodicPlace, Place
+from workers.solvers.orbits.graded import Graded, graded
 from workers.solvers.orbits.near_rest import SlowOrbit
+from workers.solvers.orbits.orbit import Libration, Rotation
 from workers.solvers.quadrature.aperiodic import solve_aperiodic
-from workers.solvers.quadrature.phase_sampler import phase_sampler
+from workers.solvers.quadrature.phase_sampler import phase_sampler, series_sampler
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.quadrature.time_map import make_time_map
 
@@ -58,15 +60,17 @@ class QuadratureFamily:
 
 
 def _by_time_map(place: PeriodicPlace) -> Sampled:
-    orbit = place.orbit
+    orbit = place.orbit if isinstance(place.orbit, SlowOrbit) else graded(place.orbit) or place.orbit
     time_map = (
-        make_time_map(orbit.rate, orbit.corners + orbit.junctions, is_even=orbit.is_even)
-        if isinstance(orbit, SlowOrbit)
-        else time_map_of(orbit)
+        time_map_of(orbit)
+        if isinstance(orbit, Libration | Rotation)
+        else make_time_map(orbit.rate, orbit.corners + orbit.junctions, is_even=orbit.is_even)
     )
-    period = time_map.period
+    period, error = time_map.period, 0.0
     origin = float(time_map.time_at(np.array([orbit.start]))[0])
     on_map = phase_sampler(orbit, time_map)
+    if isinstance(orbit, Graded):
+        on_map, error = series_sampler(orbit, time_map)
 
     def sample(times: FloatArray) -> FloatArray:
         local = times + origin
@@ -83,7 +87,7 @@ def _by_time_map(place: PeriodicPlace) -> Sampled:
         sample,
         period,
         passages,
-        0.0,
+        error,
         time_map.evidence(),
         time_error=late,
         features=features,

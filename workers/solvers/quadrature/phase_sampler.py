@@ -1,11 +1,17 @@
 """The six variables as a function of time, from the phase and the time map."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
+from service.dynamics.bounds import largest
+from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.assembly.dense import FloatArray, Sampler
+from workers.solvers.assembly.time_map import BETWEEN, SEEN, TimeMap, sum_series
 from workers.solvers.errors import PrecisionLostError
+from workers.solvers.orbits.graded import Graded
 from workers.solvers.orbits.orbit import Orbit
-from workers.solvers.quadrature.time_map import TimeMap
+from workers.solvers.quadrature.ellipse import DEGREE
 
 KNOWN_BITS, KNOWN = 54, 2.0**-54
 """Least relative accuracy of a variable's ball, or largest radius: either will do."""
@@ -19,12 +25,49 @@ def phase_sampler(orbit: Orbit, time_map: TimeMap) -> Sampler:
 
     def sample(times: FloatArray) -> FloatArray:
         panels, places = time_map.phase_at(times)
-        rows = []
-        for panel, x in zip(panels, places, strict=True):
-            state = orbit.state(time_map.theta(int(panel), float(x)))
-            rows.append([float(value) for value in state])
-            if any(value.rel_accuracy_bits() < KNOWN_BITS and not value.rad() < KNOWN for value in state):
-                raise PrecisionLostError("the variables are known to fewer digits than a double has")
-        return np.array(rows)
+        return _states(orbit, time_map, zip(panels.tolist(), places.tolist(), strict=True))
 
     return sample
+
+
+def series_sampler(orbit: Graded, time_map: TimeMap) -> tuple[Sampler, float]:
+    """Return the same by series in the phase, in which everything is smooth on each panel; and its error.
+
+    A state costs a hundred times less. Next to a pole what is small is told relative to itself. The error is
+    SEEN times the largest departure between the nodes. It raises PrecisionLostError at once.
+    """
+    panels, nodes = range(len(time_map.times) - 1), chebyshev_points(DEGREE)
+    series, departure = [], 0.0
+    for panel in panels:
+        states = _states(orbit, time_map, [(panel, x) for x in (*nodes.tolist(), *BETWEEN)])
+        series.append(chebyshev_coefficients(states[: len(nodes)]))
+        told = np.polynomial.chebyshev.chebval(np.array(BETWEEN), series[-1]).T
+        departure = largest((departure, float(np.abs(told - states[len(nodes) :]).max())))
+    columns: FloatArray = np.stack(series, axis=2)
+    loop = orbit.orbit.loop
+    Z, G, alpha = float(loop.Z), loop.g1_sign * float(loop.G), float(loop.alpha)
+
+    def sample(times: FloatArray) -> FloatArray:
+        panels, x = time_map.phase_at(times)
+        left, right = time_map.edges[panels], time_map.edges[panels + 1]
+        states = np.ascontiguousarray(sum_series(columns, panels, x).T)
+        sines = orbit.sines(np.where(x < 0.0, left, right) + 0.5 * (right - left) * (x - np.copysign(1.0, x)))
+        near = np.flatnonzero(np.isfinite(sines))
+        # Primed axes: g1 = ±G |sin v|^α, g3 = Z sin v, r = −α g1 p / g3.
+        p, r, g1, g3 = (2, 0, 5, 3) if loop.mirrored else (0, 2, 3, 5)
+        sine, size = sines[near], np.abs(sines[near])
+        states[near, g1], states[near, g3] = G * size**alpha, Z * sine
+        states[near, r] = -alpha * G / Z * size ** (alpha - 1.0) * np.sign(sine) * states[near, p]
+        return states
+
+    return sample, SEEN * departure
+
+
+def _states(orbit: Orbit, time_map: TimeMap, places: Iterable[tuple[int, float]]) -> FloatArray:
+    rows = []
+    for panel, x in places:
+        state = orbit.state(time_map.theta(panel, x))
+        rows.append([float(value) for value in state])
+        if any(value.rel_accuracy_bits() < KNOWN_BITS and not value.rad() < KNOWN for value in state):
+            raise PrecisionLostError("the variables are known to fewer digits than a double has")
+    return np.array(rows)

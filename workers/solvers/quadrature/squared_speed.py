@@ -14,13 +14,14 @@ from flint import arb, ctx
 
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError
+from workers.solvers.assembly.time_map import TimeMap
 from workers.solvers.orbits.orbit import Libration, Rotation
 from workers.solvers.quadrature.complex_radicand import complex_radicand
 from workers.solvers.quadrature.ellipse import BranchedSpeed, PhaseSpeed
 from workers.solvers.quadrature.flight import Flight
 from workers.solvers.quadrature.kinks import Branch, branches
 from workers.solvers.quadrature.speeds import FlightSpeed, LibrationSpeed, RotationSpeed, Speed
-from workers.solvers.quadrature.time_map import TimeMap, make_time_map
+from workers.solvers.quadrature.time_map import make_time_map
 
 KEPT = 4
 """Time maps that are remembered: a job may ask for that of one motion in several tiers and by two methods."""

@@ -20,7 +20,7 @@ the evidence.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from math import isfinite
 
@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.bounds import largest
 from service.dynamics.solution.dense_output import Period, chebyshev_points
+from workers.solvers.assembly.time_map import TimeMap
 from workers.solvers.errors import PrecisionLostError
 from workers.solvers.quadrature.ellipse import DEGREE, BranchedSpeed, PhaseSpeed, find_ellipse
 from workers.solvers.quadrature.errors import QuadratureNotConvergedError, WindowBlockedError
@@ -52,93 +53,7 @@ TRUSTED = 1e-3
 SMALLEST_PANEL = 1e-15
 SHORT = 1e-3
 """Panels shorter than this may be near a place where the rate is not analytic: it is enclosed as a whole."""
-SETTLED = 2e-15
-"""A step of Newton's method in [−1, 1] that is the rounding of the series; it is still taken."""
 MAX_PANELS = 4000
-INSIDE = (-0.6, 0.0, 0.6)
-"""Places in a panel at which a function of time is looked at: a feature is about as wide as its panels."""
-
-
-@dataclass(frozen=True, slots=True)
-class TimeMap:
-    """t(u) on one turn."""
-
-    edges: FloatArray
-    """u at the panels' ends, shape (panels + 1,), from 0 to 2."""
-    rates: FloatArray
-    """Chebyshev coefficients of dt/du, shape (DEGREE + 1, panels)."""
-    integrals: FloatArray
-    """Coefficients of ∫ dt/dx dx from the panel's left end, shape (DEGREE + 2, panels)."""
-    times: FloatArray
-    """t at the edges."""
-    period: Period
-    error: float
-    """Bound of the error of t(u) within the turn, beside the rounding of doubles."""
-    nodes: int
-    """Evaluations of the integrand."""
-    unproved: int
-    """Panels whose error is an estimate."""
-    kinks: FloatArray
-    """t at the kinks of the rate that panels were cut at."""
-
-    def time_at(self, u: FloatArray) -> FloatArray:
-        """Return t(u) for 0 ≤ u ≤ 2."""
-        panel = np.clip(np.searchsorted(self.edges, u, side="right") - 1, 0, len(self.edges) - 2)
-        left, right = self.edges[panel], self.edges[panel + 1]
-        x = ((u - left) - (right - u)) / (right - left)
-        return self.times[panel] + _series(self.integrals, panel, x)
-
-    def phase_at(self, times: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-        """Return the panel and the place x in [−1, 1] in it with t(u) = ``times``, in [0, period].
-
-        Newton's method inside a bracket that never grows; t is monotone.
-        """
-        panel = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
-        target = times - self.times[panel]
-        lengths = self.times[panel + 1] - self.times[panel]
-        # A panel may be shorter than doubles tell its ends apart: any place in it will do.
-        share = np.divide(target, lengths, out=np.full(len(times), 0.5), where=lengths > 0.0)
-        low, high = np.full(len(times), -1.0), np.full(len(times), 1.0)
-        x = np.clip(2.0 * share - 1.0, -1.0, 1.0)
-        half = 0.5 * (self.edges[panel + 1] - self.edges[panel])
-        # Both series at once: the rates have one coefficient less.
-        both = np.stack(
-            [self.integrals[:, panel], np.vstack([self.rates, 0.0 * self.times[:-1]])[:, panel]], axis=1
-        )
-        for _ in range(60):
-            passed, rates = _sum(both, x)
-            miss = passed - target
-            low, high = np.where(miss <= 0.0, x, low), np.where(miss >= 0.0, x, high)
-            # Where the series of an unproved panel is 0 there is no step, and the bracket is halved.
-            with np.errstate(divide="ignore", invalid="ignore"):
-                step = miss / (half * rates)
-            settled = np.abs(step) <= SETTLED
-            newton = np.clip(x - step, -1.0, 1.0)
-            x = np.where(settled | ((newton > low) & (newton < high)), newton, 0.5 * (low + high))
-            if np.all(settled):
-                break
-        return panel, x
-
-    def features(self) -> tuple[FloatArray, FloatArray]:
-        """Return times inside every panel, and how long it takes: where a function of time may have features.
-
-        What is narrow in time is in panels as narrow, which resolve it.
-        """
-        widths = np.diff(self.times)
-        panels = np.repeat(np.arange(len(widths)), len(INSIDE))
-        x = np.tile(np.array(INSIDE), len(widths))
-        return self.times[panels] + _series(self.integrals, panels, x), widths[panels]
-
-    def evidence(self) -> dict[str, float | int | str]:
-        """Return what it took."""
-        unproved: dict[str, float | int | str] = {"unproved_panels": self.unproved} if self.unproved else {}
-        return {"nodes": self.nodes, "panels": len(self.edges) - 1, **unproved}
-
-    def theta(self, panel: int, x: float) -> arb:
-        """Return the phase θ = πu of a place, without rounding it to a double."""
-        left, right = arb(float(self.edges[panel])), arb(float(self.edges[panel + 1]))
-        # Sums of doubles, halved: exact, and the product nearly so.
-        return arb.pi() * ((left + right) / 2 + (right - left) / 2 * x)
 
 
 def make_time_map(
@@ -281,20 +196,3 @@ def _error(panel: Panel, is_proof_wanted: bool) -> float:
         return float(panel.length)
     is_resolved = panel.relative_tail <= RESOLVED and panel.change <= CHANGE
     return panel.tail * ALIASING if is_resolved else panel.tail
-
-
-def _series(coefficients: FloatArray, panel: NDArray[np.intp], x: FloatArray) -> FloatArray:
-    """Sum the series of each place's panel."""
-    return _sum(coefficients[:, panel], x)
-
-
-def _sum(series: FloatArray, x: FloatArray) -> FloatArray:
-    """Sum series of shape (terms, ..., n) at places of shape (n,), by Clenshaw's recurrence."""
-    first, second, twice = np.zeros(series.shape[1:]), np.zeros(series.shape[1:]), 2.0 * x
-    for row in series[:0:-1]:
-        next_one = twice * first
-        next_one += row
-        next_one -= second
-        first, second = next_one, first
-    result: FloatArray = series[0] + x * first - second
-    return result

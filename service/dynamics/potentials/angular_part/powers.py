@@ -51,8 +51,29 @@ def angular_of_power(m: Fraction, alpha: Fraction, scale: arb, start: arb, zeta:
     """Return V1[w^m] at the direction ``zeta``, 0 at ``start``; ``scale`` is (|A − C| ρ)^(α−1)."""
     a, power = _ball(alpha), _ball(m)
     turned = (a + zeta) / (1 + zeta) * (1 + start) / (a + start)
-    difference = _from_axis(power, a, zeta) - turned * _from_axis(power, a, start)
+    difference = _from_axis(power, a, zeta) - turned * _at_start(m, alpha, _Exact(start), ctx.prec)
     return (1 - a) * (power * scale.log()).exp() * difference
+
+
+class _Exact:
+    """A ball that is known by its bits."""
+
+    def __init__(self, ball: arb) -> None:
+        self.ball = ball
+        self._bits = ball.mid().man_exp(), ball.rad().man_exp()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Exact) and self._bits == other._bits
+
+    def __hash__(self) -> int:
+        return hash(self._bits)
+
+
+@lru_cache(maxsize=64)
+def _at_start(m: Fraction, alpha: Fraction, start: _Exact, bits: int) -> arb:
+    """Return the right-hand side above at the direction at which V1 vanishes."""
+    with ctx.workprec(bits):
+        return _from_axis(_ball(m), _ball(alpha), start.ball)
 
 
 def _from_axis(m: arb, alpha: arb, zeta: arb) -> arb:

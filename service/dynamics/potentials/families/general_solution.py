@@ -9,6 +9,7 @@ and G may differ from one to the next. The energy of the motion on a curve is
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Literal, get_args
 
 import numpy as np
@@ -19,6 +20,7 @@ from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.tree import Tree
 from service.dynamics.potentials.angular_part.field import AngularField
+from service.dynamics.potentials.angular_part.powers import powers_of
 from service.dynamics.potentials.potential import (
     BallJet,
     BallRow,
@@ -90,6 +92,11 @@ class GeneralPotential(Potential):
     def formula_part(self, g1_sign: int, g3_sign: int) -> FormulaPotential:
         """See Potential.formula_part: Q G."""
         return self.piece(g1_sign, g3_sign).even
+
+    def powers_of_w(self, g1_sign: int, g3_sign: int) -> tuple[Fraction, ...]:
+        """See Potential.powers_of_w."""
+        angular = self.piece(g1_sign, g3_sign).angular
+        return tuple(powers_of(angular.F.tape, angular.body.alpha) or ())
 
     def formula(self) -> str:
         """Return V as text, with ``V1[F; φ0]`` for the integral."""

@@ -74,7 +74,7 @@ def test_the_period_is_that_of_adaptive_integration(A, text):
             rel_tol=arb(2) ** -70,
             abs_tol=arb(2) ** -70,
         ).real
-        by_pieces = make_time_model(made.phase).period
+        by_pieces = make_time_model(made.phase, ctx.prec).period
         whole = 2 * integral if made.phase.is_even else integral
         assert whole.overlaps(made.period)
         assert whole.overlaps(by_pieces)

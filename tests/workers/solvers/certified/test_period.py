@@ -97,7 +97,7 @@ def test_it_is_that_of_pieces_of_time_and_of_windows_found_in_balls(case: Case):
         try:
             slow = integral_motion(periodic_window(problem.body, problem.potential, problem.motion)[1], 72)
             fast = motion_by_integral(problem.body, problem.potential, problem.motion, 72, arc_in_doubles)
-            by_pieces = make_time_model(slow.phase).period
+            by_pieces = make_time_model(slow.phase, ctx.prec).period
         except (CertifiedUnavailableError, PrecisionNeededError):
             # A pole passed without smoothness, or a formula with 0 · |g3|^-n there.
             assume(False)
@@ -125,7 +125,7 @@ def test_it_is_proven_by_a_strip_through_poles_too(text, lambda_):
         assert made.passes_pole
         assert strip is not None
         found = time_of_turn(made.phase, strip, 136)
-        assert found.overlaps(make_time_model(made.phase).period)
+        assert found.overlaps(make_time_model(made.phase, ctx.prec).period)
         assert bool(found.rad() < arb(2) ** -130)
 
 
@@ -179,7 +179,7 @@ def test_one_series_of_time_and_many_pieces_of_it_have_the_same_inverse(A, C, te
         made = motion_by_integral(
             rigid_body, formula(text, rigid_body), PlanarMotion(Fraction(lambda_)), 90, arc_in_doubles
         )
-        series, pieces = made.model, make_time_model(made.phase)
+        series, pieces = made.model, make_time_model(made.phase, ctx.prec)
         assert isinstance(series, FourierTime)
         # Turns, poles and the equator are at quarters of the period for some of them.
         times = [made.period * share / 24 for share in range(-30, 60)]

@@ -56,7 +56,7 @@ def test_every_row_of_planar_motions_ends_with_one_that_has_them_all():
         assert row.asked[-1] in ("quadrature", "integration")
         assert len(set(row.asked)) == len(row.asked)
         for family in row.families[:-1]:
-            assert family.promise(PROBLEM) < inf
+            assert family.promise(PROBLEM) < inf or family is FAMILIES["way"]
 
 
 def test_grades_are_the_tiers_and_what_is_looser_than_standard():
@@ -82,7 +82,8 @@ def test_the_first_of_the_row_that_has_the_motion_computes_it(grade, method, evi
     assert len({"compiled", "closed_form", "nodes"} & set(found.evidence)) == 1
 
 
-@pytest.mark.parametrize("name", get_args(table.FamilyName))
+# Ways through poles have a test of their own.
+@pytest.mark.parametrize("name", [name for name in get_args(table.FamilyName) if name != "way"])
 @pytest.mark.parametrize("grade", ["draft", "loose", "standard", "high"])
 def test_families_keep_what_they_promise_and_agree(name, grade):
     """Where two families have one motion, their claims explain how far they are apart."""
@@ -130,7 +131,7 @@ def test_families_are_asked_in_the_order_of_the_row_until_one_has_it(monkeypatch
     families = {name: Silent(name, notes) for name in FAMILIES}
     monkeypatch.setattr(table, "FAMILIES", {**families, "quadrature": FAMILIES["quadrature"]})
     assert "nodes" in find_motion(problem_of("draft")).evidence
-    assert notes == ["draft doubles", "standard doubles", "high doubles", "closed form"]
+    assert notes == ["draft doubles", "standard doubles", "high doubles", "closed form", "way"]
 
 
 def test_who_does_not_take_it_is_not_asked(monkeypatch):
@@ -138,7 +139,7 @@ def test_who_does_not_take_it_is_not_asked(monkeypatch):
     families = {name: Silent(name, notes, takes_it=name != "standard doubles") for name in FAMILIES}
     monkeypatch.setattr(table, "FAMILIES", {**families, "quadrature": FAMILIES["quadrature"]})
     find_motion(problem_of("draft"))
-    assert notes == ["draft doubles", "high doubles", "closed form"]
+    assert notes == ["draft doubles", "high doubles", "closed form", "way"]
 
 
 def test_what_everybody_declines_is_refused_with_what_the_last_one_reached(monkeypatch):
