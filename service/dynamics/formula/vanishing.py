@@ -38,8 +38,35 @@ def vanishing_parts(tape: Tape) -> tuple[VanishingPart, ...]:
     return found
 
 
+def parts_in_g2(tape: Tape) -> tuple[VanishingPart, ...]:
+    """Return the parts of a formula in g1, g2, g3 that depend on g2 alone, but for g2 itself."""
+    found: tuple[VanishingPart, ...] | None = tape.derived.get(parts_in_g2)
+    if found is None:
+        names = range(len(_VARIABLES), len(_VARIABLES) + len(tape.instructions))
+        reader = _Reader(tape) if tape.variables == _VARIABLES else None
+        registers = [k for k in names if reader is not None and reader.is_written_in_g2(k)]
+        found = tape.derived[parts_in_g2] = tuple(_by_register(tape, k) for k in registers)
+    return found
+
+
+def has_essential_part(part: VanishingPart) -> bool:
+    """Tell whether exp, sin, cos or tan is taken of what divides by a part, or holds its logarithm."""
+    variables = len(part.whole.variables)
+    holds_u, is_infinite = [k == _U for k in range(variables)], [False] * variables
+    for made in part.whole.instructions:
+        operands = [k for k in (made.left, made.right) if k >= 0]
+        if made.name in ("exp", "sin", "cos", "tan") and is_infinite[made.left]:
+            return True
+        grows = made.name == "log" and holds_u[made.left]
+        grows |= made.operation == "divide" and holds_u[made.right]
+        grows |= made.number is not None and made.number < 0 and made.left >= 0 and holds_u[made.left]
+        is_infinite.append(grows or any(is_infinite[k] for k in operands))
+        holds_u.append(any(holds_u[k] for k in operands))
+    return False
+
+
 def _parts(tape: Tape) -> tuple[VanishingPart, ...]:
-    plain = _without_tangents(tape)
+    plain = _with_squares(tape)
     reader = _Reader(plain)
     factors, functions = dict[str, fmpq_poly](), list[int]()
     for register in _divisors(plain):
@@ -54,19 +81,60 @@ def _parts(tape: Tape) -> tuple[VanishingPart, ...]:
     return (*parts, *(_by_register(plain, register) for register in functions))
 
 
-def _without_tangents(tape: Tape) -> Tape:
-    """Return the tape with every tangent as a quotient."""
+def _with_squares(tape: Tape) -> Tape:
+    """Return the tape with every tangent as a quotient, and 1 - cos x as 2 sin(x/2)², which has its zeros."""
     recorder = Recorder(tape.variables)
     at = list(range(len(tape.variables)))
+
+    def called(name: str, register: int) -> int:
+        return recorder.emit(Instruction("call", register, name=name))
+
+    def constant(value: Fraction) -> int:
+        return recorder.emit(Instruction("constant", number=value))
+
     for made in tape.instructions:
+        cosine = _cosine_and_1(tape, made)
         if made.name == "tan":
-            sine, cosine = (
-                recorder.emit(Instruction("call", at[made.left], name=name)) for name in ("sin", "cos")
+            at.append(
+                recorder.emit(
+                    Instruction("divide", called("sin", at[made.left]), called("cos", at[made.left]))
+                )
             )
-            at.append(recorder.emit(Instruction("divide", sine, cosine)))
+        elif cosine is not None:
+            argument, factor = cosine
+            half = recorder.emit(Instruction("multiply", constant(Fraction(1, 2)), at[argument]))
+            square = recorder.emit(Instruction("power", called("sin", half), number=Fraction(2)))
+            at.append(recorder.emit(Instruction("multiply", constant(factor), square)))
         else:
             at.append(recorder.emit(_moved(made, at)))
     return recorder.whole(at[tape.result])
+
+
+def _cosine_and_1(tape: Tape, made: Instruction) -> tuple[int, Fraction] | None:
+    """Return x and 2k where an instruction is k (1 - cos x), None where it is not."""
+    if made.operation not in ("add", "subtract"):
+        return None
+    turned = Fraction(-1 if made.operation == "subtract" else 1)
+    sides = [(made.left, Fraction(1)), (made.right, turned)]
+    for (register, sign), (other, its_sign) in (sides, sides[::-1]):
+        constant, cosine = _instruction(tape, register), _times_cosine(tape, other)
+        if constant is not None and constant.operation == "constant" and cosine is not None:
+            argument, factor = cosine
+            if constant.number is not None and sign * constant.number == -its_sign * factor:
+                return argument, 2 * sign * constant.number
+    return None
+
+
+def _times_cosine(tape: Tape, register: int) -> tuple[int, Fraction] | None:
+    """Return x and k where a register is k cos x, None where it is not."""
+    made = _instruction(tape, register)
+    if made is None or made.name == "cos":
+        return None if made is None else (made.left, Fraction(1))
+    parts = [_instruction(tape, k) for k in (made.left, made.right)] if made.operation == "multiply" else []
+    for one, other in (parts, parts[::-1]) if parts else ():
+        if one is not None and one.number is not None and one.operation == "constant":
+            return None if other is None or other.name != "cos" else (other.left, one.number)
+    return None
 
 
 def _moved(made: Instruction, at: list[int]) -> Instruction:
@@ -118,8 +186,15 @@ class _Reader:
             recorder.emit(made)
         self._polynomials = RegisterPolynomials(recorder, _ORDER)
         self._in_g2 = [k == _G2 for k in range(len(tape.variables))]
+        self._has_g2 = list(self._in_g2)
         for made in tape.instructions:
-            self._in_g2.append(all(self._in_g2[k] for k in (made.left, made.right) if k >= 0))
+            operands = [k for k in (made.left, made.right) if k >= 0]
+            self._in_g2.append(all(self._in_g2[k] for k in operands))
+            self._has_g2.append(any(self._has_g2[k] for k in operands))
+
+    def is_written_in_g2(self, register: int) -> bool:
+        """Tell whether a register is written with g2, and with nothing but g2 and constants."""
+        return self._in_g2[register] and self._has_g2[register]
 
     def is_in_g2(self, register: int) -> bool:
         """Tell whether a register is written with g2 alone, or is a polynomial in it on the sphere."""
