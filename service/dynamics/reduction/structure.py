@@ -79,7 +79,7 @@ NARROW = 1e-5
 """Width, against the distance to the pole, that a stretch about a zero of higher order, or of none, or about
 an edge may have."""
 MOST_ZEROS = 4
-"""Of high order, that are looked for in one half before its cells are halved."""
+"""Of high order, that are looked for in one half before its cells are halved: in no more gaps than these."""
 AROUND = 1 / 16
 """Relative distance from it at which P has its size."""
 NEXT = 1e-14
@@ -223,15 +223,18 @@ def _with_high_zeros(
     half: Half, picture: Picture, found: dict[Ends, HighZero], radicand: Radicand
 ) -> Picture:
     """Return the picture with the gaps in which P is proved to have one zero, of high order: in ``found``."""
-    most = picture.most_zeros.copy()
+    most, open_gaps = picture.most_zeros.copy(), list[tuple[Gap, Ends, tuple[int, int]]]()
     for gap in picture.open_gaps():
         signs, ends = _labels_around(picture, gap), ends_of(picture, gap)
         is_open = not (picture.is_bounded(gap) or picture.is_known(gap) or width_of(*ends) < NARROW)
-        if is_open and len(found) < MOST_ZEROS and not {0, UNDEFINED} & set(signs):
-            zero = high_zero(half, *ends, signs, radicand)
-            if zero is not None and zero.is_proved:
-                found[ends] = zero
-                most[gap[0] : gap[1]] = NAMED
+        if is_open and not {0, UNDEFINED} & set(signs):
+            open_gaps.append((gap, ends, signs))
+    # A look for one takes as long as some hundred cells.
+    for gap, ends, signs in open_gaps if len(open_gaps) <= MOST_ZEROS else ():
+        zero = high_zero(half, *ends, signs, radicand)
+        if zero is not None and zero.is_proved:
+            found[ends] = zero
+            most[gap[0] : gap[1]] = NAMED
     return replace(picture, most_zeros=most)
 
 
