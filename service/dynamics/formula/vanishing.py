@@ -66,7 +66,7 @@ def has_essential_part(part: VanishingPart) -> bool:
 
 
 def _parts(tape: Tape) -> tuple[VanishingPart, ...]:
-    plain = _with_squares(tape)
+    plain = _without_tangents(tape)
     reader = _Reader(plain)
     factors, functions = dict[str, fmpq_poly](), list[int]()
     for register in _divisors(plain):
@@ -81,60 +81,19 @@ def _parts(tape: Tape) -> tuple[VanishingPart, ...]:
     return (*parts, *(_by_register(plain, register) for register in functions))
 
 
-def _with_squares(tape: Tape) -> Tape:
-    """Return the tape with every tangent as a quotient, and 1 - cos x as 2 sin(x/2)², which has its zeros."""
+def _without_tangents(tape: Tape) -> Tape:
+    """Return the tape with every tangent as a quotient."""
     recorder = Recorder(tape.variables)
     at = list(range(len(tape.variables)))
-
-    def called(name: str, register: int) -> int:
-        return recorder.emit(Instruction("call", register, name=name))
-
-    def constant(value: Fraction) -> int:
-        return recorder.emit(Instruction("constant", number=value))
-
     for made in tape.instructions:
-        cosine = _cosine_and_1(tape, made)
         if made.name == "tan":
-            at.append(
-                recorder.emit(
-                    Instruction("divide", called("sin", at[made.left]), called("cos", at[made.left]))
-                )
+            sine, cosine = (
+                recorder.emit(Instruction("call", at[made.left], name=name)) for name in ("sin", "cos")
             )
-        elif cosine is not None:
-            argument, factor = cosine
-            half = recorder.emit(Instruction("multiply", constant(Fraction(1, 2)), at[argument]))
-            square = recorder.emit(Instruction("power", called("sin", half), number=Fraction(2)))
-            at.append(recorder.emit(Instruction("multiply", constant(factor), square)))
+            at.append(recorder.emit(Instruction("divide", sine, cosine)))
         else:
             at.append(recorder.emit(_moved(made, at)))
     return recorder.whole(at[tape.result])
-
-
-def _cosine_and_1(tape: Tape, made: Instruction) -> tuple[int, Fraction] | None:
-    """Return x and 2k where an instruction is k (1 - cos x), None where it is not."""
-    if made.operation not in ("add", "subtract"):
-        return None
-    turned = Fraction(-1 if made.operation == "subtract" else 1)
-    sides = [(made.left, Fraction(1)), (made.right, turned)]
-    for (register, sign), (other, its_sign) in (sides, sides[::-1]):
-        constant, cosine = _instruction(tape, register), _times_cosine(tape, other)
-        if constant is not None and constant.operation == "constant" and cosine is not None:
-            argument, factor = cosine
-            if constant.number is not None and sign * constant.number == -its_sign * factor:
-                return argument, 2 * sign * constant.number
-    return None
-
-
-def _times_cosine(tape: Tape, register: int) -> tuple[int, Fraction] | None:
-    """Return x and k where a register is k cos x, None where it is not."""
-    made = _instruction(tape, register)
-    if made is None or made.name == "cos":
-        return None if made is None else (made.left, Fraction(1))
-    parts = [_instruction(tape, k) for k in (made.left, made.right)] if made.operation == "multiply" else []
-    for one, other in (parts, parts[::-1]) if parts else ():
-        if one is not None and one.number is not None and one.operation == "constant":
-            return None if other is None or other.name != "cos" else (other.left, one.number)
-    return None
 
 
 def _moved(made: Instruction, at: list[int]) -> Instruction:

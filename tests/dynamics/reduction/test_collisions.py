@@ -17,6 +17,7 @@ from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.structure import EssentialSingularityError, SignsUnsettledError
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import find_windows, find_windows_together
+from service.dynamics.verdict.simple_form import simplified
 from tests.support.planar import body, formula
 
 DOUBLE = body(2, 1)
@@ -27,7 +28,7 @@ SAME = 1e-12
 
 
 def windows(text: str) -> tuple[Window, ...]:
-    return find_windows(DOUBLE, formula(text, DOUBLE), MOTION)
+    return find_windows(DOUBLE, simplified(formula(text, DOUBLE)), MOTION)
 
 
 def heights(found: tuple[Window, ...]) -> list[tuple[str, float, float]]:
