@@ -23,6 +23,7 @@ from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.refutations.counterexample import Counterexample
 from service.dynamics.verdict.refutations.jumps import Jump
 from service.dynamics.verdict.verdict import Verdict
+from service.verdicts.remarks import remarks_on
 
 Document = dict[str, object]
 
@@ -76,7 +77,7 @@ def motion_counterexample(error: InadmissibleMotionError) -> Document:
     return {"kind": "residual", "g": list(error.g), "radius": error.radius, "residual": residual}
 
 
-def plan_document(problem: Problem, window: Document | None) -> Document:
+def plan_document(problem: Problem, window: Window | None) -> Document:
     """Return the plan of a job for ``problem``; ``window`` is that of its planar motion.
 
     The expected seconds, the tiers and the stored solution, which depend on an installation, are left out;
@@ -89,7 +90,8 @@ def plan_document(problem: Problem, window: Document | None) -> Document:
         "tier": problem.accuracy.tier,
         "tolerance": problem.tolerance,
         "samples": len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples,
-        "window": window,
+        "window": None if window is None else window_document(window),
+        "remarks": [] if window is None else [asdict(notice) for notice in remarks_on(problem, window)],
         "expected_seconds": None,
         "tiers": [],
         "solution": None,

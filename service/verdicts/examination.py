@@ -187,7 +187,7 @@ def _judge_question(document: object) -> Answer:
                 return refusal_without_motion(error, existence)
         answer |= {"motions": [window_document(window) for window in found], "existence": existence}
         if question.problem is not None and chosen is not None:
-            answer["plan"] = plan_document(question.problem.problem, window_document(chosen))
+            answer["plan"] = plan_document(question.problem.problem, chosen)
             if verdict.verdict == "undecided":
                 with ctx.workprec(PRECISION):
                     _prove_motion(question.problem.problem, question.motion, chosen)

@@ -259,10 +259,10 @@ ENDLESS = {
 def test_windows_without_end_are_refused_by_name(polhode, file, capsys):
     result = polhode("validate", file(ENDLESS))
     assert (result.returncode, result.stdout) == (1, "")
-    assert result.stderr.startswith("signs_unsettled: ")
+    assert result.stderr.startswith("essential_singularity: ")
     assert solve_file(file(ENDLESS), csv=None, as_json=False) == 1
     told = capsys.readouterr()
-    assert (told.out, told.err.partition(":")[0]) == ("", "signs_unsettled")
+    assert (told.out, told.err.partition(":")[0]) == ("", "essential_singularity")
 
 
 def test_solve_keeps_the_limit_of_a_verdict(process, file, environment):

@@ -123,7 +123,7 @@ def test_a_file_and_signs_and_a_reason(connected, tmp_path):
     assert atlas.question["g1_sign"] == -1
     assert atlas.lam == (1.0, 3.0)
     (part,) = atlas.parts
-    assert (part.bands, part.reason["code"]) == ((), "signs_unsettled")
+    assert (part.bands, part.reason["code"]) == ((), "essential_singularity")
 
 
 def test_mistakes_are_told(connected):

@@ -1,6 +1,7 @@
 """Computes the outputs beyond the six variables that a problem asks for."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import isfinite
 
@@ -137,13 +138,10 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
     group = missed[1]
     finer = FINER * motion.dense.error * problem.tolerance * max(1.0, group.size) / group.absolute
     finer = min(max(finer, float(SMALLEST_TOLERANCE)), problem.tolerance)
-    refusal = AccuracyNotMetError(group.absolute, problem.tolerance, group=missed)
-    try:
+    with suppress(DynamicsError):
         other = find_motion(replace(problem, accuracy=replace(problem.accuracy, tolerance=finer)))
         found = _attitude(problem, other)
-    except DynamicsError:
-        raise refusal from None
-    missed = _missed(problem, motion, found.dense)
+        missed = _missed(problem, motion, found.dense)
     if missed is not None:
         raise AccuracyNotMetError(missed[1].absolute, problem.tolerance, group=missed)
     return found

@@ -73,7 +73,8 @@ function showPlan(plan) {
   const seconds = plan?.expected_seconds;
   if (plan) describeTiers(plan.tiers);
   fill($("plan"), plan ? [`${plan.method}, ${plan.samples} samples`, seconds ? `, about ${number(1000 * seconds, 2)} ms` : "",
-    plan.solution ? [". Solved before: ", h("a", { href: `./solution?id=${plan.solution}` }, "its solution")] : ""].flat() : null);
+    plan.solution ? [". Solved before: ", h("a", { href: `./solution?id=${plan.solution}` }, "its solution")] : "",
+    ...(plan.remarks ?? []).map((remark) => `. ${remark.message}`)].flat() : null);
 }
 
 async function atlas(problem, verdict, signal) {

@@ -4,7 +4,7 @@ The distance from a case is that of the state of the case to which Newton's leas
 lead. It is never less than the true distance, and for a near state more by a part of its size only.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -18,8 +18,9 @@ from service.dynamics.classical.bodies import fittings
 from service.dynamics.classical.catalogue import CASES
 from service.dynamics.classical.conditions import ROUNDING
 from service.dynamics.classical.place import place
-from service.dynamics.classical.placed import Placed, Start
-from service.dynamics.classical.relations import CaseRelations, relations_of, unit_length
+from service.dynamics.classical.placed import Placed, Start, ball
+from service.dynamics.classical.reduced import Number
+from service.dynamics.classical.relations import CaseRelations, Residuals, States, relations_of, unit_length
 from service.dynamics.equations.euler_poisson import areas_integral
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import ClassicalMotion, Sign
@@ -127,16 +128,20 @@ def _relations(name: str, body: RigidBody, centre: Vector) -> list[CaseRelations
 
 def _of_bobylev_and_steklov(placed: Placed) -> CaseRelations:
     """Return the relations without the constants, which belong to each motion."""
-    frame, C = placed.fitting.frame, float(placed.fitting.moments[2])
-    a = float(frame.vector(placed.motion.centre)[0])
+    frame = placed.fitting.frame
 
-    def residuals(states: NDArray[np.complex128]) -> Mapping[str, NDArray[np.complex128]]:
-        columns = list(states.T)
-        p, q, r = frame.axial(columns[:3])
-        g3 = frame.vector(columns[3:])[2]
-        return {"q": q, "a*g3 - C*p*r": a * g3 - C * p * r, "|gamma|^2 - 1": unit_length(states)}
+    def of_numbers(number: Callable[[arb], Number]) -> Residuals:
+        C, a = number(ball(placed.fitting.moments[2])), number(ball(frame.vector(placed.motion.centre)[0]))
 
-    return CaseRelations(residuals, 3)
+        def residuals(states: States) -> Mapping[str, NDArray[Number]]:
+            columns = list(states.T)
+            p, q, r = frame.axial(columns[:3])
+            g3 = frame.vector(columns[3:])[2]
+            return {"q": q, "a*g3 - C*p*r": a * g3 - C * p * r, "|gamma|^2 - 1": unit_length(states)}
+
+        return residuals
+
+    return CaseRelations(of_numbers, 3)
 
 
 def _integrable(body: RigidBody, B: Fraction, centre: Vector, state: FloatArray) -> list[Integrable]:

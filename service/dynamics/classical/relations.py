@@ -2,45 +2,57 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.classical.cases import hess, staude
-from service.dynamics.classical.placed import Placed
+from service.dynamics.classical.placed import Placed, ball
+from service.dynamics.classical.reduced import Number
 
 FloatArray = NDArray[np.float64]
-Residuals = Callable[[NDArray[np.complex128]], Mapping[str, NDArray[np.complex128]]]
-"""Returns what vanishes on a case, by name, shape (n,) each, at states p, q, r, g1, g2, g3, shape (n, 6)."""
+States = NDArray[Number]
+"""p, q, r, g1, g2, g3, shape (n, 6), complex or balls."""
+Residuals = Callable[[States], Mapping[str, NDArray[Number]]]
+"""Returns what vanishes on a case, by name, shape (n,) each."""
+OfNumbers = Callable[[Callable[[arb], Number]], Residuals]
+"""The residuals with constants that a function makes of balls."""
 
 _STEP = 1e-40
 """Imaginary step of the derivatives: it loses nothing to cancellation, however small it is."""
+_BITS = 128
+"""Bits of residuals in balls: where slopes nearly vanish, a rounding of doubles would be divided by them."""
 
 
 @dataclass(frozen=True, slots=True)
 class CaseRelations:
     """The relations of a motion, and how many of them are independent."""
 
-    residuals: Residuals
+    of_numbers: OfNumbers
     rank: int
 
     def values(self, states: FloatArray) -> dict[str, FloatArray]:
         """Return the residuals by name, shape (n,) each."""
-        return {name: np.real(each) for name, each in self.residuals(states.astype(complex)).items()}
+        return {name: np.real(each) for name, each in self.of_numbers(float)(states.astype(complex)).items()}
 
-    def steps(self, states: FloatArray) -> FloatArray:
+    def steps(self, states: FloatArray, values: FloatArray | None = None) -> FloatArray:
         """Return the least displacement that satisfies the relations to first order, shape (n, 6).
 
         Of dependent relations only as many directions are used as are independent on the case itself:
-        beside it the others are nearly so, and would make of rounding a long step.
+        beside it the others are nearly so, and would make of rounding a long step. ``values`` are residuals
+        that are known, shape (n, relations).
         """
-        values = np.stack(list(self.values(states).values()), axis=1)
+        residuals = self.of_numbers(float)
+        if values is None:
+            values = np.stack(list(self.values(states).values()), axis=1)
         slopes = np.empty((*values.shape, 6))
         for k in range(6):
             shifted = states.astype(complex)
             shifted[:, k] += 1j * _STEP
             slopes[:, :, k] = (
-                np.stack([np.imag(each) for each in self.residuals(shifted).values()], axis=1) / _STEP
+                np.stack([np.imag(each) for each in residuals(shifted).values()], axis=1) / _STEP
             )
         sizes = np.linalg.norm(slopes, axis=2, keepdims=True)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
@@ -54,27 +66,43 @@ class CaseRelations:
         """Return the largest residual of each relation."""
         return {name: float(np.abs(each).max(initial=0.0)) for name, each in self.values(states).items()}
 
-    def distance(self, states: FloatArray) -> float:
-        """Return the largest length of :meth:`steps`; NaN if one is not finite."""
-        return float(np.linalg.norm(self.steps(states), axis=1).max(initial=0.0)) if len(states) else 0.0
+    def distance(self, states: FloatArray, known: float = 0.0) -> float:
+        """Return the largest length of :meth:`steps`; NaN if one is not finite.
+
+        Where slopes nearly vanish, roundings of the residuals alone make long steps. Those that are longer
+        than ``known`` are therefore found again from residuals in balls, in some 0.05 ms each.
+        """
+        if not len(states):
+            return 0.0
+        lengths = np.linalg.norm(self.steps(states), axis=1)
+        long = ~(lengths <= known)
+        if long.any():
+            lengths[long] = np.linalg.norm(self.steps(states[long], self._in_balls(states[long])), axis=1)
+        return float(lengths.max())
+
+    def _in_balls(self, states: FloatArray) -> FloatArray:
+        """Return the residuals, free of roundings of their own, shape (n, relations)."""
+        with ctx.workprec(_BITS):
+            found = self.of_numbers(lambda number: number)(np.vectorize(arb, otypes=[object])(states))
+            return np.stack([each.astype(float) for each in found.values()], axis=1)
 
 
 def relations_of(placed: Placed) -> CaseRelations:
     """Return the relations of a motion."""
     match placed.case.form:
         case "hess":
-            return CaseRelations(_of_hess(placed), 2)
+            return CaseRelations(partial(_of_hess, placed), 2)
         case "steady":
-            return CaseRelations(_of_staude(placed), 5)
-    return CaseRelations(_of_loop(placed), 5)
+            return CaseRelations(partial(_of_staude, placed), 5)
+    return CaseRelations(partial(_of_loop, placed), 5)
 
 
-def _of_loop(placed: Placed) -> Residuals:
+def _of_loop(placed: Placed, number: Callable[[arb], Number]) -> Residuals:
     assert placed.reduced is not None
-    reduced = placed.reduced.converted(float)
-    speed, strength = placed.motion.direction * float(placed.speed), float(placed.strength)
+    reduced = placed.reduced.converted(number)
+    speed, strength = number(placed.motion.direction * placed.speed), number(placed.strength)
 
-    def residuals(states: NDArray[np.complex128]) -> Mapping[str, NDArray[np.complex128]]:
+    def residuals(states: States) -> Mapping[str, NDArray[Number]]:
         columns = list(states.T)
         own = placed.own_state(columns[:3], columns[3:], speed, strength)
         found = dict(reduced.relations(reduced.constants, own))
@@ -83,25 +111,26 @@ def _of_loop(placed: Placed) -> Residuals:
     return residuals
 
 
-def _of_hess(placed: Placed) -> Residuals:
-    A, _, C = (float(moment) for moment in placed.fitting.moments)
+def _of_hess(placed: Placed, number: Callable[[arb], Number]) -> Residuals:
+    A, _, C = (ball(moment) for moment in placed.fitting.moments)
     frame = placed.fitting.frame
-    a, _, c = (float(x) for x in frame.vector(placed.motion.centre))
-    G = float(np.hypot(a, c))
+    a, _, c = (ball(x) for x in frame.vector(placed.motion.centre))
+    G = (a * a + c * c).sqrt()
+    A, C, ex, ez = (number(each) for each in (A, C, a / G, c / G))
 
-    def residuals(states: NDArray[np.complex128]) -> Mapping[str, NDArray[np.complex128]]:
+    def residuals(states: States) -> Mapping[str, NDArray[Number]]:
         p, _, r = frame.axial(list(states.T)[:3])
-        along = hess.momentum_along(A, C, a / G, c / G, p, r)
+        along = hess.momentum_along(A, C, ex, ez, p, r)
         return {"momentum along the centre": along, "|gamma|^2 - 1": unit_length(states)}
 
     return residuals
 
 
-def _of_staude(placed: Placed) -> Residuals:
-    moments = [float(moment) for moment in placed.fitting.moments]
-    centre = [float(x) for x in placed.motion.centre]
+def _of_staude(placed: Placed, number: Callable[[arb], Number]) -> Residuals:
+    moments = [number(ball(moment)) for moment in placed.fitting.moments]
+    centre = [number(ball(x)) for x in placed.motion.centre]
 
-    def residuals(states: NDArray[np.complex128]) -> Mapping[str, NDArray[np.complex128]]:
+    def residuals(states: States) -> Mapping[str, NDArray[Number]]:
         columns = list(states.T)
         found = dict(staude.relations(moments, centre, columns[:3], columns[3:]))
         return {**found, "|gamma|^2 - 1": unit_length(states)}
@@ -109,7 +138,7 @@ def _of_staude(placed: Placed) -> Residuals:
     return residuals
 
 
-def unit_length(states: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def unit_length(states: States) -> NDArray[Number]:
     """Return |γ|² − 1, shape (n,)."""
-    lengths: NDArray[np.complex128] = (states[:, 3:] ** 2).sum(axis=1) - 1.0
+    lengths: NDArray[Number] = (states[:, 3:] ** 2).sum(axis=1) - 1
     return lengths

@@ -1,9 +1,11 @@
-"""Simplifies a formula's program: merges equal parts and removes identical cancellations."""
+"""Simplifies a formula's program: merges equal parts and removes identical cancellations; and half angles."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 
 from service.dynamics.formula.tape import Instruction, Recorder, Tape, without_unused
+from service.dynamics.formula.traversal import children, fold_tree
+from service.dynamics.formula.tree import Binary, BinaryOperator, Call, Negation, Number, Tree
 
 
 class TapeBuilder(Recorder):
@@ -124,3 +126,82 @@ def copied(tape: Tape) -> tuple[TapeBuilder, dict[int, int]]:
     for register, made in enumerate(tape.instructions, start=len(tape.variables)):
         registers[register] = builder.again(made, registers)
     return builder, registers
+
+
+def with_half_angles(tree: Tree) -> Tree:
+    """Return the formula with k (1 - cos x) as 2 k sin(x/2)² where it divides, or under a logarithm.
+
+    It is the same tree where there is none.
+    """
+    return fold_tree(tree, _halved)[0]
+
+
+def _halved(_: int, node: Tree, operands: Sequence[tuple[Tree, Tree]]) -> tuple[Tree, Tree]:
+    """Return a node rewritten where it divides, and rewritten all over; ``operands`` are alike."""
+    plain, all_over = ([each[k] for each in operands] for k in (0, 1))
+    whole = _remade(node, all_over)
+    if isinstance(node, Binary):
+        whole = _of_half_angle(node.operator, all_over[0], all_over[1]) or whole
+        if node.operator == "/":
+            plain[1] = all_over[1]
+        elif node.operator == "^" and _is_negative(node.right):
+            plain[0] = all_over[0]
+    elif isinstance(node, Call) and node.function == "log":
+        plain = all_over
+    return _remade(node, plain), whole
+
+
+def _is_negative(exponent: Tree) -> bool:
+    """Tell whether an exponent is written with a sign before it."""
+    while isinstance(exponent, Binary):
+        exponent = exponent.left
+    return isinstance(exponent, Negation)
+
+
+def _remade(node: Tree, operands: Sequence[Tree]) -> Tree:
+    """Return the node with other operands, itself if they are its own."""
+    if all(one is other for one, other in zip(operands, children(node), strict=True)):
+        return node
+    if isinstance(node, Binary):
+        return Binary(node.operator, operands[0], operands[1])
+    return Call(node.function, operands[0]) if isinstance(node, Call) else Negation(operands[0])
+
+
+def _of_half_angle(operator: BinaryOperator, left: Tree, right: Tree) -> Tree | None:
+    """Return 2 k sin(x/2)² for a sum or a difference that is k (1 - cos x), None for another."""
+    if operator not in ("+", "-"):
+        return None
+    for number, cosine, is_turned in ((left, right, operator == "-"), (right, left, False)):
+        k = _number(number)
+        k = -k if k is not None and number is right and operator == "-" else k
+        found = _times_cosine(cosine)
+        if k is None or found is None:
+            continue
+        argument, factor = found
+        if k != 0 and k == (factor if is_turned else -factor):
+            sine = Call("sin", Binary("/", argument, Number(Fraction(2))))
+            square = Binary("*", Number(2 * abs(k)), Binary("^", sine, Number(Fraction(2))))
+            return square if k > 0 else Negation(square)
+    return None
+
+
+def _number(node: Tree) -> Fraction | None:
+    if isinstance(node, Negation):
+        value = _number(node.operand)
+        return None if value is None else -value
+    return node.value if isinstance(node, Number) else None
+
+
+def _times_cosine(node: Tree) -> tuple[Tree, Fraction] | None:
+    """Return x and k for k cos x, None for another node."""
+    if isinstance(node, Negation):
+        found = _times_cosine(node.operand)
+        return None if found is None else (found[0], -found[1])
+    if isinstance(node, Call) and node.function == "cos":
+        return node.argument, Fraction(1)
+    if isinstance(node, Binary) and node.operator == "*":
+        for one, other in ((node.left, node.right), (node.right, node.left)):
+            factor = _number(one)
+            if factor is not None and isinstance(other, Call) and other.function == "cos":
+                return other.argument, factor
+    return None

@@ -38,6 +38,33 @@ def vanishing_parts(tape: Tape) -> tuple[VanishingPart, ...]:
     return found
 
 
+def parts_in_g2(tape: Tape) -> tuple[VanishingPart, ...]:
+    """Return the parts of a formula in g1, g2, g3 that depend on g2 alone, but for g2 itself."""
+    found: tuple[VanishingPart, ...] | None = tape.derived.get(parts_in_g2)
+    if found is None:
+        names = range(len(_VARIABLES), len(_VARIABLES) + len(tape.instructions))
+        reader = _Reader(tape) if tape.variables == _VARIABLES else None
+        registers = [k for k in names if reader is not None and reader.is_written_in_g2(k)]
+        found = tape.derived[parts_in_g2] = tuple(_by_register(tape, k) for k in registers)
+    return found
+
+
+def has_essential_part(part: VanishingPart) -> bool:
+    """Tell whether exp, sin, cos or tan is taken of what divides by a part, or holds its logarithm."""
+    variables = len(part.whole.variables)
+    holds_u, is_infinite = [k == _U for k in range(variables)], [False] * variables
+    for made in part.whole.instructions:
+        operands = [k for k in (made.left, made.right) if k >= 0]
+        if made.name in ("exp", "sin", "cos", "tan") and is_infinite[made.left]:
+            return True
+        grows = made.name == "log" and holds_u[made.left]
+        grows |= made.operation == "divide" and holds_u[made.right]
+        grows |= made.number is not None and made.number < 0 and made.left >= 0 and holds_u[made.left]
+        is_infinite.append(grows or any(is_infinite[k] for k in operands))
+        holds_u.append(any(holds_u[k] for k in operands))
+    return False
+
+
 def _parts(tape: Tape) -> tuple[VanishingPart, ...]:
     plain = _without_tangents(tape)
     reader = _Reader(plain)
@@ -118,8 +145,15 @@ class _Reader:
             recorder.emit(made)
         self._polynomials = RegisterPolynomials(recorder, _ORDER)
         self._in_g2 = [k == _G2 for k in range(len(tape.variables))]
+        self._has_g2 = list(self._in_g2)
         for made in tape.instructions:
-            self._in_g2.append(all(self._in_g2[k] for k in (made.left, made.right) if k >= 0))
+            operands = [k for k in (made.left, made.right) if k >= 0]
+            self._in_g2.append(all(self._in_g2[k] for k in operands))
+            self._has_g2.append(any(self._has_g2[k] for k in operands))
+
+    def is_written_in_g2(self, register: int) -> bool:
+        """Tell whether a register is written with g2, and with nothing but g2 and constants."""
+        return self._in_g2[register] and self._has_g2[register]
 
     def is_in_g2(self, register: int) -> bool:
         """Tell whether a register is written with g2 alone, or is a polynomial in it on the sphere."""

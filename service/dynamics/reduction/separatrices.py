@@ -20,6 +20,8 @@ from service.dynamics.reduction.root_finding.gap import (
 from service.dynamics.reduction.root_finding.radicand import HalfLoop
 from service.dynamics.reduction.root_finding.rest_proof import proved_rest
 from service.dynamics.reduction.root_finding.zeros import LEFT_BITS, Zero
+from service.dynamics.reduction.sign_proofs.cells import half_of
+from service.dynamics.reduction.sign_proofs.high_zeros import order_at_part
 
 SAME = 2.0**-64
 """Distance in v of two places that are one, known with different bits."""
@@ -116,7 +118,7 @@ def resolved(loop: Loop, half: HalfLoop) -> HalfLoop:
 
 def _resolved(loop: Loop, zero: Zero, before: int, after: int) -> Zero | NearRest:
     near = near_rest(loop, zero.v)
-    rest = proved_rest(loop, zero.v if near is None else near.v)
+    rest = _proved_rest(loop, zero.v if near is None else near.v)
     if rest is not None:
         return Zero(rest, "multiple")
     if near is None:
@@ -132,6 +134,16 @@ def _resolved(loop: Loop, zero: Zero, before: int, after: int) -> Zero | NearRes
             if _is_told(near):
                 return near
     raise _undecided(loop, zero.v, near)
+
+
+def _proved_rest(loop: Loop, v: arb) -> arb | None:
+    """Return the place next to ``v``, −π < v < π, where P is proved to have a zero of order two or more."""
+    rest = proved_rest(loop, v)
+    if rest is not None or not loop.potential.has_formula:
+        return rest
+    sign = 1 if v > 0 else -1
+    found = order_at_part(half_of(loop, loop.potential.tape, sign), v * sign)
+    return found[0] * sign if found is not None and found[1] > 1 else None
 
 
 def _end_of_gap(loop: Loop, zero: Zero, before: int) -> Zero | None:

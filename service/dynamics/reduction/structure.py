@@ -23,7 +23,7 @@ motion is refused.
 A potential that is given by an integral has no tape: there all is evidence, of the scan (:mod:`.radicand`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -49,17 +49,18 @@ from service.dynamics.reduction.root_finding.radicand import (
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, Region, tends_to_zero
 from service.dynamics.reduction.separatrices import with_near_rests
 from service.dynamics.reduction.sign_proofs.cells import Half, half_of
-from service.dynamics.reduction.sign_proofs.high_zeros import high_zero
+from service.dynamics.reduction.sign_proofs.high_zeros import HighZero, high_zero
 from service.dynamics.reduction.sign_proofs.infinities import (
     UNDEFINED,
     Infinity,
+    continuous_sign,
     infinities_of,
     infinity_between,
-    is_continuous,
+    is_essential,
 )
 from service.dynamics.reduction.sign_proofs.pictures import pictures_together
-from service.dynamics.reduction.sign_proofs.rest import MOST_GAPS, ends_of, settled
-from service.dynamics.reduction.sign_proofs.signs import INFINITE, Gap, Picture, first_picture, refined
+from service.dynamics.reduction.sign_proofs.rest import MOST_GAPS, ends_of, halved, settled
+from service.dynamics.reduction.sign_proofs.signs import INFINITE, NAMED, Gap, Picture, first_picture, refined
 from service.dynamics.reduction.sign_proofs.signs_in_balls import (
     Side,
     height_at,
@@ -69,12 +70,16 @@ from service.dynamics.reduction.sign_proofs.signs_in_balls import (
 )
 
 IntArray = NDArray[np.int64]
+Ends = tuple[Side, Side]
+"""The two ends of a gap."""
 
 ROUNDS = 6
 """Rounds of cuts in doubles before anything else is tried."""
-NAMED = 1e-5
+NARROW = 1e-5
 """Width, against the distance to the pole, that a stretch about a zero of higher order, or of none, or about
 an edge may have."""
+MOST_ZEROS = 4
+"""Zeros of high order that are looked for in one half before its cells are halved: in no more gaps than these."""
 AROUND = 1 / 16
 """Relative distance from it at which P has its size."""
 NEXT = 1e-14
@@ -84,6 +89,19 @@ class SignsUnsettledError(DynamicsError):
     """On a part of the curve the bounds do not decide where p² is positive."""
 
     code = "signs_unsettled"
+
+
+class EssentialSingularityError(SignsUnsettledError):
+    """Next to a place p² grows, falls or swings faster than any power of the distance."""
+
+    code = "essential_singularity"
+
+    def __init__(self, low: float, high: float) -> None:
+        super().__init__(
+            f"between g2 = {low:.15g} and {high:.15g} exp, sin, cos or tan is taken of something that grows "
+            "without bound: beside such a place no power of the distance tells the sign of p²",
+            pointer="/potential",
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +145,12 @@ def proved_half(loop: Loop, g3_sign: int, seen: HalfInDoubles | None = None) -> 
     picture = refined(half, first_picture(half), ROUNDS) if seen is None else seen.picture
     if (picture.found.sign == 0).all() and vanishes(radicand):
         return HalfLoop((), (-1,), "blocked", "blocked")
-    infinities = list[Infinity]()
+    infinities, zeros = list[Infinity](), dict[Ends, HighZero]()
     if picture.open_gaps():
         picture = _with_infinities(half, picture, infinities)
         picture = _with_infinities(half, settled(half, picture), infinities)
+        picture = halved(half, _with_high_zeros(half, picture, zeros, radicand))
+        picture = _with_infinities(half, picture, infinities)
     cuts, gaps = _cuts(picture), picture.open_gaps()
     if len(gaps) > MOST_GAPS:
         raise _unsettled(half, *ends_of(picture, gaps[0]))
@@ -138,7 +158,7 @@ def proved_half(loop: Loop, g3_sign: int, seen: HalfInDoubles | None = None) -> 
         place
         for gap in gaps
         if not picture.is_infinite(gap)
-        for place in _cuts_inside(half, picture, gap, radicand)
+        for place in _cuts_inside(half, picture, gap, zeros, radicand)
     ]
     cuts.extend(turns)
     for gap in gaps:
@@ -148,7 +168,7 @@ def proved_half(loop: Loop, g3_sign: int, seen: HalfInDoubles | None = None) -> 
     for gap in gaps:
         start, stop = ends_of(picture, gap)
         # A zero without a name would have to be the only one by bounds of the slope.
-        if not (picture.is_bounded(gap) or picture.is_infinite(gap)) and any(
+        if not (picture.is_bounded(gap) or picture.is_known(gap)) and any(
             zero.kind == "simple" and _is_between(zero.v, start, stop) for zero in found.zeros
         ):
             raise _unsettled(half, start, stop)
@@ -186,7 +206,7 @@ def _seen_half(loop: Loop, g3_sign: int) -> HalfLoop:
 
 def _with_infinities(half: Half, picture: Picture, found: list[Infinity]) -> Picture:
     """Return the picture with the gaps in which P is proved to be infinite, appended to ``found``."""
-    gaps = [gap for gap in picture.open_gaps() if not (picture.is_bounded(gap) or picture.is_infinite(gap))]
+    gaps = [gap for gap in picture.open_gaps() if not (picture.is_bounded(gap) or picture.is_known(gap))]
     if not gaps or len(gaps) > MOST_GAPS or not vanishing_parts(half.tape):
         return picture
     most = picture.most_zeros.copy()
@@ -196,6 +216,25 @@ def _with_infinities(half: Half, picture: Picture, found: list[Infinity]) -> Pic
             if infinity is not None:
                 found.append(infinity)
                 most[gap[0] : gap[1]] = INFINITE
+    return replace(picture, most_zeros=most)
+
+
+def _with_high_zeros(
+    half: Half, picture: Picture, found: dict[Ends, HighZero], radicand: Radicand
+) -> Picture:
+    """Return the picture with the gaps in which P is proved to have one zero, of high order: in ``found``."""
+    most, open_gaps = picture.most_zeros.copy(), list[tuple[Gap, Ends, tuple[int, int]]]()
+    for gap in picture.open_gaps():
+        signs, ends = _labels_around(picture, gap), ends_of(picture, gap)
+        is_open = not (picture.is_bounded(gap) or picture.is_known(gap) or width_of(*ends) < NARROW)
+        if is_open and not {0, UNDEFINED} & set(signs):
+            open_gaps.append((gap, ends, signs))
+    # A look for one takes as long as some hundred cells.
+    for gap, ends, signs in open_gaps if len(open_gaps) <= MOST_ZEROS else ():
+        zero = high_zero(half, *ends, signs, radicand)
+        if zero is not None and zero.is_proved:
+            found[ends] = zero
+            most[gap[0] : gap[1]] = NAMED
     return replace(picture, most_zeros=most)
 
 
@@ -249,25 +288,32 @@ def _region(hemisphere: float) -> Region:
     return "north" if hemisphere > 0 else "south"
 
 
-def _cuts_inside(half: Half, picture: Picture, gap: Gap, radicand: Radicand) -> list[LoopPlace]:
+def _cuts_inside(
+    half: Half, picture: Picture, gap: Gap, zeros: Mapping[Ends, HighZero], radicand: Radicand
+) -> list[LoopPlace]:
     """Return the place where P turns, or touches 0, in a gap that is not closed; none if it has an edge."""
     start, stop = ends_of(picture, gap)
     before, after = _labels_around(picture, gap)
     if 0 in (before, after):
         raise _unsettled(half, start, stop)
     if UNDEFINED in (before, after):
-        if before == after or not width_of(start, stop) < NAMED:
+        if before == after or not width_of(start, stop) < NARROW:
             raise _unsettled(half, start, stop)
         return []
+    if (start, stop) in zeros:
+        return _cut_at(zeros[start, stop], before, after)
     if picture.is_bounded(gap):
         turns = [turn_on_stretch(half, *ends_of(picture, turn)) for turn in picture.turns(gap)]
         return [turn.place for turn in turns if turn is not None and turn.place is not None]
-    if not width_of(start, stop) < NAMED:
+    sign = continuous_sign(half, start, stop)
+    if sign and before == after:
+        return []
+    if not width_of(start, stop) < NARROW:
         zero = high_zero(half, start, stop, (before, after), radicand)
-        if zero is None or not zero.is_settled(NAMED):
+        if zero is None or not zero.is_settled(NARROW):
             raise _unsettled(half, *((start, stop) if zero is None else zero.rest))
-        return [LoopPlace("middle", zero.v.mid(), np.inf)] if before == after else []
-    if is_continuous(half, start, stop):
+        return _cut_at(zero, before, after)
+    if sign is not None:
         if before != after:
             return []
         touch = _touch(start, stop, radicand)
@@ -276,6 +322,10 @@ def _cuts_inside(half: Half, picture: Picture, gap: Gap, radicand: Radicand) -> 
     if before == after == -1 and is_negative_where_defined(half, start, stop):
         return []
     raise _unsettled(half, start, stop)
+
+
+def _cut_at(zero: HighZero, before: int, after: int) -> list[LoopPlace]:
+    return [LoopPlace("middle", zero.v.mid(), np.inf)] if before == after else []
 
 
 def _touch(start: Side, stop: Side, radicand: Radicand) -> LoopPlace | None:
@@ -303,8 +353,11 @@ def _touch(start: Side, stop: Side, radicand: Radicand) -> LoopPlace | None:
     return LoopPlace(region, x, np.inf) if touches else None
 
 
-def _unsettled(half: Half, start: Side, stop: Side) -> SignsUnsettledError:
-    return _not_settled(*sorted(height_at(half, side) for side in (start, stop)))
+def _unsettled(half: Half, start: Side, stop: Side) -> DynamicsError:
+    low, high = sorted(height_at(half, side) for side in (start, stop))
+    return (
+        EssentialSingularityError(low, high) if is_essential(half, start, stop) else _not_settled(low, high)
+    )
 
 
 def _not_settled(low: float, high: float) -> SignsUnsettledError:

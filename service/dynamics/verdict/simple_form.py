@@ -20,7 +20,7 @@ from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.register_polynomials import RegisterPolynomials
-from service.dynamics.formula.rewriting import copied
+from service.dynamics.formula.rewriting import copied, with_half_angles
 from service.dynamics.formula.tape import Instruction, Tape, compile_tape
 from service.dynamics.formula.tree import Tree
 from service.dynamics.potentials.potential import FormulaPotential, Potential
@@ -76,8 +76,10 @@ def simplified(potential: Potential) -> Potential:
         return potential
     derived = potential.tape.derived
     if simplified not in derived:
-        tree = _simpler(potential.tape)
-        derived[simplified] = None if tree is None else with_simpler(potential, tree)
+        tree = _simpler(potential.tape) or potential.tree
+        # 1 - cos x = 2 sin(x/2)² keeps the digits where it is small, and shows a bound that it is positive.
+        tree = with_half_angles(tree)
+        derived[simplified] = None if tree is potential.tree else with_simpler(potential, tree)
     found: FormulaPotential | None = derived[simplified]
     return potential if found is None else replace(found.alone(), stated=potential)
 

@@ -34,8 +34,8 @@ class ProblemDetailsOut(ResponseModel):
     )
     evidence: EvidenceOut = Field(description="With `undecided_potential`.")
     verdict: Literal["admissible", "undecided"] = Field(
-        description="With `signs_unsettled`, `separatrix_undecided` and `passage_undecided`: the verdict on"
-        " the potential, which is known although the windows are not."
+        description="With `signs_unsettled`, `essential_singularity`, `separatrix_undecided` and"
+        " `passage_undecided`: the verdict on the potential, which is known although the windows are not."
     )
     existence: ExistenceOut = Field(
         description="With `no_motion`: the λ for which motions exist. Left out in a list of jobs if"

@@ -228,6 +228,11 @@ class PlanOut(ResponseModel):
     )
     samples: int = Field(description="Times at which the solution is stored.")
     window: MotionWindowOut | None = Field(description="Of a planar motion.")
+    remarks: list[NoticeOut] = Field(
+        description="What makes a job slower than the table says, less accurate, or likely to be refused:"
+        " `integral`, `pole_passage`, `near_rest`, `narrow_feature`, `infinite_slope`, and how it ends:"
+        " `collision`, `pole`, `separatrix`. Empty where nothing is known."
+    )
     expected_seconds: float | None = Field(
         description="Expected seconds from the accuracy table of the installation; null if it lacks the tier."
     )

@@ -4,10 +4,11 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from flint import ctx
+from flint import arb, ctx
 
+from service.dynamics.classical.relations import relations_of
 from service.schemas.problem.problem import read_problem
-from tests.conformance.classical.specimens import example, placed, random_documents
+from tests.conformance.classical.specimens import LOOPS, example, placed, random_documents
 from tests.support.effort import examples, seldom
 from tests.support.taylor import BITS, Equations, ball, integrate, state_at
 from workers.computation.compute import solve
@@ -41,6 +42,24 @@ def test_no_claim_of_a_classical_motion_is_exceeded_and_none_is_far_too_large(na
     assert error <= claim
     # Roundings of numbers up to 10 with their factors of safety, 4 on what is seen and 2 between.
     assert claim <= 5e-13
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_what_high_promises_is_kept_and_true(name):
+    error, claim = error_and_claim(example(name), 1e-13, 10, 101)
+    assert error <= claim <= 1e-13
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_states_of_a_case_are_no_farther_from_its_relations_than_their_roundings(name):
+    statement = example(name, time={"stop": 10, "samples": 101})
+    case = placed(statement)
+    with ctx.workprec(BITS):
+        angles = [2 * arb.pi() * k / 101 for k in range(101)]
+        states = [case.in_client_axes(case.loop.state(angle)) for angle in angles]
+        rounded = np.array([[float(x) for x in state] for state in states])
+    # Half a unit of each of six variables, and as much again for the second order and the slopes' roundings.
+    assert relations_of(case).distance(rounded) <= np.linalg.norm(np.spacing(np.abs(rounded)), axis=1).max()
 
 
 @pytest.mark.random_law

@@ -1,6 +1,7 @@
 """Places on the sphere where p² is infinite: windows end there in collisions, and such a place is no zero."""
 
-from math import pi, sqrt
+from itertools import pairwise
+from math import log, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.ends import height
 from service.dynamics.reduction.geometry.tight_form import tight_form
-from service.dynamics.reduction.structure import SignsUnsettledError
+from service.dynamics.reduction.structure import EssentialSingularityError, SignsUnsettledError
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import find_windows, find_windows_together
+from service.dynamics.verdict.simple_form import simplified
 from tests.support.planar import body, formula
 
 DOUBLE = body(2, 1)
@@ -26,7 +28,7 @@ SAME = 1e-12
 
 
 def windows(text: str) -> tuple[Window, ...]:
-    return find_windows(DOUBLE, formula(text, DOUBLE), MOTION)
+    return find_windows(DOUBLE, simplified(formula(text, DOUBLE)), MOTION)
 
 
 def heights(found: tuple[Window, ...]) -> list[tuple[str, float, float]]:
@@ -64,7 +66,17 @@ def test_a_pole_of_odd_order_is_a_collision_on_one_side(order):
 
 
 @pytest.mark.parametrize(
-    "size", ["(1/2-g2)^2", "(1/2-g2)^4", "abs(1/2-g2)", "abs(1/2-g2)^(1/3)", "(g2^2-g2+1/4)"]
+    "size",
+    [
+        "(1/2-g2)^2",
+        "(1/2-g2)^4",
+        "abs(1/2-g2)",
+        "abs(1/2-g2)^(1/3)",
+        "(g2^2-g2+1/4)",
+        "(1-cos(g2-1/2))",
+        "(2-2*cos(1/2-g2))^2",
+        "abs(cos(2*g2-1)-1)",
+    ],
 )
 @pytest.mark.parametrize("sign", "-+")
 def test_a_pole_of_even_order_ends_motions_on_both_sides_or_none(size, sign):
@@ -143,15 +155,57 @@ def test_curves_that_are_looked_at_together_end_in_the_same_collisions():
 @pytest.mark.parametrize(
     "term",
     [
-        "exp(1/(g2-1/2))",  # infinite on one side of 1/2, flat on the other
-        "1/(1-cos(g2-1/2))",  # a double pole that no monotone part shows
+        "1/(exp(g2-1/2)-1/2-g2)",  # a double pole that no monotone part shows
         "abs(g2-1/2)/(g2-1/2)*(-100)",  # a jump from one sign to the other
-        "(g2-1/2)*log(abs(g2-1/2))",  # finite, with an infinite slope
     ],
 )
 def test_what_is_not_proved_is_refused_and_is_no_zero(term):
-    with pytest.raises(SignsUnsettledError):
+    with pytest.raises(SignsUnsettledError) as refused:
         windows(f"-g1-{Q}/20*{term}")
+    assert refused.value.code == "signs_unsettled"
+
+
+@pytest.mark.parametrize(
+    "term",
+    [
+        *(f"{sign}{Q}/20*{f}(1/(g2-1/2))" for sign in "-+" for f in ("exp", "sin")),
+        # With the other sign p² < 0 on both sides, which needs no power.
+        f"-{Q}/20*exp(log(abs(g2-1/2))^2)",
+    ],
+)
+def test_what_outgrows_every_power_has_its_own_word(term):
+    """exp(1/x) is infinite on one side of 0 and flat on the other; sin(1/x) has infinitely many zeros."""
+    with pytest.raises(EssentialSingularityError, match=r"between g2 = 0\.[45]") as refused:
+        windows(f"-g1{term}")
+    assert refused.value.code == "essential_singularity"
+
+
+# G, and the zeros of 1 − 2 g1 G between -1 and 1.
+@pytest.mark.parametrize("size", [1, 40])
+@pytest.mark.parametrize(
+    ("G", "value"),
+    [
+        ("(g2-1/2)*log(abs(g2-1/2))", lambda x: x * log(abs(x))),
+        ("(g2-1/2)^2*log((g2-1/2)^2)", lambda x: 2 * x * x * log(abs(x))),
+        ("(g2-1/2)*log(abs(g2-1/2))^3", lambda x: x * log(abs(x)) ** 3),
+        ("sqrt(abs(g2-1/2))*log(abs(g2-1/2))", lambda x: sqrt(abs(x)) * log(abs(x))),
+        ("sin(g2-1/2)*(3+log(abs(sin(g2-1/2))))", lambda x: sin(x) * (3 + log(abs(sin(x))))),
+    ],
+)
+def test_a_term_that_vanishes_with_an_infinite_slope_is_no_end_where_p_squared_is_positive(G, value, size):
+    found = windows(f"-g1-{Q}*{size}/20*{G}")
+
+    def P(y):
+        return 1.0 + 2.0 * g1_at(y) * size / 20 * value(y - 0.5)
+
+    # Ends by signs on a grid that does not meet 1/2, where P = 1, refined by bisection.
+    grid = np.linspace(-1.0, 1.0, 4002)[1:-1]
+    zeros = [zero_of(P, a, b) for a, b in pairwise(grid.tolist()) if P(a) * P(b) < 0]
+    inner = sorted(y for window in found for y in window.g2 if abs(y) < 1 - 1e-9)
+    # Windows over the equator have two ends on one side of it, of which the table has one.
+    assert set(np.round(inner, 9)) <= set(np.round([*zeros, *(-y for y in zeros)], 9)) | {0.0}
+    covered = [any(window.g2[0] <= y <= window.g2[1] for window in found) for y in (0.499, 0.5, 0.501)]
+    assert all(covered)
 
 
 @pytest.mark.parametrize(
@@ -160,6 +214,8 @@ def test_what_is_not_proved_is_refused_and_is_no_zero(term):
         ("0", "-1/(1/2-g2)", [0.5]),
         ("-sqrt(w)/2", "-1/20/g2^2", [0.0]),
         ("-sqrt(w)/2", "-1/20/abs(g2-1/3)", [1 / 3, 1 / 3]),
+        ("-sqrt(w)/2", "log(g2-1/3)/20", [1 / 3]),
+        ("-exp(-w)", "-1/20/sqrt(1/2-g2)", [0.5]),
     ],
 )
 def test_potentials_that_are_given_by_an_integral(F, G, sides):
@@ -208,3 +264,14 @@ def test_of_windows_that_end_at_one_size_of_g1_the_northern_is_first(g3_sign):
     north, south, *_ = find_windows(DOUBLE, formula(text, DOUBLE), PlanarMotion(1, g3_sign=g3_sign))
     assert (north.ends, north.g2) == (("pole", "collision"), (0.5, 1.0))
     assert (south.ends, south.g2) == (("pole", "collision"), (-1.0, -0.5))
+
+
+@pytest.mark.parametrize("F", ["-sqrt(w)/2", "-exp(-w)"])
+@pytest.mark.parametrize(
+    ("G", "edge"), [("sqrt(g2-1/5)/10", 0.2), ("(1/2-g2)^(3/2)/50", 0.5), ("sqrt(g2)/10", 0.0)]
+)
+def test_a_motion_in_a_potential_by_an_integral_ends_at_the_edge_of_its_formula(F, G, edge):
+    """On one side of it G has no value, at any number of bits; on the other p² > 0 up to it."""
+    (window,) = find_windows(DOUBLE, general_potential(DOUBLE, F, G, {}, "pi/4"), MOTION)
+    assert window.kind == "edge"
+    assert min(abs(y - edge) for y in window.g2) < SAME

@@ -1,5 +1,6 @@
 """Zeros of p² of high order are ends that are approached for ever; those of no order are met by name."""
 
+import math
 import random
 from fractions import Fraction
 from math import factorial
@@ -17,6 +18,7 @@ from tests.support.planar import body, formula
 RIGID_BODY = body(2, 1)
 MOTION = PlanarMotion(1, g3_sign=1)
 DRAWS = random.Random(41)
+PLACES = {"sin(1/3)": math.sin(1 / 3), "-log(3/2)": -math.log(1.5), "-exp(-2)": -math.exp(-2)}
 
 
 def windows(factor: str, rigid_body: RigidBody = RIGID_BODY) -> tuple[Window, ...]:
@@ -68,12 +70,17 @@ def remainder(function: str, order: int, x: str) -> str:
         ("exp", 5, 1, "1/2"),
         ("exp", 6, 1, "-3/10"),
         ("sin", 7, -1, "0"),
+        # No algebraic number: the place is where a part of the formula vanishes.
+        ("exp", 3, -1, "sin(1/3)"),
+        ("exp", 4, 1, "sin(1/3)"),
+        ("sin", 5, -1, "-log(3/2)"),
+        ("log", 3, -1, "-exp(-2)"),
     ],
 )
 def test_zero_of_high_order_of_a_function_is_a_separatrix(function, order, sign, c):
     """What cancels leaves no sign to bounds of any of the first derivatives, from far away on."""
     found = windows(f"({sign})*({remainder(function, order, f'g2-({c})')})")
-    at = float(Fraction(c))
+    at = PLACES[c] if c in PLACES else float(Fraction(c))
     # The sign of the first term that is left, times that of p² / factor.
     first = {"sin": (-1) ** (order // 2), "cos": (-1) ** (order // 2), "exp": 1, "log": (-1) ** (order + 1)}
     above = sign * first[function]
@@ -87,10 +94,30 @@ def test_zero_of_high_order_of_a_function_is_a_separatrix(function, order, sign,
         require_known_ends(window)
 
 
-def test_zero_of_high_order_that_is_not_proved_is_told_within_a_narrow_interval():
-    """sin(1/3) is no algebraic number: that there is one zero, and not three, is not proved."""
+@pytest.mark.parametrize("order", [2, 3, 4, 8])
+@pytest.mark.parametrize(
+    "u", ["g2-sin(1/3)", "exp(g2)-exp(1)/2", "log(g2+3/2)-sin(1/4)", "g2-0.3271946967961522"]
+)
+def test_a_power_of_a_part_that_vanishes_anywhere_is_a_zero_of_its_order(u, order):
+    """A part u has one zero, and D = u^n times something without one: there is an equilibrium, wherever."""
+    found = windows(f"(2+g2)*({u})^{order}")
+    at = {
+        "g2-sin(1/3)": math.sin(1 / 3),
+        "exp(g2)-exp(1)/2": 1 - math.log(2),
+        "log(g2+3/2)-sin(1/4)": math.exp(math.sin(1 / 4)) - 1.5,
+        "g2-0.3271946967961522": 0.3271946967961522,
+    }[u]
+    allowed = [(-1.0, at), (at, 1.0)] if order % 2 == 0 else [(at, 1.0)]
+    assert ends(found) == [pytest.approx(expected, abs=1e-12) for expected in allowed]
+    assert all(window.kind == "separatrix" for window in found)
+    for window in found:
+        require_known_ends(window)
+
+
+def test_zeros_that_may_be_one_of_high_order_are_told_within_a_narrow_interval():
+    """That exp(sin(1/3)) cancels is not proved: there is one zero of order three, or one and a double one."""
     with pytest.raises(SeparatrixUndecidedError, match=r"at g2 = 0\.327194696796"):
-        windows(remainder("exp", 3, "g2-sin(1/3)"))
+        windows("(g2-sin(1/3))^2*(exp(g2)-exp(sin(1/3)))")
 
 
 @pytest.mark.parametrize("other", ["g2/10^7", "-g2/10^7"])

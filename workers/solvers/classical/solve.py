@@ -174,6 +174,6 @@ def _energy(problem: Problem, placed: Placed) -> Estimate:
 
 def _with_relations(placed: Placed, motion: Motion) -> Motion:
     """Return ``motion`` with claims that are not below the distance of its samples from the relations."""
-    distance = relations_of(placed).distance(motion.samples)
+    distance = relations_of(placed).distance(motion.samples, known=motion.error)
     evidence = {**motion.evidence, DISTANCE: distance}
     return replace(motion, evidence=evidence, error=largest((motion.error, distance)))

@@ -97,7 +97,7 @@ class AlgebraicAlgebra:
 
     def pi(self) -> Algebraic:
         """Return π."""
-        return self._transcendental(arb.pi())
+        return self.transcendental(arb.pi())
 
     def add(self, left: Algebraic, right: Algebraic) -> Algebraic:
         """Return left + right."""
@@ -140,7 +140,7 @@ class AlgebraicAlgebra:
             return self.multiply(left, self.constant(1 / right.exact))
         inverse = Algebraic(1 / right.ball, None, right.down, right.up, right.roots)
         if right.up == inf:
-            inverse = self._transcendental(1 / right.ball)
+            inverse = self.transcendental(1 / right.ball)
         return self.multiply(left, inverse)
 
     def power(self, base: Algebraic, exponent: Fraction) -> Algebraic:
@@ -170,7 +170,7 @@ class AlgebraicAlgebra:
         special = _SPECIAL[name]
         if argument.up < inf and self.is_zero(self.add(argument, self.constant(Fraction(-special[0])))):
             return self.constant(Fraction(special[1]))
-        return self._transcendental(self._balls.call(name, argument.ball))
+        return self.transcendental(self._balls.call(name, argument.ball))
 
     def root_of(
         self, equation: Callable[[arb], arb], near: arb, *, degree: int, up: float, down: float, of: Algebraic
@@ -201,7 +201,7 @@ class AlgebraicAlgebra:
                 return self.constant(Fraction(parts[0], parts[1]))
         ball = self._balls.power(base.ball, Fraction(1, degree))
         if base.up == inf:
-            return self._transcendental(ball)
+            return self.transcendental(ball)
         up, down, k = base.up, base.down, degree
         if up >= down:
             up = (up + (k - 1) * down) / k
@@ -213,14 +213,15 @@ class AlgebraicAlgebra:
         self._count += 1
         return self._count
 
-    def _transcendental(self, ball: arb) -> Algebraic:
+    def transcendental(self, ball: arb) -> Algebraic:
+        """Return a number of which its ball is known, and nothing else."""
         return Algebraic(ball, None, inf, 0.0, frozenset())
 
     def _made(
         self, ball: arb, up: float, down: float, *of: Algebraic, extra: tuple[int, int] | None = None
     ) -> Algebraic:
         if up == inf:
-            return self._transcendental(ball)
+            return self.transcendental(ball)
         roots = frozenset[tuple[int, int]]().union(*(each.roots for each in of))
         return Algebraic(ball, None, up, down, roots if extra is None else roots | {extra})
 

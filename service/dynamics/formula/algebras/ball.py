@@ -76,6 +76,27 @@ class BallAlgebra:
         return _FUNCTIONS[name](argument)
 
 
+class DomainBalls(BallAlgebra):
+    """Balls that remember whether a root or a logarithm was taken of what is certainly negative."""
+
+    is_undefined = False
+
+    def power(self, base: arb, exponent: Fraction) -> arb:
+        """Return base^exponent."""
+        self.is_undefined |= exponent.denominator > 1 and base < 0
+        return super().power(base, exponent)
+
+    def general_power(self, base: arb, exponent: arb) -> arb:
+        """Return exp(exponent · log(base))."""
+        self.is_undefined |= base < 0
+        return super().general_power(base, exponent)
+
+    def call(self, name: str, argument: arb) -> arb:
+        """Return the function of the ball."""
+        self.is_undefined |= name == "log" and argument < 0
+        return super().call(name, argument)
+
+
 def whole_power(base: arb, exponent: int) -> arb:
     """Return base^exponent for an integer."""
     power = base**exponent

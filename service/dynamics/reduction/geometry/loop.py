@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.ball import DomainBalls
 from service.dynamics.formula.tape import Instruction
 from service.dynamics.keeping import Remembering
 from service.dynamics.potentials.potential import FormulaPotential, Potential
@@ -140,6 +141,18 @@ class Loop:
         c = c_squared_ball(Z_squared, G_squared, twice, log_sine, square).sqrt()
         g2 = cosine * c
         return LoopPoint(g1, g2, g3, c, self.radicand_at(g1, g2, g3))
+
+    def has_no_value(self, sine: arb, cosine: arb) -> bool:
+        """Tell whether the formula of V certainly has no value at the point with these sin v and cos v."""
+        at = self.point_from(sine, cosine)
+        g1, g2, g3 = (at.g3, at.g2, at.g1) if self.mirrored else (at.g1, at.g2, at.g3)
+        own = self.potential
+        part = own if own.has_formula else own.formula_part(1 if g1 > 0 else -1, 1 if g3 > 0 else -1)
+        if part is None:
+            return False
+        algebra = DomainBalls()
+        part.tape.evaluate(algebra, (g1, g2, g3))
+        return algebra.is_undefined
 
     def radicand_from(self, sine: arb, cosine: arb) -> arb:
         """Return P at the point with these sin v and cos v: to the last bit that of :meth:`point_from`."""

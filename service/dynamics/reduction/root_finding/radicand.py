@@ -98,16 +98,17 @@ def precise_radicand(loop: Loop, g3_sign: int) -> Radicand:
     """Return P as a function of the place, with more bits where its ball is wide.
 
     Next to a pole a formula may hold 1 − g2², or 1 − g2² − g3² = g1²: what is
-    left of it there can be 2^-1000 and less.
+    left of it there can be 2^-1000 and less. Where the formula has no value, more bits find none.
     """
     finer: dict[int, Loop] = {}
 
     def value(at: Loop, place: LoopPlace) -> arb:
-        sine, cosine = place.x.sin_cos()
-        return at.radicand_from(sine * g3_sign, -cosine if place.region == "south" else cosine)
+        return at.radicand_from(*_direction(place, g3_sign))
 
     def radicand(place: LoopPlace) -> arb:
         P = value(loop, place)
+        if not P.is_finite() and loop.has_no_value(*_direction(place, g3_sign)):
+            return P
         for bits in LADDER:
             if is_known(P):
                 break
@@ -118,6 +119,12 @@ def precise_radicand(loop: Loop, g3_sign: int) -> Radicand:
         return P
 
     return radicand
+
+
+def _direction(place: LoopPlace, g3_sign: int) -> tuple[arb, arb]:
+    """Return sin v and cos v."""
+    sine, cosine = place.x.sin_cos()
+    return sine * g3_sign, -cosine if place.region == "south" else cosine
 
 
 def vanishes(radicand: Radicand) -> bool:

@@ -9,19 +9,27 @@ sign where bounds of D itself, and of its first two derivatives, lose all in can
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from math import pi
 
-from flint import arb
+from flint import arb, ctx
 
 from service.dynamics.formula.algebra import Algebra, T
-from service.dynamics.formula.algebras.algebraic import Algebraic, AlgebraicAlgebra
+from service.dynamics.formula.algebras.algebraic import (
+    Algebraic,
+    AlgebraicAlgebra,
+    MoreBitsNeededError,
+    NotAlgebraicError,
+)
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.algebras.series import SeriesAlgebra, along_curve
+from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.vanishing import VanishingPart, parts_in_g2
 from service.dynamics.reduction.root_finding.gap import equator_point
 from service.dynamics.reduction.root_finding.orders import HIGHEST_ORDER, exponent_at, lowest_place
-from service.dynamics.reduction.root_finding.rest_proof import exact_at
-from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand
+from service.dynamics.reduction.root_finding.rest_proof import NEAR_BITS, PLACE_BITS, exact_at
+from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, enclose_zero
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
 from service.dynamics.reduction.sign_proofs.cells import Half
 from service.dynamics.reduction.sign_proofs.signs_in_balls import Side
@@ -85,18 +93,61 @@ def high_zero(
 
 
 def exact_order(half: Half, v: arb) -> tuple[arb, int] | None:
-    """Return the place next to ``v``, and the order of the zero that D has there, by exact algebra."""
+    """Return the place next to ``v``, and the order of the zero that D has there, by exact algebra.
+
+    The place has algebraic coordinates, or a part u of the formula vanishes there, such as g2 − sin(1/3): in
+    the Taylor coefficients of D those of u are exact where u is, and the first of u is 0.
+    """
 
     def order(algebra: AlgebraicAlgebra, place: Sequence[Algebraic]) -> int | None:
-        for highest in (FIRST_ORDERS, HIGHEST_ORDER):
-            found = _series_of_D(algebra, half, place, highest)
-            first = next((k for k, each in enumerate(found) if not algebra.is_zero(each)), None)
-            if first is not None:
-                # No zero at all is no answer.
-                return first or None
-        return None
+        return _first_order(algebra, lambda highest: _series_of_D(algebra, half, place, highest))
 
-    return exact_at(half.loop, v, order)
+    return exact_at(half.loop, v, order) or order_at_part(half, v)
+
+
+def _first_order(algebra: AlgebraicAlgebra, series: Callable[[int], list[Algebraic]]) -> int | None:
+    """Return the order of the first coefficient that is not 0; None if it is the 0th, or all seem to be 0."""
+    for highest in (FIRST_ORDERS, HIGHEST_ORDER):
+        first = next((k for k, each in enumerate(series(highest)) if not algebra.is_zero(each)), None)
+        if first is not None:
+            return first or None
+    return None
+
+
+def order_at_part(half: Half, v: arb) -> tuple[arb, int] | None:
+    """Return the place next to ``v`` where a part of the formula vanishes, and the order of D there."""
+    nearest = arb(2) ** -NEAR_BITS * v.sin()
+    for part in parts_in_g2(half.tape):
+
+        def value(x: arb, part: VanishingPart = part) -> arb:
+            return part.part.evaluate(BallAlgebra(), _place_at(half, x))
+
+        low, high = value((v - nearest).mid()), value((v + nearest).mid())
+        if not low * high < 0:
+            continue
+        with ctx.workprec(PLACE_BITS):
+            x = enclose_zero(value, v - nearest, v + nearest)
+            try:
+                order = _order_of(half, part, x)
+            except (MoreBitsNeededError, NotAlgebraicError):
+                continue
+        if order is not None:
+            return x, order
+    return None
+
+
+def _order_of(half: Half, part: VanishingPart, v: arb) -> int | None:
+    """Return the order of the zero of D at the place in a ball where a part of the formula vanishes."""
+    algebra = AlgebraicAlgebra()
+    place = [algebra.transcendental(x) for x in _place_at(half, v)]
+
+    def series(highest: int) -> list[Algebraic]:
+        powers = SeriesAlgebra(algebra, highest)
+        g = along_curve(algebra, (half.body.A, half.body.C), place, highest)
+        _, *rates = part.part.evaluate(powers, g)
+        return _turned(powers, part.whole, g, [algebra.constant(Fraction(0)), *rates])
+
+    return _first_order(algebra, series)
 
 
 def _narrowed(
@@ -155,11 +206,17 @@ def _coefficients(half: Half, left: arb, right: arb, order: int) -> list[arb]:
 
 def _series_of_D(algebra: Algebra[T], half: Half, place: Sequence[T], order: int) -> list[T]:
     """Return the Taylor coefficients of D = g1 V_3 − g3 V_1 along the curve in g2."""
-    series = SeriesAlgebra(algebra, order)
-    g1, g2, g3 = along_curve(algebra, (half.body.A, half.body.C), place, order)
+    g = along_curve(algebra, (half.body.A, half.body.C), place, order)
+    return _turned(SeriesAlgebra(algebra, order), half.tape, g)
+
+
+def _turned(series: SeriesAlgebra[T], tape: Tape, g: Sequence[list[T]], *further: list[T]) -> list[T]:
+    """Return D of a formula in g1, g2, g3, and in ``further`` functions of g2."""
+    g1, g2, g3 = g
     jets = FirstOrderJets(series, 1)
     seeds = jets.seed(g1, (series.negate(g3),)), jets.seed(g2, (None,)), jets.seed(g3, (g1,))
-    return jets.gradient(half.tape.evaluate(jets, seeds))[0]
+    found = tape.evaluate(jets, [*seeds, *(jets.seed(u, (None,)) for u in further)])
+    return jets.gradient(found)[0]
 
 
 def _place_at(half: Half, v: arb) -> list[arb]:

@@ -18,7 +18,7 @@ from flint import arb
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.algebras.long_intervals import LongInterval, LongIntervalAlgebra
-from service.dynamics.formula.vanishing import VanishingPart, vanishing_parts
+from service.dynamics.formula.vanishing import VanishingPart, has_essential_part, vanishing_parts
 from service.dynamics.reduction.geometry.slopes import SecondScale, derivatives_along
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, enclose_zero
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
@@ -34,6 +34,8 @@ from service.dynamics.reduction.sign_proofs.signs_in_balls import (
 
 UNDEFINED = 2
 """In place of a sign."""
+UNDEFINED_HERE = arb.nan()
+"""In place of a ball."""
 MOST_LOOKS = 2000
 """At stretches of one half."""
 NARROWEST = 1e-9
@@ -142,7 +144,7 @@ def infinities_of(half: Half) -> list[Infinity] | None:
                 found.append(infinity)
             elif width_of(start, stop) > NARROWEST:
                 waiting.extend(_halves(start, stop))
-            elif not is_continuous(half, start, stop):
+            elif continuous_sign(half, start, stop) is None:
                 return None
     return found
 
@@ -174,14 +176,31 @@ def _halves(start: Side, stop: Side) -> list[tuple[Side, Side]]:
     return [(start, inner[0]), (inner[0], inner[1]), (inner[1], stop)]
 
 
-def is_continuous(half: Half, start: Side, stop: Side) -> bool:
-    """Tell whether P is proved to be continuous between two places, or to tend to 0 at one of them."""
+def continuous_sign(half: Half, start: Side, stop: Side) -> int | None:
+    """Return the sign of P between two places, 0 if it is not known; None if P is not proved continuous.
+
+    Where P has no value on one side of a place, its limit is that of the other side.
+    """
     g = place_on_stretch(half, start, stop)
     (D,) = derivatives_along(_UnbrokenBalls(), half.tape, half.body, g, 0)
     if D is None or D.is_finite():
-        return True
-    near = (_Neighbourhood.of(half, part, g) for part in vanishing_parts(half.tape))
-    return any(each is not None and all(each.tends_to_zero(side) for side in (1, -1)) for each in near)
+        return _sign(D) * half.turn
+    for part in vanishing_parts(half.tape):
+        near = _Neighbourhood.of(half, part, g)
+        sides = [] if near is None else [near.bounded(side) for side in (1, -1)]
+        if sides and all(D is not None for D in sides):
+            signs = {_sign(D) for D in sides if D is not UNDEFINED_HERE}
+            return signs.pop() * half.turn if len(signs) == 1 else 0
+    return None
+
+
+def is_essential(half: Half, start: Side, stop: Side) -> bool:
+    """Tell whether exp or a wave is taken, between two places, of what grows without bound there."""
+    g = place_on_stretch(half, start, stop)
+    return any(
+        has_essential_part(part) and _Neighbourhood.of(half, part, g) is not None
+        for part in vanishing_parts(half.tape)
+    )
 
 
 class _UnbrokenBalls(BallAlgebra):
@@ -194,10 +213,103 @@ class _UnbrokenBalls(BallAlgebra):
         return super().call(name, argument)
 
 
+@dataclass(frozen=True, slots=True)
+class _Split:
+    """A number beside u = 0: what is continuous there, and something else; None is 0."""
+
+    regular: arb | None
+    rest: LongInterval | None = None
+
+
+class _SplitAlgebra:
+    """What is continuous at u = 0 beside what is known by a power of |u|; an Algebra."""
+
+    def __init__(self, intervals: "_DomainIntervals") -> None:
+        self._intervals, self._balls = intervals, _UnbrokenBalls()
+
+    def limit(self, x: _Split) -> arb | None:
+        """Return a ball of all values of what has a limit at u = 0, which is that of its regular part."""
+        regular = arb(0) if x.regular is None else x.regular
+        if x.rest is None:
+            return regular if regular.is_finite() else None
+        if not (x.rest.exponent > 0 and x.rest.is_bounded):
+            return None
+        values = self._intervals.beside_nothing(x.rest)
+        total = regular + values.lo.union(values.hi)
+        return total if total.is_finite() else None
+
+    def constant(self, value: Fraction) -> _Split:
+        """Return the number."""
+        return _Split(self._balls.constant(value) if value else None)
+
+    def pi(self) -> _Split:
+        """Return π."""
+        return _Split(arb.pi())
+
+    def add(self, left: _Split, right: _Split) -> _Split:
+        """Return left + right."""
+        balls, rests = (left.regular, right.regular), (left.rest, right.rest)
+        regular = balls[0] if balls[1] is None else balls[1] if balls[0] is None else balls[0] + balls[1]
+        rest = rests[0] if rests[1] is None else rests[1]
+        if rests[0] is not None and rests[1] is not None:
+            rest = self._intervals.add(rests[0], rests[1])
+        return _Split(regular, rest)
+
+    def subtract(self, left: _Split, right: _Split) -> _Split:
+        """Return left - right."""
+        return self.add(left, self.negate(right))
+
+    def negate(self, operand: _Split) -> _Split:
+        """Return -operand."""
+        regular, rest = operand.regular, operand.rest
+        return _Split(
+            None if regular is None else -regular, None if rest is None else self._intervals.negate(rest)
+        )
+
+    def multiply(self, left: _Split, right: _Split) -> _Split:
+        """Return left · right."""
+        regular = None if left.regular is None or right.regular is None else left.regular * right.regular
+        found = _Split(regular)
+        for one, other in ((left, right), (right, left)):
+            if one.rest is not None and other.regular is not None:
+                factor = LongInterval(other.regular.lower(), other.regular.upper())
+                found = self.add(found, _Split(None, self._intervals.multiply(one.rest, factor)))
+        if left.rest is not None and right.rest is not None:
+            found = self.add(found, _Split(None, self._intervals.multiply(left.rest, right.rest)))
+        return found
+
+    def divide(self, left: _Split, right: _Split) -> _Split:
+        """Return left / right."""
+        return self.multiply(left, self.power(right, Fraction(-1)))
+
+    def power(self, base: _Split, exponent: Fraction) -> _Split:
+        """Return base^exponent."""
+        if base.regular is None and base.rest is not None:
+            return _Split(None, self._intervals.power(base.rest, exponent))
+        total = self.limit(base)
+        return _Split(arb.nan() if total is None else self._balls.power(total, exponent))
+
+    def general_power(self, base: _Split, exponent: _Split) -> _Split:
+        """Return exp(exponent · log(base))."""
+        return self.call("exp", self.multiply(exponent, self.call("log", base)))
+
+    def call(self, name: str, argument: _Split) -> _Split:
+        """Return the function: of what has a limit it has one, but for signs and logarithms of what is 0."""
+        total = self.limit(argument)
+        is_known = total is not None and name not in ("abs", "sign", "log")
+        if argument.regular is None and argument.rest is not None and not is_known:
+            return _Split(None, self._intervals.call(name, argument.rest))
+        return _Split(arb.nan() if total is None else self._balls.call(name, total))
+
+
 class _DomainIntervals(LongIntervalAlgebra):
     """Intervals that remember whether a root or a logarithm certainly has no value."""
 
     is_undefined = False
+
+    def beside_nothing(self, x: LongInterval) -> LongInterval:
+        """Return the element without a power of the scale."""
+        return self._beside(x, Fraction(0))
 
     def power(self, base: LongInterval, exponent: Fraction) -> LongInterval:
         """Return base^exponent."""
@@ -251,10 +363,26 @@ class _Neighbourhood:
                 return side * rate.sign * self.curves.turn
         return None
 
-    def tends_to_zero(self, side: int) -> bool:
-        """Tell whether P is bounded on a side and tends to 0."""
-        found = (self._enclosed(side, log_power)[0] for log_power in (Fraction(0), LOG_POWER))
-        return any(D is None or (D.exponent > 0 and D.is_bounded) for D in found)
+    def bounded(self, side: int) -> arb | None:
+        """Return D on a side if it has a limit at u = 0 that depends on g alone; None if that is not proved.
+
+        UNDEFINED_HERE if it certainly has no value on the side.
+        """
+        for log_power in (Fraction(0), LOG_POWER):
+            intervals = _DomainIntervals(arb(0), self.size, log_power)
+            algebra = _SplitAlgebra(intervals)
+            u = LongInterval(arb(1), arb(1), Fraction(1))
+            is_positive = (self.slope > 0) == (side > 0)
+            # X u is not used: D is no derivative along the curve.
+            beside = SecondScale(_Split(None, u if is_positive else intervals.negate(u)), _Split(None))
+            g = [_Split(x) for x in self.g]
+            (D,) = derivatives_along(algebra, self.part.whole, self.curves.body, g, 0, beside)
+            if intervals.is_undefined:
+                return UNDEFINED_HERE
+            limit = arb(0) if D is None else algebra.limit(D)
+            if limit is not None:
+                return limit
+        return None
 
     def _enclosed(
         self, side: int, log_power: Fraction
@@ -275,6 +403,10 @@ class _Neighbourhood:
         )
         D, rate = derivatives_along(algebra, self.part.whole, self.curves.body, [g1, g2, g3], 1, beside)
         return D, rate, algebra.is_undefined
+
+
+def _sign(D: arb | None) -> int:
+    return 0 if D is None or D.contains(0) else 1 if D > 0 else -1
 
 
 def _is_away(x: LongInterval) -> bool:

@@ -55,7 +55,14 @@ def settled(half: Half, picture: Picture) -> Picture:
         picture = refined(half, picture, ROUNDS)
         if len(picture.cells.low) == before:
             break
-    return _halved(half, picture, _unbounded(picture), MOST_LOOKS)
+    return picture
+
+
+def halved(half: Half, picture: Picture) -> Picture:
+    """Return the picture with the cells of what is open still halved in balls."""
+    gaps = _unbounded(picture)
+    is_too_much = len(gaps) > MOST_GAPS or is_crowded(picture)
+    return picture if is_too_much else _halved(half, picture, gaps, MOST_LOOKS)
 
 
 def _is_at_pole(picture: Picture, gap: Gap) -> bool:
@@ -74,7 +81,7 @@ def ends_of(picture: Picture, gap: Gap) -> tuple[Side, Side]:
 
 
 def _unbounded(picture: Picture) -> list[Gap]:
-    return [gap for gap in picture.open_gaps() if not (picture.is_bounded(gap) or picture.is_infinite(gap))]
+    return [gap for gap in picture.open_gaps() if not (picture.is_bounded(gap) or picture.is_known(gap))]
 
 
 def _bounded(half: Half, picture: Picture, gaps: list[Gap]) -> Picture:

@@ -29,7 +29,7 @@ MOST_CELLS = 8192
 
 CELLS, FOUND = ("owner", "hemisphere", "low", "high"), ("sign", "slope", "is_undefined", "is_faint")
 
-INFINITE = 99
+INFINITE, NAMED = 99, 98
 
 Gap = tuple[int, int]
 """Numbers of the cells without a certain sign, first ≤ k < last, as many as there are in a row."""
@@ -43,7 +43,8 @@ class Picture:
     found: Found
     most_zeros: IntArray
     """So many has P on the stretch of such cells that the cell belongs to, as balls say; −1 elsewhere.
-    INFINITE where P is proved to be infinite at one place of the stretch."""
+    INFINITE where P is proved to be infinite at one place of the stretch, NAMED where it is proved to have
+    one zero there, of an order that is known."""
 
     @property
     def is_settled(self) -> BoolArray:
@@ -95,6 +96,11 @@ class Picture:
     def is_infinite(self, gap: Gap) -> bool:
         """Tell whether P is proved to be infinite at one place of a gap."""
         return bool((self.most_zeros[gap[0] : gap[1]] == INFINITE).all())
+
+    def is_known(self, gap: Gap) -> bool:
+        """Tell whether it is proved what is in a gap: an infinity, or a zero of high order."""
+        most = self.most_zeros[gap[0] : gap[1]]
+        return bool((most == most[0]).all() and most[0] in (INFINITE, NAMED))
 
     def is_bounded(self, gap: Gap) -> bool:
         """Tell whether balls have found all places of a gap where P turns."""
