@@ -1,4 +1,4 @@
-"""What makes a job slow, narrow in accuracy, or refused: told with its plan, before it runs.
+"""Reasons that make a job slow, less accurate, or refused, reported with its plan before it runs.
 
 Seconds that are expected of a tier come from a table of usual motions. What a motion has beyond those is seen
 on its curve: nothing here is a proof, and nothing is left out of a proof because of it.

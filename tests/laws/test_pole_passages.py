@@ -36,7 +36,7 @@ class Passing:
     """Potential as a function of g1 > 0, g3 > 0 and 1 − g2."""
     h: arb
     nodes: int = 120
-    """Of the rule, on each side: next to the equator there may be a layer as thin as 1/√(A/C)."""
+    """Nodes of the rule on each side: next to the equator there may be a layer as thin as 1/√(A/C)."""
 
     @property
     def alpha(self) -> arb:

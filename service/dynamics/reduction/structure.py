@@ -79,7 +79,7 @@ NARROW = 1e-5
 """Width, against the distance to the pole, that a stretch about a zero of higher order, or of none, or about
 an edge may have."""
 MOST_ZEROS = 4
-"""Zeros of high order that are looked for in one half before its cells are halved: in no more gaps than these."""
+"""In no more open gaps than these zeros of high order are looked for before cells are halved."""
 AROUND = 1 / 16
 """Relative distance from it at which P has its size."""
 NEXT = 1e-14

@@ -18,7 +18,7 @@ INSIDE = (-0.6, 0.0, 0.6)
 BETWEEN = (-0.71, 0.29)
 """Places in a piece, none a node, where the series of the variables are compared with balls."""
 SEEN = 4.0
-"""What is between the places that are looked at, in parts of the largest departure there."""
+"""Largest departure between the places that are looked at, in parts of the largest departure at them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class TimeMap:
     kinks: FloatArray
     """t at the kinks of the rate that panels were cut at."""
     rounding: float = 0.0
-    """What times are rounded by: where the rate is next to 0, at a pole, no phase is known better."""
+    """Rounding of times: where the rate is next to 0, at a pole, no phase is known better."""
 
     def time_at(self, u: FloatArray) -> FloatArray:
         """Return t(u) on the turn."""

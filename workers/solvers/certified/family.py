@@ -37,7 +37,7 @@ from workers.solvers.orbits.near_rest import is_slow
 FloatArray = NDArray[np.float64]
 
 DEGREE = 32
-"""Of series in doubles: those in balls fall like 4^-k on a piece."""
+"""Degree of series in doubles: those in balls fall like 4^-k on a piece."""
 LATEST = Fraction(16)
 """Periods, about, up to which enclosures of samples have the same time map."""
 TURNED = np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])

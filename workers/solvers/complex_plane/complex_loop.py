@@ -82,7 +82,7 @@ class ComplexLoop:
     )
     """alpha, A and C as balls, by precision: every place needs them."""
     about: tuple[object, ...] = field(init=False, compare=False, repr=False)
-    """What tells the programs of a formula about a pole from those about another."""
+    """The part of a key that tells the programs of a formula about a pole from those about another."""
 
     def __post_init__(self) -> None:
         """Put together what is asked at every place."""

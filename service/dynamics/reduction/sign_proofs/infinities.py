@@ -222,7 +222,7 @@ class _Split:
 
 
 class _SplitAlgebra:
-    """What is continuous at u = 0 beside what is known by a power of |u|; an Algebra."""
+    """The algebra of numbers with a continuous part at u = 0 and a part known by a power of |u|."""
 
     def __init__(self, intervals: "_DomainIntervals") -> None:
         self._intervals, self._balls = intervals, _UnbrokenBalls()
