@@ -18,6 +18,7 @@ from service.dynamics.problem import Tier
 from tests.support.claims import CLAIMS, Case, Claim, claims_of, make_case
 from tests.support.random_documents import FAMILIES, Family
 from tests.support.random_states import KINDS, Kind, StateCase, claims_of_state, draw_state
+from workers.computation.compiled_code import keep_compiled_code
 
 TIERS: tuple[Tier, ...] = ("draft", "standard", "high")
 TOGETHER = 20
@@ -133,6 +134,8 @@ def measure(record: Record, count: int, seconds: float, keep: Callable[[Record],
 
 def measured(subject: Subject, seed: int, first: int, last: int) -> Record:
     """Count the problems of a seed from number ``first`` to before ``last``."""
+    # References ask kernels before any solver does: without this they are compiled in every process anew.
+    keep_compiled_code()
     part = Record(seed, subject)
     for index in range(first, last):
         _measure_one(part, index, np.random.default_rng([seed, index]))
