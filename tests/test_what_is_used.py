@@ -24,7 +24,7 @@ CALLED_FROM_OUTSIDE = {
     "service.client.polhode.": "people call it from Python",
     "service.cli.common.Command.get_short_help_str": "typer lists it in help",
     "workers.cli.sweep._RateColumn.render": "rich draws it",
-    "workers.computation.compiled_code.KernelCode.": "numba calls the methods of a cache",
+    "workers.solvers.compiled.linking.": "numba calls the methods of a library and of a dispatcher",
 }
 """What names do not lead to, or what begins so, and who calls it. All else that only tests refer to belongs
 into tests/support/witnesses."""
