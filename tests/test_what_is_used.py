@@ -25,7 +25,7 @@ CALLED_FROM_OUTSIDE = {
     "service.cli.common.Command.get_short_help_str": "typer lists it in help",
     "service.storage.tables.base.Word.process_bind_param": "SQLAlchemy calls it",
     "workers.cli.sweep._RateColumn.render": "rich draws it",
-    "workers.computation.compiled_code.KernelCode.": "numba calls the methods of a cache",
+    "workers.solvers.compiled.linking.": "numba calls the methods of a library and of a dispatcher",
 }
 """What names do not lead to, or what begins so, and who calls it. All else that only tests refer to belongs
 into tests/support/witnesses."""

@@ -4,13 +4,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-KERNELS = 390
-"""How many there are, each for the types of its arguments, as counted: what is told as to be done."""
+KERNELS = 311
+"""How many functions are translated or made machine code of, each for the types of its arguments, as counted:
+what is told as to be done."""
 PLAIN_POINT_SECONDS = 0.1
 """Seconds that a point takes without kernels: 0.01 to 0.2."""
 LARGEST_STATES = 1e-10
 """Tolerance below which motions from a state are integrated by kernels only."""
-_UNKNOWN_SECONDS = 300.0
+_UNKNOWN_SECONDS = 90.0
 """Seconds that compiling is assumed to take, as long as nobody knows better."""
 
 WAITS = "waits for kernels, which are being compiled"

@@ -41,7 +41,7 @@ ALONGSIDE: Group = "states"
 """The group that a second process compiles meanwhile: it shares little with the other groups."""
 _NICENESS = 10
 _ENOUGH_MB = 2000
-"""Memory that must be available before a background task begins: its two processes take 1.2 GB and less."""
+"""Memory that must be available before a background task begins: its two processes take 0.9 GB."""
 _ENOUGH_MADE = 10
 """Kernels after which it is told how long the others may take."""
 _LOOK_SECONDS = 0.5

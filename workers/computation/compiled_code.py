@@ -17,10 +17,11 @@ import importlib
 import logging
 import os
 import re
+import secrets
 import shutil
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal  # Any: numba has no types
@@ -53,12 +54,11 @@ class _Compiling:
     """The permission of this process to compile. Only the compiling task changes it."""
 
     is_allowed = False
-    compiled: Callable[[str], None] = staticmethod(lambda _: None)
 
 
-def allow_compiling(compiled: Callable[[str], None] = lambda _: None) -> None:
-    """Compile what is missing in this process; ``compiled`` is called with the name of each kernel."""
-    _Compiling.is_allowed, _Compiling.compiled = True, staticmethod(compiled)
+def allow_compiling() -> None:
+    """Compile what is missing in this process."""
+    _Compiling.is_allowed = True
 
 
 @cache
@@ -68,74 +68,61 @@ def keep_compiled_code() -> None:
 
 
 def _keep(kernel: Any) -> None:  # noqa: ANN401
-    kernel._cache = KernelCode(kernel.py_func)
+    kernel.code = KernelCode(kernel.py_func)
 
 
 class KernelCode:
-    """The code of one kernel, for all types of its arguments: what numba asks for a cache."""
-
-    cache_path = None
+    """The code of one kernel, for all types of its arguments: where :mod:`.compiled.linking` keeps it."""
 
     def __init__(self, function: Any) -> None:  # noqa: ANN401
         self._function = function
 
-    def load_overload(self, types: object, context: Any) -> object:  # noqa: ANN401
-        """Return the code for arguments of these types; None has it compiled.
+    def load(self, kind: ways.Kind, types: object, context: Any) -> Any:  # noqa: ANN401
+        """Return what was saved for arguments of these types; None has it compiled.
 
         Raises
         ------
         NotReadyError
-            It is not there, and this process does not compile: as long as a group is not complete, or a
-            setting fixes the way. Else no group has it, and nobody would ever compile it.
+            An entry is not there, and this process does not compile: as long as a group is not complete, or
+            a setting fixes the way. Else no group has it, and nobody would ever compile it.
         """
-        # Else nothing can be loaded into it.
-        context.refresh()
-        file = self._file(types, context.codegen())
+        file = self._file(kind, types, context)
         found = None if file is None else file.load("code")
-        if found is not None:
-            rebuilt: object = _numba("compiler").CompileResult._rebuild(context, *found)
-            return rebuilt
-        if not _Compiling.is_allowed:
+        if found is None and kind == "entry" and not _Compiling.is_allowed:
             self._tell_missing(types)
-        return None
+        return found
 
     def _tell_missing(self, types: object) -> None:
         if fixed_way() is not None or not is_ready(*GROUPS):
             raise ways.NotReadyError(f"{self._name} is not compiled for arguments of {types}")
         logger.warning("%s is in no group of kernels for these arguments; it is compiled now", self._name)
 
-    def save_overload(self, types: object, code: Any) -> None:  # noqa: ANN401
-        """Keep code that was just compiled; without a folder it is for this process alone."""
-        file = self._file(types, code.codegen)
+    def save(self, kind: ways.Kind, types: object, context: Any, saved: object) -> None:  # noqa: ANN401
+        """Keep what was just compiled; without a folder it is for this process alone."""
+        file = self._file(kind, types, context)
         if file is not None:
             Path(file._cache_path).mkdir(mode=0o700, exist_ok=True)
-            file.save("code", code._reduce())
-        _Compiling.compiled(self._name)
+            file.save("code", saved)
 
-    def enable(self) -> None:
-        """Do nothing: it is enabled."""
-
-    def disable(self) -> None:
-        """Do nothing: it cannot be disabled."""
-
-    def flush(self) -> None:
-        """Do nothing: what is there is good as long as it is found."""
+    def first_number(self) -> int:
+        """Return a number that no other process will get."""
+        return secrets.randbits(60)
 
     @property
     def _name(self) -> str:
         return f"{self._function.__module__}.{self._function.__qualname__}"
 
-    def _file(self, types: object, codegen: Any) -> Any:  # noqa: ANN401
+    def _file(self, kind: ways.Kind, types: object, context: Any) -> Any:  # noqa: ANN401
         folder = own_folder()
         if folder is None:
             return None
         module = self._function.__module__
         # Not before the first call: a module that is still being loaded has not all of its values.
         place = folder / f"{module.removeprefix(_PACKAGE + '.')}-{stamp(module)}"
-        key = _digest([sys.implementation.cache_tag, repr(types), repr(codegen.magic_tuple())])
+        key = _digest([sys.implementation.cache_tag, repr(types), repr(context.codegen().magic_tuple())])
         # Written by rename, so that nobody reads half of it, and one file for one key: nothing is rewritten.
         return _numba("caching").IndexDataCacheFile(
-            str(place), f"{self._function.__qualname__}-{key}", place.name
+            str(place), f"{self._function.__qualname__}-{key}-{kind}", place.name
         )
 
 

@@ -238,7 +238,6 @@ def solve(problem: Problem) -> Motion:
     DynamicsError
         One class per cause; the solvers' functions name theirs.
     """
-    keep_compiled_code()
     enclosing = choose_enclosures(problem).when
     if enclosing == "always":
         # The enclosures come on top; this is the function of time between them.

@@ -8,7 +8,7 @@ alone.
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any, Literal  # Any: a kernel of numba, which has no types
+from typing import Any, Literal, Protocol  # Any: a kernel of numba, which has no types
 
 Way = Literal["compiled", "plain"]
 """``plain``: no kernel is called. Other functions do the same, slower, and keep the same promises."""
@@ -38,6 +38,37 @@ def on_way(way: Way) -> Iterator[None]:
         yield
     finally:
         _way.reset(before)
+
+
+Kind = Literal["entry", "part"]
+"""Compiled code is an entry, machine code that Python calls, or a part of entries."""
+
+
+class Code(Protocol):
+    """Keeps the code of a kernel, for types of its arguments."""
+
+    def load(self, kind: Kind, types: object, context: Any) -> Any:  # noqa: ANN401
+        """Return what was saved; None has it compiled."""
+
+    def save(self, kind: Kind, types: object, context: Any, saved: object) -> None:  # noqa: ANN401
+        """Keep it."""
+
+    def first_number(self) -> int:
+        """Return a number from which on this process may number functions, unlike any other."""
+
+
+class Nowhere:
+    """Keeps nothing."""
+
+    def load(self, *_: object) -> None:
+        """Return nothing."""
+
+    def save(self, *_: object) -> None:
+        """Do nothing."""
+
+    def first_number(self) -> int:
+        """Return 1: no other process meets these functions."""
+        return 1
 
 
 Keep = Callable[[Any], None]

@@ -75,6 +75,10 @@ STATE: Document = MappingProxyType(
     }
 )
 """Only children solve it: those of the second stage."""
+BOTH: Document = MappingProxyType(
+    {**_BASE, "body": STATE["body"], "potential": STATE["potential"], "method": "both"}
+)
+"""A planar motion is integrated by single steps. As above."""
 STATES: Document = MappingProxyType(
     {
         "base": dict(STATE),
@@ -103,7 +107,7 @@ _PROBLEMS_OF: Mapping[Group, Mapping[str, Document]] = MappingProxyType(
         "planar": FIRST_PROBLEMS,
         "outputs": {name: each for name, each in PROBLEMS.items() if name not in FIRST_PROBLEMS},
         "sweeps": {"sweep": SWEEP},
-        "states": {"state": STATE, "states": STATES},
+        "states": {"state": STATE, "both": BOTH, "states": STATES},
     }
 )
 

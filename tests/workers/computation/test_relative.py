@@ -246,6 +246,7 @@ def test_compiled_code_is_kept_from_the_first_kernel_on(monkeypatch, accuracy):
     monkeypatch.setattr(promises, "speed_of", lambda problem: (order.append("speed"), speed(problem))[1])
     solve_document(json.dumps(quicker(GRAVITY, squared=1, accuracy=accuracy)))
     assert order[:2] == ["keep", "speed"]
+    assert order.count("keep") == 1
 
 
 @pytest.mark.parametrize(

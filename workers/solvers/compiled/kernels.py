@@ -1,20 +1,20 @@
 """Compiles functions by numba; :mod:`workers.solvers.ways` is told of each, so that its code is kept."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, TypeVar, cast  # Any: numba has no types
+from typing import Protocol, TypeVar, cast
 
-import numba
 from numba.core import types
 from numba.extending import intrinsic
 
 from workers.solvers import ways
+from workers.solvers.compiled.linking import Kernel
 
 F = TypeVar("F", bound=Callable[..., object])
 
 
 def kernel(function: F) -> F:
     """Compile ``function`` at its first call; division by zero gives inf or NaN, sums keep their order."""
-    compiled: Any = numba.njit(error_model="numpy", nogil=True)(function)
+    compiled = Kernel(function)
     ways.made(compiled)
     return cast("F", compiled)
 
@@ -43,5 +43,6 @@ the C library that has the same bits."""
 
 def inlined(function: F) -> F:
     """Put ``function`` into the kernels that call it, which loops over several numbers at once need."""
-    compiler = numba.njit(inline="always", error_model="numpy", nogil=True)
-    return cast("F", compiler(function))
+    compiled = Kernel(function, is_inlined=True)
+    ways.made(compiled)
+    return cast("F", compiled)

@@ -1,0 +1,154 @@
+"""Functions are translated once, and linked into what Python calls; parts that were kept fit each other."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import workers
+from workers.computation.compiled_code import FOLDER_VARIABLE
+
+ROOT = Path(workers.__path__[0]).parent
+KERNELS = """
+import numpy as np
+from workers.computation.compiled_code import allow_compiling, keep_compiled_code
+from workers.solvers.compiled.kernels import inlined, kernel
+from workers.solvers.compiled.linking import Kernel
+
+allow_compiling()
+keep_compiled_code()
+RECORD = np.dtype([("a", np.float64), ("b", np.float64, (4,))], align=True)
+TABLE = np.arange(6.0)
+
+
+@inlined
+def twice(x):
+    return 2.0 * x
+
+
+@kernel
+def inner(record, out, k):
+    if k > 3:
+        raise ValueError("there are four")
+    for n in range(len(out)):
+        out[n] = twice(record.b[k]) + TABLE[n % 6]
+    return out.sum()
+
+
+@kernel
+def middle(records, count):
+    out = np.zeros(count)
+    return inner(records[0], out, 1) + inner(records[1], out, 2)
+
+
+@kernel
+def outer(records, count):
+    found = np.zeros(2, dtype=records.dtype)
+    found[0].a = middle(records, count) + inner(records[0], np.zeros(count), 3)
+    return found, count
+
+
+def called():
+    records = np.zeros(2, dtype=RECORD)
+    records["b"] = np.arange(8.0).reshape(2, 4)
+    found, count = outer(records, 5)
+    # A constant of one call, and that of another, are numbers alike.
+    assert isinstance(inner, Kernel) and len(inner.overloads) <= 1
+    alone = inner(records[1], np.zeros(5), 0)
+    try:
+        inner(records[1], np.zeros(5), 4)
+    except ValueError as fault:
+        assert str(fault) == "there are four"
+        return found["a"][0], count, alone, middle(records, 5)
+"""
+CALL = """
+import json
+import linked
+from numba.core import event
+
+done = []
+
+
+class Watch(event.Listener):
+    def on_start(self, each):
+        # numba's own functions have no kind.
+        if "kind" in each.data:
+            done.append(f"{each.data['dispatcher'].__name__} {each.data['kind']}")
+
+    def on_end(self, each):
+        pass
+
+
+event.register("numba:compile", Watch())
+print(json.dumps([linked.called(), sorted(done)]))
+"""
+OTHERS = """
+import numba
+import numpy as np
+
+
+@numba.njit
+def squares(n):
+    return np.arange(n) ** 2
+
+
+@numba.njit
+def total(n):
+    return squares(n).sum()
+
+
+assert total(4) == 14
+assert squares(3).tolist() == [0, 1, 4]
+"""
+SUMS = [2 * 5 * 1 + 2 * 5 * 6 + 2 * 5 * 3, 2 * 5 * 4, 2 * 5 * 1 + 2 * 5 * 6]
+"""2 b for each of five places; the numbers of the table add 10 a call."""
+RIGHT = [SUMS[0] + 30.0, 5, SUMS[1] + 10.0, SUMS[2] + 20.0]
+
+
+@pytest.fixture
+def call(tmp_path):
+    (tmp_path / "linked.py").write_text(KERNELS)
+
+    def call(more=""):
+        result = subprocess.run(
+            [sys.executable, "-P", "-c", CALL + more],
+            env={**os.environ, FOLDER_VARIABLE: str(tmp_path), "PYTHONPATH": f"{ROOT}:{tmp_path}"},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return result.stdout.strip()
+
+    return call
+
+
+def of_kind(folder, kind):
+    return sorted(file.name.partition("-")[0] for file in folder.rglob(f"*-{kind}.*.nbc"))
+
+
+def test_each_function_is_translated_once_and_machine_code_is_made_of_what_python_calls(tmp_path, call):
+    found = call()
+    # By hand; whole numbers, so that there is no rounding.
+    assert found.startswith(f"[{RIGHT}".replace("'", '"'))
+    assert found.count("inner part") == found.count("twice part") == 1
+    assert of_kind(tmp_path, "part") == ["inner", "middle", "outer", "twice"]
+    assert of_kind(tmp_path, "entry") == ["inner", "middle", "outer"]
+    # Who compiles something else in such a process is not disturbed.
+    (tmp_path / "others.py").write_text(OTHERS)
+    file = next(tmp_path.rglob("middle-*-entry.1.nbc"))
+    file.unlink()
+    assert call("import others") == f"[{RIGHT}, ['middle entry']]".replace("'", '"')
+    # A second process compiles nothing.
+    assert call() == f"[{RIGHT}, []]"
+
+
+@pytest.mark.parametrize("lost", ["inner", "middle", "outer"])
+def test_parts_of_several_processes_are_linked(tmp_path, call, lost):
+    call()
+    for file in [*tmp_path.rglob("*-entry.*"), *tmp_path.rglob(f"{lost}-*-part.*")]:
+        file.unlink()
+    made = [f"{name} entry" for name in ("inner", "middle", "outer")]
+    assert call() == f"[{RIGHT}, {sorted([*made, f'{lost} part'])}]".replace("'", '"')
+    assert call() == f"[{RIGHT}, []]"
