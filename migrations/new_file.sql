@@ -129,18 +129,6 @@ CREATE TABLE workers (
 
 CREATE INDEX ix_attempts_ended_at ON attempts (ended_at);
 
-CREATE INDEX ix_solutions_created_at_id ON solutions (created_at, id);
-
-CREATE INDEX "ix_solutions_A_id" ON solutions ("A", id);
-
-CREATE INDEX "ix_solutions_C_id" ON solutions ("C", id);
-
-CREATE INDEX ix_solutions_period_id ON solutions (period, id);
-
-CREATE INDEX ix_solutions_energy_id ON solutions (energy, id);
-
-CREATE INDEX ix_solutions_error_id ON solutions (error, id);
-
 CREATE TABLE examinations (
 	"key" VARCHAR(64) NOT NULL, 
 	version VARCHAR(128) NOT NULL, 
@@ -164,18 +152,6 @@ CREATE TABLE idempotency_keys (
 );
 
 CREATE INDEX ix_idempotency_keys_created_at ON idempotency_keys (created_at);
-
-CREATE INDEX ix_solutions_filters ON solutions (family, method, tier, created_at, "A", "C", period, energy, error, "B", lambda_, drift, trace, seconds, stability, aperiodic, id);
-
-CREATE INDEX "ix_solutions_B_id" ON solutions ("B", id);
-
-CREATE INDEX ix_solutions_lambda__id ON solutions (lambda_, id);
-
-CREATE INDEX ix_solutions_drift_id ON solutions (drift, id);
-
-CREATE INDEX ix_solutions_trace_id ON solutions (trace, id);
-
-CREATE INDEX ix_solutions_seconds_id ON solutions (seconds, id);
 
 CREATE TABLE job_labels (
 	job_id CHAR(32) NOT NULL, 
@@ -250,10 +226,10 @@ CREATE TABLE "jobs" (
 	sweep_id CHAR(32), 
 	key_id CHAR(32), lane SMALLINT DEFAULT 0 NOT NULL CONSTRAINT ck_jobs_lane CHECK (lane IN (0, 1, 2)), turn DOUBLE DEFAULT '0' NOT NULL, examination VARCHAR(64), facts JSON, note VARCHAR(2000), changed_at DOUBLE DEFAULT '0' NOT NULL, examined_seconds DOUBLE, alone BOOLEAN DEFAULT 0 NOT NULL, 
 	CONSTRAINT pk_jobs PRIMARY KEY (id), 
+	CONSTRAINT fk_jobs_solution_id FOREIGN KEY(solution_id) REFERENCES solutions (id), 
 	CONSTRAINT ck_jobs_owner CHECK ((state = 'running') = (owner IS NOT NULL)), 
 	CONSTRAINT ck_jobs_lease CHECK ((state = 'running') = (lease_until IS NOT NULL)), 
 	CONSTRAINT ck_jobs_state CHECK (state IN ('queued', 'running', 'succeeded', 'failed', 'cancelled')), 
-	CONSTRAINT fk_jobs_solution_id FOREIGN KEY(solution_id) REFERENCES solutions (id), 
 	CONSTRAINT fk_jobs_sweep_id FOREIGN KEY(sweep_id) REFERENCES sweeps (id) ON DELETE CASCADE, 
 	CONSTRAINT ck_jobs_solution CHECK ((state = 'succeeded' AND kind = 'solve') = (solution_id IS NOT NULL)), 
 	CONSTRAINT ck_jobs_kind CHECK (kind IN ('solve', 'chunk', 'atlas')), 
@@ -285,5 +261,51 @@ CREATE TABLE atlases (
 	CONSTRAINT fk_atlases_job_id FOREIGN KEY(job_id) REFERENCES jobs (id) ON DELETE CASCADE
 );
 
-INSERT INTO alembic_version (version_num) VALUES ('0015');
+CREATE TABLE solution_numbers (
+	name TEXT NOT NULL, 
+	value DOUBLE NOT NULL, 
+	solution_id CHAR(32) NOT NULL, 
+	CONSTRAINT pk_solution_numbers PRIMARY KEY (name, value, solution_id)
+)
+ WITHOUT ROWID
+
+;
+
+CREATE TRIGGER solution_numbers_made AFTER INSERT ON solutions BEGIN INSERT INTO solution_numbers (name, value, solution_id) SELECT key, value, NEW.id FROM json_each(NEW.facts) WHERE type IN ('integer', 'real') AND key NOT IN ('/body/A', '/body/B', '/body/C', '/motion/lambda'); END;
+
+CREATE TRIGGER solution_numbers_gone AFTER DELETE ON solutions BEGIN DELETE FROM solution_numbers WHERE (name, value, solution_id) IN (SELECT key, value, OLD.id FROM json_each(OLD.facts) WHERE type IN ('integer', 'real') AND key NOT IN ('/body/A', '/body/B', '/body/C', '/motion/lambda')); END;
+
+CREATE INDEX ix_solutions_family_id ON solutions (family, id, method, tier, stability, aperiodic, created_at, "A", "B", "C", lambda_, period, energy, error, drift, trace, seconds);
+
+CREATE INDEX ix_solutions_method_id ON solutions (method, id, family, tier, stability, aperiodic, created_at, "A", "B", "C", lambda_, period, energy, error, drift, trace, seconds);
+
+CREATE INDEX ix_solutions_tier_id ON solutions (tier, id, family, method, stability, aperiodic, created_at, "A", "B", "C", lambda_, period, energy, error, drift, trace, seconds);
+
+CREATE INDEX ix_solutions_stability_id ON solutions (stability, id, family, method, tier, aperiodic, created_at, "A", "B", "C", lambda_, period, energy, error, drift, trace, seconds);
+
+CREATE INDEX ix_solutions_aperiodic_id ON solutions (aperiodic, id, family, method, tier, stability, created_at, "A", "B", "C", lambda_, period, energy, error, drift, trace, seconds);
+
+CREATE INDEX ix_solutions_created_at_id ON solutions (created_at, id, family, method, tier, stability, aperiodic, "A", "B", "C", lambda_, period, energy, error, drift, trace, seconds);
+
+CREATE INDEX "ix_solutions_A_id" ON solutions ("A", id, family, method, tier, stability, aperiodic, created_at, "B", "C", lambda_, period, energy, error, drift, trace, seconds);
+
+CREATE INDEX "ix_solutions_B_id" ON solutions ("B", id, family, method, tier, stability, aperiodic, created_at, "A", "C", lambda_, period, energy, error, drift, trace, seconds);
+
+CREATE INDEX "ix_solutions_C_id" ON solutions ("C", id, family, method, tier, stability, aperiodic, created_at, "A", "B", lambda_, period, energy, error, drift, trace, seconds);
+
+CREATE INDEX ix_solutions_lambda__id ON solutions (lambda_, id, family, method, tier, stability, aperiodic, created_at, "A", "B", "C", period, energy, error, drift, trace, seconds);
+
+CREATE INDEX ix_solutions_period_id ON solutions (period, id, family, method, tier, stability, aperiodic, created_at, "A", "B", "C", lambda_, energy, error, drift, trace, seconds);
+
+CREATE INDEX ix_solutions_energy_id ON solutions (energy, id, family, method, tier, stability, aperiodic, created_at, "A", "B", "C", lambda_, period, error, drift, trace, seconds);
+
+CREATE INDEX ix_solutions_error_id ON solutions (error, id, family, method, tier, stability, aperiodic, created_at, "A", "B", "C", lambda_, period, energy, drift, trace, seconds);
+
+CREATE INDEX ix_solutions_drift_id ON solutions (drift, id, family, method, tier, stability, aperiodic, created_at, "A", "B", "C", lambda_, period, energy, error, trace, seconds);
+
+CREATE INDEX ix_solutions_trace_id ON solutions (trace, id, family, method, tier, stability, aperiodic, created_at, "A", "B", "C", lambda_, period, energy, error, drift, seconds);
+
+CREATE INDEX ix_solutions_seconds_id ON solutions (seconds, id, family, method, tier, stability, aperiodic, created_at, "A", "B", "C", lambda_, period, energy, error, drift, trace);
+
+INSERT INTO alembic_version (version_num) VALUES ('0016');
 
