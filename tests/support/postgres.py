@@ -29,7 +29,7 @@ def binaries() -> Path:
 
 
 class PostgresServer:
-    """A server on a Unix socket in a folder of its own; started, stopped and restarted by tests."""
+    """A server on a Unix socket in a folder of its own, which may have one; tests stop and start it."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -40,10 +40,11 @@ class PostgresServer:
         if self._user is not None:
             account = pwd.getpwnam(self._user)
             os.chown(folder, account.pw_uid, account.pw_gid)
-        self._run(
-            "initdb", "-D", str(self._data), "-U", "polhode", "--auth=trust", "--encoding=UTF8",
-            "--locale=C", "--no-sync",
-        )  # fmt: skip
+        if not self._data.exists():
+            self._run(
+                "initdb", "-D", str(self._data), "-U", "polhode", "--auth=trust", "--encoding=UTF8",
+                "--locale=C", "--no-sync",
+            )  # fmt: skip
 
     def start(self) -> None:
         """Start, and wait until it answers."""

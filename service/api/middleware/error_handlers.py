@@ -27,6 +27,7 @@ from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeou
 from service.schemas.reading.faults import Fault, InvalidProblemError
 from service.schemas.sweep.reading import InvalidSweepError
 from service.storage.database.availability import is_away
+from service.storage.database.database import SearchTimeError
 
 _log = logging.getLogger(__name__)
 
@@ -62,6 +63,7 @@ def install(app: FastAPI) -> None:
         SweepFinishedError,
         StillAtWorkError,
         InUseError,
+        SearchTimeError,
     ):
         app.add_exception_handler(cause, respond)
     for limit in (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError):
@@ -138,6 +140,9 @@ def refusal_of(error: Exception) -> ApiError:
         case SandboxCrashError():
             detail = "the computation of the verdict crashed twice; a simpler formula may get one"
             return ApiError(unprocessable, "verdict_crashed", detail)
+        case SearchTimeError():
+            detail = f"{error}; ?estimate=true tells which part of the query takes long"
+            return ApiError(unprocessable, "query_time_limit", detail)
         case Exception() if is_away(error):
             detail = "the database cannot be reached at the moment; try again later"
             headers = {"Retry-After": str(RETRY_SECONDS)}

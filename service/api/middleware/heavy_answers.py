@@ -68,6 +68,8 @@ async def listed(
 ) -> Response:
     """Return a page of a list: in a place of heavy reads if its conditions or its order may take long."""
     query = listing.query
+    if query.is_estimated:
+        return listing.estimate()
     is_quick = all(each.subject.name in _INDEXED for each in query.conditions)
     is_by_age = all(key.subject.name in _AGE for key in query.order)
     if is_quick and is_by_age and query.offset <= _NEAR:

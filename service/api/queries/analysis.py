@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from pydantic import Field
 
-from service.api.queries.lists import WHERE
+from service.api.queries.lists import ESTIMATE, WHERE
 from service.api.queries.queries import Asked, QueryModel, refuse_if_any
 from service.schemas.query.conditions import Condition, Subject
 from service.schemas.query.facts import Fact
@@ -28,6 +28,7 @@ class FacetsQuery(QueryModel):
         default=None, description="Facts such as `family,tier`, or pointers; each is counted by itself."
     )
     limit: int = Field(default=50, ge=1, le=1000, description="Values of each at most, the most frequent.")
+    estimate: bool = Field(default=False, description=ESTIMATE)
 
 
 class StatisticsQuery(QueryModel):
@@ -40,6 +41,7 @@ class StatisticsQuery(QueryModel):
     )
     bins: int = Field(default=0, ge=0, le=MOST_BINS, description="Bins of a histogram; none if left out.")
     limit: int = Field(default=20, ge=1, le=200, description="Groups at most, the largest.")
+    estimate: bool = Field(default=False, description=ESTIMATE)
 
 
 @dataclass(frozen=True, slots=True)

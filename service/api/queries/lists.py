@@ -1,6 +1,6 @@
 """Reads what a list is asked for: conditions, order, columns, and which page."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Literal, Protocol, TypeVar
@@ -19,7 +19,10 @@ from service.schemas.query.list_query import ID, ListQuery
 from service.schemas.query.order import read_columns, read_order
 from service.schemas.query.where import read_where
 from service.schemas.reading.faults import Fault
+from service.schemas.replies.analysis import EstimateOut, SlowPart
 from service.schemas.replies.response_model import ResponseModel
+from service.storage.database.database import SEARCH_SECONDS
+from service.storage.searching.narrowing import slow_parts
 from service.storage.searching.sources import Source
 
 NEWEST_FIRST = (OrderKey(ID, descending=True),)
@@ -29,6 +32,11 @@ WHERE = (
     " with commas between or repeated: all must hold. See docs/queries.md."
 )
 
+
+ESTIMATE = (
+    'Nothing is read: the answer is `{"slow": [{"pointer", "why"}], "seconds"}`, what of the query takes long'
+    " over many rows, and after how many seconds it is stopped."
+)
 
 FARTHEST = 10**9
 """Rows that a request may leave out, or ask for, at most: more than any list has."""
@@ -59,6 +67,7 @@ class AskingQuery(QueryModel):
         description="`exact`: with `total`, also where it takes time: with `where` and `after` it is null if"
         " this is left out.",
     )
+    estimate: bool = Field(default=False, description=ESTIMATE)
 
 
 AnyAsking = TypeVar("AnyAsking", bound=AskingQuery)
@@ -82,6 +91,11 @@ class Listing:
         if place is None:
             return None
         return next_page(request, cursor_of(self.source.name, self.query, place))
+
+    def estimate(self) -> Response:
+        """Return what of it takes long, as an answer."""
+        query = self.query
+        return estimate_of(slow_parts(self.source, query.conditions, query.keys))
 
     def rows(self, values: Sequence[Sequence[Value | None]]) -> list[dict[str, Value | None]]:
         """Return the items that hold the wanted columns only."""
@@ -133,6 +147,12 @@ def page_answer(
     return json_response(model.model_validate(document), headers=link_to(following))
 
 
+def estimate_of(found: Iterable[tuple[str, str]]) -> Response:
+    """Return what of a query takes long, as an answer."""
+    slow = [SlowPart(pointer=pointer, why=why) for pointer, why in found]
+    return json_response(EstimateOut(slow=slow, seconds=SEARCH_SECONDS))
+
+
 def read_listing(
     asked: Asked[AnyAsking],
     source: Source,
@@ -166,6 +186,7 @@ def read_listing(
         given.limit,
         given.offset,
         is_counted=given.count == "exact" or not (given.where or given.after),
+        is_estimated=given.estimate,
     )
     if given.after is None:
         return Listing(source, query)

@@ -53,6 +53,7 @@ TITLES: Mapping[str, str] = {
     "invalid_patch": "The change is not valid",
     "passage_undecided": "The motion beyond a pole is undecided",
     "period_needed": "The motion has no period",
+    "query_time_limit": "The query takes too long",
     "request_timeout": "The request came too slowly",
     "role_insufficient": "The key's role does not allow this",
     "flat_zero": "A zero of p² has no finite order",

@@ -8,12 +8,14 @@ from fastapi import APIRouter, Depends, Request, Response
 from service.api.dependencies import Inside
 from service.api.middleware.heavy_answers import heavy
 from service.api.queries.analysis import FacetsQuery, StatisticsQuery, read_facets, read_statistics
+from service.api.queries.lists import estimate_of
 from service.api.queries.points import vocabulary_of
 from service.api.queries.queries import Asked, asked_of, query_parameters
 from service.api.replies.places import SweepId
 from service.api.replies.responses import json_response, refusals
 from service.schemas.query.conditions import Subject
 from service.schemas.replies.analysis import (
+    EstimateOut,
     FacetOut,
     FacetsOut,
     FacetValueOut,
@@ -23,12 +25,15 @@ from service.schemas.replies.analysis import (
 )
 from service.schemas.sweep.reading import read_sweep
 from service.storage.database.database import Database
+from service.storage.searching.narrowing import slow_parts
 from service.storage.searching.sources import OF_JOB_ROWS, OF_SOLUTION_ROWS, Source
 from service.storage.searching.statistics import Facet, Statistic, facets, statistics
 from service.storage.sweeps.point_reader import PointReader
 from service.storage.sweeps.point_statistics import PointTable
 
 router = APIRouter(prefix="/v1")
+
+_ALL_POINTS = (("?where", "points have no index: all that are computed are read"),)
 
 FacetsAsked = Annotated[Asked[FacetsQuery], Depends(asked_of(FacetsQuery))]
 StatisticsAsked = Annotated[Asked[StatisticsQuery], Depends(asked_of(StatisticsQuery))]
@@ -37,7 +42,7 @@ StatisticsAsked = Annotated[Asked[StatisticsQuery], Depends(asked_of(StatisticsQ
 @router.get(
     "/solutions/facets",
     tags=["solutions"],
-    response_model=FacetsOut,
+    response_model=FacetsOut | EstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(FacetsQuery, "by"),
 )
@@ -50,7 +55,7 @@ def get_solution_facets(request: Request, asked: FacetsAsked, inside: Inside) ->
 @router.get(
     "/jobs/facets",
     tags=["jobs"],
-    response_model=FacetsOut,
+    response_model=FacetsOut | EstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(FacetsQuery, "by"),
 )
@@ -63,7 +68,7 @@ def get_job_facets(request: Request, asked: FacetsAsked, inside: Inside) -> Resp
 @router.get(
     "/sweeps/{sweep_id}/points/facets",
     tags=["sweeps"],
-    response_model=FacetsOut,
+    response_model=FacetsOut | EstimateOut,
     responses=refusals(404),
     openapi_extra=query_parameters(FacetsQuery, "by"),
 )
@@ -73,6 +78,8 @@ def get_point_facets(request: Request, sweep_id: SweepId, asked: FacetsAsked, in
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     analysis = read_facets(asked, vocabulary_of(sweep))
+    if asked.parameters.estimate:
+        return estimate_of(_ALL_POINTS)
     table = PointTable(PointReader(inside.sweeps, record.id, sweep, with_series=False), analysis.conditions)
     return _facets(table.facet(subject.name, asked.parameters.limit) for subject in analysis.by)
 
@@ -80,7 +87,7 @@ def get_point_facets(request: Request, sweep_id: SweepId, asked: FacetsAsked, in
 @router.get(
     "/solutions/statistics",
     tags=["solutions"],
-    response_model=StatisticsOut,
+    response_model=StatisticsOut | EstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
@@ -93,7 +100,7 @@ def get_solution_statistics(request: Request, asked: StatisticsAsked, inside: In
 @router.get(
     "/jobs/statistics",
     tags=["jobs"],
-    response_model=StatisticsOut,
+    response_model=StatisticsOut | EstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
@@ -106,7 +113,7 @@ def get_job_statistics(request: Request, asked: StatisticsAsked, inside: Inside)
 @router.get(
     "/sweeps/{sweep_id}/points/statistics",
     tags=["sweeps"],
-    response_model=StatisticsOut,
+    response_model=StatisticsOut | EstimateOut,
     responses=refusals(404),
     openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
@@ -118,6 +125,8 @@ def get_point_statistics(
     record = inside.sweeps.get(sweep_id)
     sweep = read_sweep(record.document)
     analysis = read_statistics(asked, vocabulary_of(sweep))
+    if asked.parameters.estimate:
+        return estimate_of(_ALL_POINTS)
     table = PointTable(PointReader(inside.sweeps, record.id, sweep, with_series=False), analysis.conditions)
     by, query = _name(analysis.by), asked.parameters
     return _statistics(
@@ -129,14 +138,19 @@ def get_point_statistics(
 
 def _facets_of_rows(asked: Asked[FacetsQuery], database: Database, source: Source) -> Response:
     analysis = read_facets(asked, source.vocabulary)
-    with database.read() as session:
+    if asked.parameters.estimate:
+        return estimate_of(slow_parts(source, analysis.conditions, read={"?by": analysis.by}))
+    with database.search() as session:
         return _facets(facets(session, source, analysis.conditions, analysis.by, asked.parameters.limit))
 
 
 def _statistics_of_rows(asked: Asked[StatisticsQuery], database: Database, source: Source) -> Response:
     analysis, query = read_statistics(asked, source.vocabulary), asked.parameters
     by = analysis.by[0] if analysis.by else None
-    with database.read() as session:
+    if query.estimate:
+        read = {"?of": analysis.of, "?by": analysis.by}
+        return estimate_of(slow_parts(source, analysis.conditions, read=read))
+    with database.search() as session:
         found = statistics(
             session, source, analysis.conditions, analysis.of, by, bins=query.bins, groups=query.limit
         )

@@ -37,6 +37,7 @@ from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.problem.problem import problem_digest
 from service.schemas.query.list_query import in_state
+from service.schemas.replies.analysis import EstimateOut
 from service.schemas.replies.job import JobOut, JobPageOut
 from service.storage.searching.sources import OF_ATLAS_ROWS
 from service.verdicts.atlases import examine_atlas, examine_setting
@@ -181,7 +182,12 @@ async def _queue(asked: _Checked, inside: Resources, terms: SubmissionTerms) -> 
     return await queue(inside, terms, store, show, in_time=HTTPStatus.ACCEPTED)
 
 
-@router.get("", response_model=JobPageOut, responses=refusals(), openapi_extra=query_parameters(JobsQuery))
+@router.get(
+    "",
+    response_model=JobPageOut | EstimateOut,
+    responses=refusals(),
+    openapi_extra=query_parameters(JobsQuery),
+)
 async def list_atlases(
     request: Request, asked: Annotated[Asked[JobsQuery], Depends(asked_of(JobsQuery))], inside: Inside
 ) -> Response:

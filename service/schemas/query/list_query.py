@@ -23,6 +23,8 @@ class ListQuery:
     """The values of the order's columns, id included, in the row before the page."""
     is_counted: bool = True
     """Whether the number of all such rows is wanted."""
+    is_estimated: bool = False
+    """Whether it is only asked what of it takes long."""
 
     @property
     def keys(self) -> tuple[OrderKey, ...]:

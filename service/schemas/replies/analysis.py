@@ -56,3 +56,17 @@ class StatisticsOut(ResponseModel):
     """Statistics of some numbers."""
 
     items: list[StatisticOut] = Field(description="Each number, group by group, the largest group first.")
+
+
+class SlowPart(ResponseModel):
+    """A part of a query that takes long over many rows."""
+
+    pointer: str = Field(description="The parameter.")
+    why: str = Field(description="The reason, in words.")
+
+
+class EstimateOut(ResponseModel):
+    """The parts of a query that take long, without its answer."""
+
+    slow: list[SlowPart] = Field(description="None: whatever the number of rows, it is answered at once.")
+    seconds: float = Field(description="After so long a query is stopped.")

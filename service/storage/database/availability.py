@@ -39,6 +39,7 @@ _POSTGRES_AWAY = (
     "58",  # the system below: input and output
 )
 """Prefixes of the SQLSTATE codes of temporary errors."""
+_POSTGRES_STOPPED = "57014"
 
 
 def is_away(error: BaseException) -> bool:
@@ -52,6 +53,13 @@ def is_away(error: BaseException) -> bool:
         case sqlite3.Error():
             return _sqlite_is_away(error)
     return is_postgres_error(error) and _postgres_is_away(error)
+
+
+def is_stopped(error: BaseException) -> bool:
+    """Tell whether a statement was stopped because it took long."""
+    if isinstance(error, sqlite3.Error):
+        return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_INTERRUPT
+    return is_postgres_error(error) and error.sqlstate == _POSTGRES_STOPPED
 
 
 def _sqlite_is_away(error: sqlite3.Error) -> bool:

@@ -13,6 +13,7 @@ FULL costs one fsync a commit (0.3 ms on the disk it was measured on).
 import json
 import sqlite3
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from contextvars import ContextVar
@@ -23,6 +24,7 @@ from sqlalchemy import Connection, Engine, create_engine, event, exc, make_url
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
+from service.storage.database.availability import is_stopped
 from service.storage.database.faults import chosen_fault
 from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFile, DatabaseFileError, file_of
 
@@ -37,6 +39,10 @@ BUSY_SECONDS = 30.0
 """How long a writer waits for another writer of SQLite; ``?timeout=…`` in the URL overrides it."""
 CONNECT_SECONDS = 10
 """How long a Postgres server may take to answer; ``?connect_timeout=…`` in the URL overrides it."""
+SEARCH_SECONDS = 10.0
+"""Seconds that a query of a client may take of the database."""
+_STEPS = 100_000
+"""Steps of SQLite's machine, made in some milliseconds, after which it looks at the clock."""
 IDLE_SECONDS = 60
 """Postgres ends a transaction, and releases its locks, that has been idle for so long."""
 _INTERRUPT_SECONDS = 5.0
@@ -124,6 +130,13 @@ def _interrupt(driver: object) -> None:
             driver.cancel_safe(timeout=_INTERRUPT_SECONDS)
 
 
+class SearchTimeError(Exception):
+    """A query takes longer than it may."""
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(f"the database was stopped after {seconds:g} seconds")
+
+
 class Database:
     """An engine with a way to read and a way to write. Safe to share between threads, not across a fork.
 
@@ -141,6 +154,24 @@ class Database:
         """Open a transaction that sees one state of the database and changes nothing."""
         with Session(self.engine) as session, _interruptible(session.connection):
             yield session
+
+    @contextmanager
+    def search(self, seconds: float = SEARCH_SECONDS) -> Iterator[Session]:
+        """Open a transaction as :meth:`read` does, whose statements are stopped where they take long.
+
+        Raises
+        ------
+        SearchTimeError
+            A statement was stopped after ``seconds``: on SQLite after all so far have taken as long.
+        """
+        with self.read() as session:
+            try:
+                with _stopped_after(session, seconds):
+                    yield session
+            except exc.DBAPIError as fault:
+                if fault.orig is not None and is_stopped(fault.orig):
+                    raise SearchTimeError(seconds) from fault
+                raise
 
     @contextmanager
     def read_rows(self) -> Iterator[Connection]:
@@ -184,6 +215,23 @@ class Database:
     def close(self) -> None:
         """Close every pooled connection."""
         self.engine.dispose()
+
+
+@contextmanager
+def _stopped_after(session: Session, seconds: float) -> Iterator[None]:
+    connection = session.connection()
+    if is_postgres(connection):
+        # Until the end of the transaction.
+        connection.exec_driver_sql(f"SET LOCAL statement_timeout = {round(1000 * seconds)}")
+        yield
+        return
+    driver, end = connection.connection.driver_connection, time.monotonic() + seconds
+    assert isinstance(driver, SqliteConnection)
+    driver.set_progress_handler(lambda: time.monotonic() > end, _STEPS)
+    try:
+        yield
+    finally:
+        driver.set_progress_handler(None, 0)
 
 
 def is_postgres(connection: Connection) -> bool:

@@ -21,6 +21,7 @@ from service.storage.database.revisions import (
     stored_revision,
 )
 from service.storage.tables.schema import METADATA
+from service.storage.tables.solutions import triggers
 
 _EXPECTED = (
     SQLAlchemyError,
@@ -90,6 +91,8 @@ def _make_tables(engine: Engine) -> None:
         if stored_revision(connection) is not None:
             return
         METADATA.create_all(connection, checkfirst=False)
+        for statement in triggers(engine.dialect.name):
+            connection.exec_driver_sql(statement)
         connection.execute(text(_STAMP))
         connection.execute(text("INSERT INTO alembic_version VALUES (:it)"), {"it": newest_revision()})
 

@@ -13,7 +13,7 @@ from service.storage.tables.jobs import JobRow
 
 def page_of_jobs(database: Database, source: Source, query: ListQuery) -> JobPage:
     """Return one page of the jobs that match; only the wanted columns of them, if there are any."""
-    with database.read() as session:
+    with database.search() as session:
         found = find(session, source, query)
         rows = [] if query.columns else rows_of_page(session, JobRow, found.ids)
         jobs = tuple(map(job_of, rows, marks_of(session, rows)))

@@ -4,7 +4,8 @@ import operator
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any  # SQL expressions of some type
 
-from sqlalchemy import ColumnElement, Double, Select, bindparam, false, select
+from sqlalchemy import ColumnClause, ColumnElement, Double, Select, UnaryExpression, bindparam, false, select
+from sqlalchemy.sql.operators import custom_op
 
 from service.schemas.query.conditions import Condition, Value
 from service.schemas.query.kinds import Kind
@@ -20,26 +21,50 @@ _COMPARE: Mapping[str, Callable[[Any, Any], ColumnElement[bool]]] = {
 }
 
 
-def conditions_of(source: Source, conditions: Sequence[Condition]) -> list[ColumnElement[bool]]:
-    """Return the SQL of all conditions, each of which must hold, and of what every listed row meets."""
-    return [*source.always, *(_condition(source, each) for each in conditions)]
+def conditions_of(
+    source: Source, conditions: Sequence[Condition], *, is_test: bool = False
+) -> list[ColumnElement[bool]]:
+    """Return the SQL of conditions, each of which must hold.
 
-
-def labelled(source: Source, condition: Condition) -> Select[str]:
-    """Return the statement that finds the ids of the rows whose label meets a condition, in an index.
-
-    The label may have any name but no missing value: a row without it is not among them.
+    ``is_test`` if rows that have been found otherwise are tested: SQLite then takes no index for them.
     """
-    labels = source.labels
-    meets = _compared(labels.value.expression, condition)
-    return select(labels.owner_id).where(labels.key == condition.subject.name, meets)
+    return [_condition(source, each, is_test) for each in conditions]
 
 
-def _condition(source: Source, condition: Condition) -> ColumnElement[bool]:
-    if condition.subject.place == "label" and condition.operator != "is null":
+def found_in_index(source: Source, about: Sequence[Condition]) -> Select[str]:
+    """Return the statement that finds, in one index, the ids of the rows that meet conditions on one subject.
+
+    The subject may have a table of its own, such as a label: a row without a value is not among them.
+    """
+    subject = about[0].subject
+    table = source.attached(subject)
+    if table is None:
+        return select(source.row.id).where(*source.always, *conditions_of(source, about))
+    meet = values_meet(table.value.expression, about)
+    return select(table.owner_id).where(table.key == source.key_of(subject), *meet)
+
+
+def values_meet(value: Expression, about: Sequence[Condition]) -> list[ColumnElement[bool]]:
+    """Return the SQL of conditions on one subject whose value is an expression."""
+    return [_compared(value, condition) for condition in about]
+
+
+def untouched(expression: Expression) -> Expression:
+    """Return a column as SQLite reads it without choosing an index for it."""
+    if not isinstance(expression, ColumnClause):
+        return expression
+    plain: Expression = UnaryExpression(expression, operator=custom_op("+"), type_=expression.type)
+    return plain
+
+
+def _condition(source: Source, condition: Condition, is_test: bool) -> ColumnElement[bool]:
+    subject = condition.subject
+    if is_test:
+        return _compared(untouched(source.expression(subject)), condition)
+    if subject.place == "label" and condition.operator != "is null":
         # Read from the index of labels, which has few rows where few meet it.
-        return source.row.id.in_(labelled(source, condition))
-    return _compared(source.expression(condition.subject), condition)
+        return source.row.id.in_(found_in_index(source, [condition]))
+    return _compared(source.expression(subject), condition)
 
 
 def _compared(expression: Expression, condition: Condition) -> ColumnElement[bool]:

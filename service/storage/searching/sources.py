@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any  # SQL expressions of some type
 
-from sqlalchemy import ColumnElement, Integer, literal_column, select
+from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import InstrumentedAttribute
 
 from service.jobs.states import JobKind
@@ -19,7 +19,7 @@ from service.schemas.query.subjects import Vocabulary
 from service.storage.tables.audits import AuditRow
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.labels import LABELS_OF, AnyLabelRow
-from service.storage.tables.solutions import SolutionRow
+from service.storage.tables.solutions import SolutionNumberRow, SolutionRow
 from service.storage.tables.sweeps import SweepRow
 
 Expression = ColumnElement[Any]
@@ -46,8 +46,10 @@ class Source:
     """Facts and pointers that have an index of their own, and may be met by few rows."""
     always: tuple[ColumnElement[bool], ...] = ()
     """Conditions that every listed row meets."""
-    walked: frozenset[str] = frozenset()
-    """Facts and pointers whose index has the id as its second column, or the id itself."""
+    covering: frozenset[str] = frozenset()
+    """Facts and pointers whose index goes on with the id and has all that is asked for often."""
+    numbers: type[SolutionNumberRow] | None = None
+    """The table of the numbers of the problem that have no column."""
 
     def expression(self, subject: Subject) -> Expression:
         """Return the SQL of a subject."""
@@ -68,10 +70,27 @@ class Source:
         owned = labels.owner_id == self.row.id, labels.key == key
         return select(labels.value).where(*owned).scalar_subquery()
 
-    @property
-    def rowid(self) -> ColumnElement[int]:
-        """The number under which SQLite keeps a row, and finds it without an index."""
-        return literal_column(f"{self.row.__tablename__}.rowid", Integer())
+    def attached(self, subject: Subject) -> type[AnyLabelRow] | type[SolutionNumberRow] | None:
+        """Return the table that has the values of a subject alone, with an index; None if there is none."""
+        if subject.place == "label":
+            return self.labels
+        return self.numbers if self._has_number(subject) else None
+
+    def _has_number(self, subject: Subject) -> bool:
+        return self.numbers is not None and subject.place == "pointer" and subject.name not in self.columns
+
+    def is_covered(self, subject: Subject) -> bool:
+        """Tell whether the indexes of others have a subject, too."""
+        return subject.place != "label" and (subject.name in self.covering or subject.name == "id")
+
+    def has_index_of(self, subject: Subject) -> bool:
+        """Tell whether a page in the order of a subject is read in an index that SQLite must be led to."""
+        return bool(self.covering) and (subject.place == "pointer" or self.is_covered(subject))
+
+    @staticmethod
+    def key_of(subject: Subject) -> str:
+        """Return the key of a subject in its table."""
+        return subject.name if subject.place == "label" else stored_name(subject.name)
 
     @property
     def labels(self) -> type[AnyLabelRow]:
@@ -97,11 +116,12 @@ _RESULTS: Mapping[str, InstrumentedAttribute[Any]] = {
 }
 assert set(_RESULTS) == set(OF_RESULTS)
 
-_IN_ORDER = frozenset(
-    {"id", "created_at", "A", "B", "C", "period", "energy", "error", "drift", "trace", "seconds"}
+_COVERING = frozenset(
+    {"family", "method", "tier", "stability.verdict", "aperiodic"}
+    | {"created_at", "A", "B", "C", "period", "energy", "error", "drift", "trace", "seconds"}
     | {"/body/A", "/body/B", "/body/C", "/motion/lambda"}
 )
-"""Facts and pointers of solutions that have an index which begins with them and goes on with the id."""
+"""Facts and pointers of solutions that have such an index."""
 
 OF_SOLUTION_ROWS = Source(
     "solutions",
@@ -127,8 +147,9 @@ OF_SOLUTION_ROWS = Source(
         "/motion/lambda": SolutionRow.lambda_.expression,
     },
     frozenset({"id", "job", "digest", "created_at"}),
-    _IN_ORDER | {"job", "digest"},
-    walked=_IN_ORDER,
+    _COVERING | {"id", "job", "digest"},
+    covering=_COVERING,
+    numbers=SolutionNumberRow,
 )
 OF_JOB_ROWS = Source(
     "jobs",

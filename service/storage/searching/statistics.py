@@ -6,20 +6,22 @@ quarters) of them do not exceed; so it is exact, and the same on every database.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any  # subqueries with columns of some type
+from typing import Any  # values and expressions of some type
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import ColumnElement, Double, Subquery, bindparam, case, func, select
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from service.schemas.query.conditions import Condition, Subject, Value
 from service.schemas.query.kinds import Kind
-from service.storage.searching.conditions import conditions_of
+from service.storage.searching.narrowing import met
 from service.storage.searching.sources import Source
 
 FloatArray = NDArray[np.float64]
 QUARTERS = (1, 2, 3)
+_PART = 10_000
+"""Rows that are read at a time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +58,18 @@ def facets(
     session: Session, source: Source, conditions: Sequence[Condition], by: Sequence[Subject], limit: int
 ) -> Iterator[Facet]:
     """Yield for each of the subjects its ``limit`` most frequent values."""
+    given = met(session, source, conditions)
     for subject in by:
         # In a subquery, so that the expression has one set of parameters: Postgres compares them by place.
-        rows = _rows(source, conditions, {"value": subject})
-        number = func.count().label("number")
-        counted = select(rows.c.value, number).group_by(rows.c.value)
-        found = session.execute(counted.order_by(number.desc(), *_in_order(rows.c.value)).limit(limit)).all()
-        total = session.scalar(select(func.count()).select_from(rows)) or 0
-        values = tuple((_plain(subject, value), int(count)) for value, count in found)
+        value = source.expression(subject).label("value")
+        rows = select(value).select_from(source.row).where(*given).subquery()
+        number = func.count()
+        order = number.desc(), rows.c.value.is_(None), rows.c.value
+        # The sum is that of all values, before the most frequent are taken.
+        counted = select(rows.c.value, number, func.sum(number).over()).group_by(rows.c.value)
+        found = session.execute(counted.order_by(*order).limit(limit)).all()
+        total = int(found[0][2]) if found else 0
+        values = tuple((_plain(subject, value), int(count)) for value, count, _ in found)
         yield Facet(subject.text, values, total - sum(count for _, count in values))
 
 
@@ -77,35 +83,30 @@ def statistics(
     bins: int,
     groups: int,
 ) -> Iterator[Statistic]:
-    """Yield the statistics of each number in each of the ``groups`` largest groups."""
-    for subject in of:
-        wanted = {"number": subject} if by is None else {"number": subject, "value": by}
-        rows = _rows(source, conditions, wanted)
-        whole = func.count(), func.count(rows.c.number), func.min(rows.c.number), func.max(rows.c.number)
+    """Yield the statistics of each number in each of the ``groups`` largest groups.
+
+    All rows that meet the conditions are read once, and sorted here: in SQL each quartile and each edge of
+    a bin is a walk through all of them.
+    """
+    subjects = of if by is None else (*of, by)
+    selected: list[Any] = [source.expression(each).label(f"value_{k}") for k, each in enumerate(subjects)]
+    statement = select(*selected).select_from(source.row).where(*met(session, source, conditions))
+    numbers: list[list[FloatArray]] = [[np.empty(0)] for _ in of]
+    groups_of, codes = [np.empty(0, np.intp)], dict[Any, int]()
+    for part in session.execute(statement, execution_options={"yield_per": _PART}).partitions():
+        *columns, last = zip(*part, strict=True) if by is not None else (*zip(*part, strict=True), ())
+        for kept, column in zip(numbers, columns, strict=True):
+            kept.append(np.array(column, dtype=np.float64))
+        groups_of.append(np.fromiter((codes.setdefault(each, len(codes)) for each in last), np.intp))
+    group, arrays = np.concatenate(groups_of), [np.concatenate(parts) for parts in numbers]
+    sizes = np.bincount(group, minlength=len(codes)).tolist()
+    largest_first = sorted(codes, key=lambda value: (-sizes[codes[value]], value is None, value or 0))
+    for subject, array in zip(of, arrays, strict=True):
         if by is None:
-            found: list[Any] = [(None, *session.execute(select(*whole)).one())]
-        else:
-            statement = select(rows.c.value, *whole).group_by(rows.c.value)
-            largest_first = statement.order_by(whole[0].desc(), *_in_order(rows.c.value)).limit(groups)
-            found = list(session.execute(largest_first).all())
-        for value, total, count, smallest, largest in found:
-            group = [] if by is None else [_is(rows.c.value, value)]
-            edges: tuple[float, ...] = ()
-            counts: tuple[int, ...] = ()
-            if count and bins:
-                edges = bin_edges(smallest, largest, bins)
-                counts = _histogram(session, rows, group, edges)
-            yield Statistic(
-                subject.text,
-                None if by is None else _plain(by, value),
-                total,
-                count,
-                None if smallest is None else float(smallest),
-                _quartiles(session, rows, group, count) if count else None,
-                None if largest is None else float(largest),
-                edges,
-                counts,
-            )
+            yield statistic_of(subject.text, None, array, bins)
+        for value in largest_first[:groups]:
+            of_group = array[group == codes[value]]
+            yield statistic_of(subject.text, _plain(by, value) if by else None, of_group, bins)
 
 
 def statistic_of(name: str, group: Value | None, numbers: FloatArray, bins: int) -> Statistic:
@@ -133,44 +134,6 @@ def bin_edges(smallest: float, largest: float, bins: int) -> tuple[float, ...]:
     if smallest == largest:
         return (float(smallest), float(largest))
     return tuple(np.linspace(smallest, largest, bins + 1).tolist())
-
-
-def _rows(source: Source, conditions: Sequence[Condition], wanted: dict[str, Subject]) -> Subquery:
-    columns: list[Any] = [source.expression(subject).label(name) for name, subject in wanted.items()]
-    return select(*columns).select_from(source.row).where(*conditions_of(source, conditions)).subquery()
-
-
-def _in_order(value: ColumnElement[Any]) -> list[ColumnElement[Any]]:
-    return [value.is_(None), value]
-
-
-def _is(column: ColumnElement[Any], value: object) -> ColumnElement[bool]:
-    same: ColumnElement[bool] = column.is_(None) if value is None else column == value
-    return same
-
-
-def _quartiles(
-    session: Session, rows: Subquery, group: Sequence[ColumnElement[bool]], count: int
-) -> tuple[float, float, float]:
-    in_order = (
-        select(rows.c.number).where(rows.c.number.is_not(None), *group).order_by(rows.c.number).limit(1)
-    )
-    first, middle, third = (
-        float(session.scalars(in_order.offset(quartile_rank(count, quarter))).one()) for quarter in QUARTERS
-    )
-    return first, middle, third
-
-
-def _histogram(
-    session: Session, rows: Subquery, group: Sequence[ColumnElement[bool]], edges: Sequence[float]
-) -> tuple[int, ...]:
-    """Count by comparisons with the edges, which mean the same on every database; roundings may not."""
-    below = [
-        func.sum(case((rows.c.number < bindparam(None, edge, type_=Double()), 1), else_=0))
-        for edge in edges[1:-1]
-    ]
-    counted = select(*below, func.count(rows.c.number)).where(*group)
-    return tuple(np.diff([0, *map(int, session.execute(counted).one())]).tolist())
 
 
 def _plain(subject: Subject, value: Any) -> Value | None:  # noqa: ANN401

@@ -83,7 +83,7 @@ class SolutionStore:
 
     def find(self, query: ListQuery) -> SolutionPage:
         """Return one page of the solutions that match; only the wanted columns, if there are any."""
-        with self._database.read() as session:
+        with self._database.search() as session:
             found = find(session, OF_SOLUTION_ROWS, query)
             rows = [] if query.columns else rows_of_page(session, SolutionRow, found.ids)
             solutions = tuple(map(solution_of, rows, marks_of(session, rows)))

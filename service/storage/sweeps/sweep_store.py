@@ -108,7 +108,7 @@ class SweepStore:
 
     def find(self, query: ListQuery) -> SweepPage:
         """Return one page of the sweeps that match; only the wanted columns of them, if there are any."""
-        with self._database.read() as session:
+        with self._database.search() as session:
             found = find(session, OF_SWEEP_ROWS, query)
             rows = (
                 [] if query.columns else rows_of_page(session, SweepRow, found.ids, defer(SweepRow.document))

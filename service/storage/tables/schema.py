@@ -7,7 +7,7 @@ from service.storage.tables.examinations import ExaminationRow
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
 from service.storage.tables.operations import ApiKeyRow, CalibrationRow, IdempotencyKeyRow, WorkerRow
-from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionNumberRow, SolutionRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
 TABLES: tuple[type[Base], ...] = (
@@ -17,6 +17,7 @@ TABLES: tuple[type[Base], ...] = (
     CalibrationRow,
     ExaminationRow,
     SolutionRow,
+    SolutionNumberRow,
     DenseOutputRow,
     SamplesRow,
     SweepRow,

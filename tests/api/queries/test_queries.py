@@ -1,5 +1,7 @@
 """Queries: every fault at once, each with what would have been accepted."""
 
+from contextlib import contextmanager
+
 import pytest
 from starlette.datastructures import QueryParams
 
@@ -8,6 +10,7 @@ from service.api.routes.jobs import SubmitQuery
 from service.api.routes.solutions.solutions import SolutionsQuery
 from service.api.routes.solutions.trajectory import TrajectoryQuery
 from service.schemas.problem.potentials import MODELS
+from service.storage.database.database import SEARCH_SECONDS, Database, SearchTimeError
 from tests.support.api import PLANAR
 
 pytestmark = pytest.mark.any_database
@@ -118,3 +121,41 @@ def test_times_and_columns_of_a_trajectory_are_judged_together(client, stored):
 def test_every_unknown_column_of_a_trajectory_is_told(client, stored):
     response = client.get(f"/v1/solutions/{stored.solution_id}/trajectory?columns=g4,t,g5")
     assert [fault["message"].split("'")[1] for fault in response.json()["errors"]] == ["g4", "g5"]
+
+
+@pytest.mark.parametrize(
+    ("path", "slow"),
+    [
+        ("solutions?where=period<5&order=-energy", set()),
+        ("solutions?where=/potential/a<5,label.run=6&order=/potential/b/0", set()),
+        ("solutions?where=period!=5,attempt>1", {"?where"}),
+        ("solutions?order=attempt", {"?order"}),
+        ("solutions/facets?by=family,/potential/a", {"?by"}),
+        ("solutions/statistics?of=period,/potential/a&by=tier", {"?of"}),
+        ("jobs?where=period<5", {"?where"}),
+        ("jobs/facets?by=state", {"?by"}),
+        ("sweeps?order=points", {"?order"}),
+    ],
+)
+def test_an_estimate_tells_what_takes_long_and_reads_nothing(client, monkeypatch, path, slow):
+    monkeypatch.setattr(Database, "search", None)
+    answer = client.get(f"/v1/{path}&estimate=true")
+    assert answer.status_code == 200, answer.text
+    document = answer.json()
+    assert {part["pointer"] for part in document["slow"]} == slow
+    assert document["seconds"] == SEARCH_SECONDS
+    # Each part is named.
+    assert all(part["why"] for part in document["slow"])
+
+
+def test_a_query_that_takes_long_is_stopped_and_told(client, monkeypatch):
+    @contextmanager
+    def search(database):
+        raise SearchTimeError(10.0)
+        yield
+
+    monkeypatch.setattr(Database, "search", search)
+    for path in ("solutions", "jobs", "sweeps", "solutions/facets?by=family", "jobs/statistics?of=period"):
+        answer = client.get(f"/v1/{path}")
+        assert (answer.status_code, answer.json()["type"]) == (422, "urn:polhode:problem:query_time_limit")
+        assert "estimate=true" in answer.json()["detail"]

@@ -6,12 +6,12 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from sqlalchemy import select
+from sqlalchemy import select, text
 from sqlalchemy.exc import DBAPIError, StatementError
 
 from service.storage.database.availability import is_away
 from service.storage.database.clock import DatabaseNow
-from service.storage.database.database import Database
+from service.storage.database.database import Database, SearchTimeError
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.tables.jobs import JobRow
 from tests.support.databases import PROBLEM, SUMMARY
@@ -106,3 +106,21 @@ def test_postgres_takes_its_locks_back_from_a_client_that_says_nothing_more(post
         fall_silent(database, others)
     assert is_away(caught.value)
     database.close()
+
+
+ENDLESS = text("WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n) SELECT max(k) FROM n")
+
+
+def test_a_search_that_takes_long_is_stopped_and_its_connection_goes_on(database):
+    with (
+        pytest.raises(SearchTimeError, match=r"stopped after 0\.05 seconds"),
+        database.search(0.05) as session,
+    ):
+        session.execute(ENDLESS)
+    with database.read() as session:
+        # Neither the clock of SQLite nor the limit of Postgres is left behind.
+        longer = text("WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n WHERE k < 1000000)"
+                      " SELECT max(k) FROM n")  # fmt: skip
+        assert session.scalar(longer) == 1_000_000
+    with pytest.raises(DBAPIError), database.search() as session:
+        session.execute(text("SELECT nothing FROM nowhere"))

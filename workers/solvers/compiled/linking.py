@@ -97,7 +97,7 @@ def _reached(library: Any, follows: Callable[[_Part], bool]) -> list[Any]:  # no
 
 
 class _Translation:
-    """How many functions are being translated: what these ask for are parts. numba's lock guards it."""
+    """Number of functions that are being translated: what these ask for are parts. numba's lock guards it."""
 
     depth = 0
 

@@ -30,6 +30,7 @@ from service.schemas.problem.audit import AuditIn, audited_problem
 from service.schemas.problem.members import MEMBERS
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.reading.parts import read_parts
+from service.schemas.replies.analysis import EstimateOut
 from service.schemas.replies.audit import AuditOut, AuditPageOut
 from service.settings import Settings
 from service.storage.searching.sources import audits_of
@@ -137,7 +138,7 @@ async def _submit(audited: _Audited, problem: Checked, inside: Resources, terms:
 
 @router.get(
     "/{solution_id}/audits",
-    response_model=AuditPageOut,
+    response_model=AuditPageOut | EstimateOut,
     responses=refusals(404),
     openapi_extra=query_parameters(AskingQuery),
 )
@@ -150,6 +151,8 @@ async def list_audits(
     """List the audits of a solution, newest first or as asked: `where` and `order` are about their jobs."""
     standing = await run_in_threadpool(standing_of, inside.database, solution_id)
     listing = read_listing(asked, audits_of(standing.id))
+    if listing.query.is_estimated:
+        return listing.estimate()
     return await run_in_threadpool(_page, request, standing.id, listing, inside)
 
 

@@ -10,6 +10,7 @@ from service.api.queries.queries import Asked, asked_of, query_parameters
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
 from service.jobs.job import Job
+from service.schemas.replies.analysis import EstimateOut
 from service.schemas.replies.overview import ChunkJobOut, ChunkJobPageOut
 from service.storage.searching.sources import chunks_of
 
@@ -18,7 +19,7 @@ router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
 @router.get(
     "/{sweep_id}/jobs",
-    response_model=ChunkJobPageOut,
+    response_model=ChunkJobPageOut | EstimateOut,
     responses=refusals(404),
     openapi_extra=query_parameters(AskingQuery),
 )
@@ -31,6 +32,8 @@ def list_sweep_jobs(
     """List the jobs that compute the points of a sweep, newest first or as asked."""
     record = inside.sweeps.get(sweep_id)
     listing = read_listing(asked, chunks_of(record.id))
+    if listing.query.is_estimated:
+        return listing.estimate()
     page = inside.jobs.find_of_sweep(record.id, listing.query)
     return page_answer(request, listing, ChunkJobPageOut, page, list(map(_chunk, page.jobs)))
 

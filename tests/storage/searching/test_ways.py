@@ -1,0 +1,169 @@
+"""In whichever index the rows of a page are found, they are those that plain Python finds."""
+
+from contextlib import contextmanager
+from dataclasses import replace
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sqlalchemy import event, select
+
+from service.schemas.query.conditions import OrderKey
+from service.schemas.query.facts import facts_of
+from service.schemas.query.list_query import ListQuery
+from service.schemas.query.where import read_where
+from service.storage.database.database import Database
+from service.storage.searching import narrowing, pages
+from service.storage.searching.pages import find
+from service.storage.searching.sources import OF_SOLUTION_ROWS, SOLUTIONS
+from service.storage.tables.solutions import SolutionNumberRow
+from tests.storage.searching.rows import POINTERS, add, conditions, expected, rows, store, subject_of
+from tests.support.effort import examples
+
+# Values tie in half of the rows; a second column, that may have no index, follows.
+led_orders = st.tuples(
+    st.sampled_from(["period", "energy", "A", "/motion/lambda", "created_at", "id", "tier", *POINTERS[3:5]]),
+    st.lists(st.sampled_from(["energy", "trace", "tier", "/potential/b/0", "id"]), max_size=2),
+    st.lists(st.booleans(), min_size=3, max_size=3),
+).map(
+    lambda drawn: tuple(
+        OrderKey(subject_of(name), descending)
+        for name, descending in zip([drawn[0], *drawn[1]], drawn[2], strict=False)
+    )
+)
+led_queries = st.builds(
+    ListQuery, st.lists(conditions(), max_size=3).map(tuple), led_orders, limit=st.integers(1, 5)
+)
+# Rows looked up, read in an index, put beside others; rows tried in an index, and in the table.
+WAYS = {
+    "by few": (1000, 1000, 1000, 0, 0),
+    "in a window, or by many": (0, 2, 1000, 2, 1),
+    "in a window, or to the end": (0, 0, 0, 3, 2),
+    "in wide windows": (0, 0, 0, 1000, 1000),
+}
+
+
+def ask(database, query):
+    with database.read() as session:
+        return find(session, OF_SOLUTION_ROWS, query)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@given(rows, st.lists(led_queries, min_size=2, max_size=2))
+@settings(
+    max_examples=examples(5, 200), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_every_way_finds_the_same_pages(database, way, found, asked):
+    made = store(database, found)
+    for query in asked:
+        whole = expected(made, query)
+        with pytest.MonkeyPatch.context() as patch:
+            few, many, most, window, window_of_rows = WAYS[way]
+            for name, value in (("FEW", few), ("MANY", many), ("MOST", most)):
+                patch.setattr(narrowing, name, value)
+                patch.setattr(pages, name, value)
+            patch.setattr(pages, "WINDOW", window)
+            patch.setattr(pages, "WINDOW_OF_ROWS", window_of_rows)
+            seen, after = [], None
+            while len(seen) <= len(whole):
+                page = ask(database, replace(query, after=after))
+                assert page.total == len(whole)
+                seen += page.ids
+                after = page.next
+                if after is None:
+                    break
+                assert len(page.ids) == query.limit
+            assert seen == whole
+            for offset in (1, 4):
+                page = ask(database, replace(query, offset=offset))
+                assert list(page.ids) == whole[offset:][: query.limit]
+
+
+@given(rows, rows)
+@settings(
+    max_examples=examples(10, 100), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_numbers_come_and_go_with_their_solutions(database, before, found):
+    store(database, before)
+    made = store(database, found)  # which deletes those before
+    columns = {"/body/A", "/body/B", "/body/C", "/motion/lambda", "family"}
+    with database.read() as session:
+        table = SolutionNumberRow
+        stored = session.execute(select(table.owner_id, table.key, table.value)).all()
+    documents = {row["id"]: facts_of(row["problem"]) for row in made}
+    numbers = {(owner, key) for owner, facts in documents.items() for key in facts if key not in columns}
+    assert {(owner, key) for owner, key, _ in stored} == numbers
+    assert len(stored) == len(numbers)
+    # SQLite's own reading of a decimal may be an ulp beside: conditions on rows read it in the same way.
+    assert all(
+        value == pytest.approx(documents[owner][key], rel=3e-16, abs=0) for owner, key, value in stored
+    )
+
+
+@contextmanager
+def plans(database):
+    """Collect how SQLite reads solutions for each statement."""
+    found = []
+
+    def explain(connection, cursor, statement, parameters, context, executemany):
+        if statement.startswith("SELECT") and "count(*)" not in statement:
+            cursor.execute(f"EXPLAIN QUERY PLAN {statement}", parameters)
+            found.append(" | ".join(row[-1] for row in cursor.fetchall()))
+
+    event.listen(database.engine, "before_cursor_execute", explain)
+    try:
+        yield found
+    finally:
+        event.remove(database.engine, "before_cursor_execute", explain)
+
+
+@pytest.fixture
+def sqlite_database(sqlite_url):
+    database = Database(sqlite_url)
+    yield database
+    database.close()
+
+
+def solutions(count):
+    return [
+        (
+            {
+                "potential": {"type": "gravity" if n % 5 else "rational", "parameters": {"a": n * 7 % count}},
+                "motion": {"lambda": 1 + n * 11 % count},
+            },
+            {
+                "invariants": {},
+                "period": {"value": n * 7919 % count / 9 if n % 10 else None},
+                "energy": {"value": n / count},
+            },
+        )
+        for n in range(count)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("where", "order", "index"),
+    [
+        ("energy>=0.99", "period", "ix_solutions_energy_id"),  # few meet it
+        ("family=rational", "period", "ix_solutions_period_id"),  # many do: in the order of the page
+        ("family=rational,energy>0.1", "created_at", "ix_solutions_created_at_id"),
+        ("/potential/parameters/a>=2970", "period", "solution_numbers"),
+        ("family=rational", "/potential/parameters/a", "solution_numbers"),
+    ],
+)
+def test_a_page_is_read_in_one_index_and_no_row_is_where_it_has_all(
+    sqlite_database, monkeypatch, where, order, index
+):
+    monkeypatch.setattr(pages, "FEW", 100)
+    monkeypatch.setattr(pages, "MANY", 100)
+    made = add(sqlite_database, solutions(3000))
+    conditions, faults = read_where([where], SOLUTIONS)
+    assert not faults
+    query = ListQuery(conditions, (OrderKey(subject_of(order)),), is_counted=False)
+    with plans(sqlite_database) as found:
+        page = ask(sqlite_database, query)
+    assert list(page.ids) == expected(made, query)[:50]
+    last = found[-1]
+    assert index in last
+    if index != "solution_numbers":
+        assert "COVERING INDEX" in last
