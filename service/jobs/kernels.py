@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Literal
 
-KERNELS = 311
+KERNELS = 315
 """How many functions are translated or made machine code of, each for the types of its arguments, as counted:
 what is told as to be done."""
 PLAIN_POINT_SECONDS = 0.1
