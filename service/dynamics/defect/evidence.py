@@ -92,7 +92,7 @@ def hold_against_equations(
     error = claim
     if not is_within(defect, 2.0 * claim):
         defect, error = _by_defect(equations, dense, blocks, defect, claim)
-    if has_formula and any(hides_something(equations, block).any() for block in blocks):
+    if has_formula and any(hides_something(equations, block, is_planar=is_planar).any() for block in blocks):
         error = inf
     drift, raised = _by_integrals(equations, dense, blocks, error, energy, is_planar=is_planar)
     return Shown(defect, drift, found.settled_share if has_formula else 0.0, raised)

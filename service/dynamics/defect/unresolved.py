@@ -25,8 +25,12 @@ ROUNDING = 2.0**-48
 
 
 @np.errstate(all="ignore")
-def hides_something(equations: Equations, block: StretchBatch) -> NDArray[np.bool_]:
-    """Say on which stretches V may vary by more than any node shows, shape (n,); not where F is bounded."""
+def hides_something(equations: Equations, block: StretchBatch, *, is_planar: bool) -> NDArray[np.bool_]:
+    """Say on which stretches V may vary by more than any node shows, shape (n,); not where F is bounded.
+
+    A planar motion comes to g1 = 0 or g3 = 0 at a pole only: where doubles do not tell one of them from 0, it
+    is next to a pole, however large the other one still is, as |g3| ~ |g1|^(C/A) is where A/C is large.
+    """
     hidden = ~block.stretches.is_settled
     if not hidden.any():
         return hidden
@@ -37,7 +41,8 @@ def hides_something(equations: Equations, block: StretchBatch) -> NDArray[np.boo
     varies = equations.value_spread(middle.T, radius.T)
     V = block.integrals[hidden, :, 0] - kinetic_of(equations, block.states[hidden])
     seen = V.max(axis=1) - V.min(axis=1)
-    at_pole = (size[:, [0, 2]] < POLE).all(axis=1)
+    small = size[:, [0, 2]]
+    at_pole = (small < POLE).all(axis=1) | (is_planar & (small < ROUNDING).any(axis=1))
     hidden[hidden] = ~(varies <= HEIGHT + MORE * np.where(np.isfinite(seen), seen, 0.0)) & ~at_pole
     return hidden
 

@@ -152,7 +152,7 @@ def _fails(equations: Equations, block: StretchBatch, allowed: float) -> NDArray
         spread = equations.spread(columns, STATE_ROUNDING * np.abs(columns)).T.reshape(states.shape)
         rounding = 2.0 * block.times[fails, None] * spread.max(axis=1)
         fails[fails] = (extent[fails] > allowed + rounding).any(axis=1)
-    return fails | hides_something(equations, block)
+    return fails | hides_something(equations, block, is_planar=False)
 
 
 def _until(run: Run, time: float) -> Run:
