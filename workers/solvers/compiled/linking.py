@@ -18,6 +18,7 @@ from collections.abc import Callable
 from typing import Any  # Any: numba has no types
 
 from llvmlite import binding
+from numba.core import config
 from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import CompileResult, Flags
@@ -67,10 +68,39 @@ class _Part(JITCodeLibrary):  # type: ignore[misc,unused-ignore]
         return self.name, "object", (self._get_compiled_object(), names)
 
 
+LEVELS = {
+    "x86-64-v2": {"cx16", "popcnt", "sahf", "sse3", "sse4.1", "sse4.2", "ssse3"},
+    "x86-64-v3": {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave"},
+    "x86-64-v4": {"avx512bw", "avx512cd", "avx512dq", "avx512f", "avx512vl"},
+}
+"""What each level has beyond the one before it: chapter 3.1.1 of the x86-64 ABI, in the words of LLVM."""
+
+
+def level(features: str) -> str | None:
+    """Return the highest level that a processor has, which compilers know by this name; None if it has none.
+
+    ``features`` are as LLVM lists them, such as ``+avx2,-avx512f``.
+    """
+    has = {each[1:] for each in features.split(",") if each.startswith("+")}
+    return max(itertools.takewhile(lambda name: LEVELS[name] <= has, LEVELS), default=None)
+
+
 class _Codegen(JITCPUCodegen):  # type: ignore[misc,unused-ignore]
-    """Makes parts."""
+    """Makes parts, for all processors that have the level of this one; for its model alone without levels.
+
+    What numba's settings say of the processor is obeyed.
+    """
 
     _library_class = _Part
+
+    def _get_host_cpu_name(self) -> str:
+        named: str = super()._get_host_cpu_name()
+        return named if config.CPU_NAME else level(super()._get_host_cpu_features()) or named
+
+    def _get_host_cpu_features(self) -> str:
+        features: str = super()._get_host_cpu_features()
+        # A level has its features by its name.
+        return "" if level(features) and config.CPU_FEATURES is None else features
 
     def set_env(self, name: str, environment: object) -> None:
         """Tell a function what it needs to know of Python, if it is in machine code."""
@@ -139,6 +169,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc,unused-ignore]
             if arguments not in self._entries:
                 # Else nothing can be loaded into it.
                 self.targetctx.refresh()
+                _make_parts(self.targetctx, self.code.first_number)
                 self._entries[arguments] = entry = self._entry(arguments)
                 self._insert([each._code for each in arguments], entry.entry_point, False)
             return self._entries[arguments].entry_point
@@ -186,7 +217,6 @@ class Kernel(CPUDispatcher):  # type: ignore[misc,unused-ignore]
     def part(self, arguments: tuple[Any, ...]) -> Any:  # noqa: ANN401
         """Return what numba knows of the function for arguments of these types, without machine code."""
         if arguments not in self.overloads:
-            _make_parts(self.targetctx, self.code.first_number)
             kept = self.code.load("part", arguments, self.targetctx)
             found = self._translated(arguments) if kept is None else self._rebuilt_part(*kept)
             found.library.origin = self, arguments, found.fndesc.mangled_name

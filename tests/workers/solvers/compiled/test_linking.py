@@ -1,14 +1,17 @@
 """Functions are translated once, and linked into what Python calls; parts that were kept fit each other."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from llvmlite import binding
 
 import workers
 from workers.computation.compiled_code import FOLDER_VARIABLE
+from workers.solvers.compiled.linking import LEVELS, level
 
 ROOT = Path(workers.__path__[0]).parent
 KERNELS = """
@@ -84,6 +87,13 @@ class Watch(event.Listener):
 event.register("numba:compile", Watch())
 print(json.dumps([linked.called(), sorted(done)]))
 """
+AS_ON = """
+from numba.core import codegen
+
+codegen.ll.get_host_cpu_name = lambda: {0!r}
+codegen.get_host_cpu_features = lambda: {1!r}
+"""
+LOADER = Path("/lib64/ld-linux-x86-64.so.2")
 OTHERS = """
 import numba
 import numpy as np
@@ -111,10 +121,12 @@ RIGHT = [SUMS[0] + 30.0, 5, SUMS[1] + 10.0, SUMS[2] + 20.0]
 def call(tmp_path):
     (tmp_path / "linked.py").write_text(KERNELS)
 
-    def call(more=""):
+    def call(more="", before=""):
+        unset = {"NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"} if before else {}
+        environment = {name: value for name, value in os.environ.items() if name not in unset}
         result = subprocess.run(
-            [sys.executable, "-P", "-c", CALL + more],
-            env={**os.environ, FOLDER_VARIABLE: str(tmp_path), "PYTHONPATH": f"{ROOT}:{tmp_path}"},
+            [sys.executable, "-P", "-c", before + CALL + more],
+            env={**environment, FOLDER_VARIABLE: str(tmp_path), "PYTHONPATH": f"{ROOT}:{tmp_path}"},
             capture_output=True,
             text=True,
             check=True,
@@ -152,3 +164,36 @@ def test_parts_of_several_processes_are_linked(tmp_path, call, lost):
     made = [f"{name} entry" for name in ("inner", "middle", "outer")]
     assert call() == f"[{RIGHT}, {sorted([*made, f'{lost} part'])}]".replace("'", '"')
     assert call() == f"[{RIGHT}, []]"
+
+
+def features(*levels):
+    return ",".join(f"+{each}" for name in levels for each in sorted(LEVELS[name]))
+
+
+@pytest.mark.parametrize(("place", "name"), list(enumerate(LEVELS)))
+def test_a_level_is_there_with_all_of_its_features_whatever_else_a_processor_has(place, name):
+    listed = features(*list(LEVELS)[: place + 1])
+    assert level(listed) == level(f"+zzz,{listed},-aes,+sha") == name
+    below = list(LEVELS)[place - 1] if place else None
+    for each in LEVELS[name]:
+        assert level(",".join(set(listed.split(",")) - {f"+{each}"} | {f"-{each}"})) == below
+
+
+@pytest.mark.skipif(not LOADER.exists(), reason="the loader of GNU is not here")
+def test_the_level_of_this_processor_is_the_one_that_the_loader_finds():
+    environment = {name: value for name, value in os.environ.items() if name != "GLIBC_TUNABLES"}
+    said = subprocess.run([LOADER, "--help"], env=environment, capture_output=True, text=True, check=True)
+    found = re.findall(r"(x86-64-v\d) \(supported", said.stdout)
+    assert level(binding.get_host_cpu_features().flatten()) == max(found, default=None)
+
+
+@pytest.mark.skipif(level(binding.get_host_cpu_features().flatten()) is None, reason="no such level here")
+def test_code_of_one_model_is_found_on_another_of_its_level_and_not_on_one_below(call):
+    everything = [f"{name} entry" for name in ("inner", "middle", "outer")]
+    everything += [f"{name} part" for name in ("inner", "middle", "outer", "twice")]
+    compiled = f"[{RIGHT}, {sorted(everything)}]".replace("'", '"')
+    listed = features("x86-64-v2")
+    assert call(before=AS_ON.format("nehalem", f"{listed},-movbe")) == compiled
+    assert call(before=AS_ON.format("silvermont", f"{listed},+movbe,+prfchw")) == f"[{RIGHT}, []]"
+    # It has no level, and is known by its model.
+    assert call(before=AS_ON.format("core2", listed.replace("+sse4.2,", ""))) == compiled
