@@ -16,7 +16,7 @@ NUMBERS := tests/golden tests/laws tests/conformance tests/workers/solvers \
 	tests/workers/cli/test_doctor.py $(addprefix tests/workers/computation/test_,outputs.py tiers.py) \
 	tests/workers/sweeping/test_sweeping.py tests/workers/sweeping/parameters/test_family.py
 
-.PHONY: demo serve test test-long test-portable test-container lint docs bench screenshots format clean
+.PHONY: demo serve test test-long test-portable test-container compiled-wheel lint docs bench screenshots format clean
 
 # What running needs. Python compiles modules when they are first imported, which is sooner done than all at once.
 $(INSTALLED): pyproject.toml constraints.txt service/client/pyproject.toml
@@ -49,6 +49,12 @@ test-long: $(READY)
 test-portable: $(READY)
 	$(OTHER_PROCESSOR) $(BIN)/polhode compile
 	$(OTHER_PROCESSOR) $(PYTEST) $(PYTEST_OPTIONS) $(NUMBERS)
+
+# All kernels, compiled for the level of this processor, as a package: docs/operations.md, "Compiled code".
+compiled-wheel: $(READY)
+	rm -rf build/polhode_compiled
+	NUMBA_CACHE_DIR=$(CURDIR)/build/polhode_compiled $(BIN)/polhode compile
+	$(BIN)/python -m pip wheel --no-deps --wheel-dir build ./shipping
 
 # Builds the image and runs every service of docker/compose.yaml from it; needs root, buildah and debootstrap.
 test-container: $(READY)

@@ -31,6 +31,7 @@ from workers.computation.compiled_code import (
     code_in_use,
     is_ready,
     own_folder,
+    take_shipped_code,
     trim,
     why_no_folder,
 )
@@ -95,6 +96,7 @@ def _compile(tell: Callable[[Kernels], None], *, waits_for_memory: bool) -> None
     """Compile all groups, unless another process does or has done it."""
     folder = own_folder()
     assert folder is not None
+    take_shipped_code()
     if is_ready(*GROUPS):
         return
     while waits_for_memory and (available := _available_mb()) < _ENOUGH_MB:

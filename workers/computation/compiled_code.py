@@ -14,6 +14,7 @@ are also solved without one: by commands, calibrations and tests.
 
 import hashlib
 import importlib
+import importlib.util
 import logging
 import os
 import re
@@ -239,6 +240,22 @@ def _here() -> str:
         for source in sorted(package.rglob("*.py"))
     ]
     return _digest([version_of("llvmlite"), processor(), libraries(), *sources])
+
+
+def take_shipped_code() -> None:
+    """Copy into the folder what it lacks of the code that the package of ``make compiled-wheel`` ships."""
+    found, folder = importlib.util.find_spec("polhode_compiled"), own_folder()
+    if found is None or folder is None:
+        return
+    for place in found.submodule_search_locations or ():
+        # What says that a group is complete comes last, and nothing is seen by half.
+        for source in [*Path(place).rglob("*.nb[ci]"), *Path(place).rglob("ready-*")]:
+            target = folder / source.relative_to(Path(place, "compiled"))
+            if not target.exists():
+                target.parent.mkdir(mode=0o700, exist_ok=True)
+                part = target.with_name(f"{target.name}.{os.getpid()}")
+                shutil.copyfile(source, part)
+                part.replace(target)
 
 
 def fixed_way() -> ways.Way | None:

@@ -28,6 +28,7 @@ from workers.computation.compiled_code import (
     own_folder,
     reached,
     stamp,
+    take_shipped_code,
     trim,
     way_for,
     why_no_folder,
@@ -126,6 +127,24 @@ def test_what_is_not_there_is_not_compiled_by_the_way(tmp_path):
     said = run(CALLING, "before", "no", folder=tmp_path)
     assert said.startswith("workers.solvers.compiled.evaluation.interpreter.power is not compiled")
     assert not list(tmp_path.rglob("*.nbc"))
+
+
+def test_what_a_package_ships_is_taken_and_said_to_be_complete_last(tmp_path, monkeypatch):
+    package, own, copies = tmp_path / "polhode_compiled", tmp_path / "own", iter([shutil.copyfile])
+    assert run(CALLING, "before", "yes", folder=package) == "0 1"
+    (package / "compiled" / "ready-planar-1").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv(FOLDER_VARIABLE, str(own))
+    with monkeypatch.context() as interrupted:
+        interrupted.setattr(shutil, "copyfile", lambda *each: next(copies)(*each))
+        with pytest.raises(StopIteration):
+            take_shipped_code()
+    assert len(list(own.rglob("*.nb[ci]"))) == 1
+    assert not list(own.rglob("ready-*"))
+    take_shipped_code()
+    assert list(own.rglob("ready-*"))
+    # Also when the package is gone.
+    assert run(CALLING, "before", "no", folder=own) == "1 0"
 
 
 def test_nothing_is_kept_where_nobody_asks_for_it(tmp_path):
