@@ -69,7 +69,7 @@ class EstimateOut(ResponseModel):
     """The parts of a query that take long, without its answer."""
 
     slow: list[SlowPart] = Field(
-        description="Empty where no part is known to be slow, whatever the number of rows; a condition on a number of the"
-        " problem without a column that very many rows meet may still take seconds."
+        description="Empty where no part is known to be slow, whatever the number of rows; a condition on a"
+        " number of the problem without a column that very many rows meet may still take seconds."
     )
     seconds: float = Field(description="After so long a query is stopped.")
