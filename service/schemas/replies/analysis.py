@@ -65,7 +65,7 @@ class SlowPart(ResponseModel):
     why: str = Field(description="The reason, in words.")
 
 
-class EstimateOut(ResponseModel):
+class QueryEstimateOut(ResponseModel):
     """The parts of a query that take long, without its answer."""
 
     slow: list[SlowPart] = Field(
