@@ -19,7 +19,7 @@ from service.schemas.query.list_query import ID, ListQuery
 from service.schemas.query.order import read_columns, read_order
 from service.schemas.query.where import read_where
 from service.schemas.reading.faults import Fault
-from service.schemas.replies.analysis import EstimateOut, SlowPart
+from service.schemas.replies.analysis import QueryEstimateOut, SlowPart
 from service.schemas.replies.response_model import ResponseModel
 from service.storage.database.database import SEARCH_SECONDS
 from service.storage.searching.narrowing import slow_parts
@@ -150,7 +150,7 @@ def page_answer(
 def estimate_of(found: Iterable[tuple[str, str]]) -> Response:
     """Return what of a query takes long, as an answer."""
     slow = [SlowPart(pointer=pointer, why=why) for pointer, why in found]
-    return json_response(EstimateOut(slow=slow, seconds=SEARCH_SECONDS))
+    return json_response(QueryEstimateOut(slow=slow, seconds=SEARCH_SECONDS))
 
 
 def read_listing(

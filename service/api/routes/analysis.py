@@ -15,11 +15,11 @@ from service.api.replies.places import SweepId
 from service.api.replies.responses import json_response, refusals
 from service.schemas.query.conditions import Subject
 from service.schemas.replies.analysis import (
-    EstimateOut,
     FacetOut,
     FacetsOut,
     FacetValueOut,
     HistogramOut,
+    QueryEstimateOut,
     StatisticOut,
     StatisticsOut,
 )
@@ -42,7 +42,7 @@ StatisticsAsked = Annotated[Asked[StatisticsQuery], Depends(asked_of(StatisticsQ
 @router.get(
     "/solutions/facets",
     tags=["solutions"],
-    response_model=FacetsOut | EstimateOut,
+    response_model=FacetsOut | QueryEstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(FacetsQuery, "by"),
 )
@@ -55,7 +55,7 @@ def get_solution_facets(request: Request, asked: FacetsAsked, inside: Inside) ->
 @router.get(
     "/jobs/facets",
     tags=["jobs"],
-    response_model=FacetsOut | EstimateOut,
+    response_model=FacetsOut | QueryEstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(FacetsQuery, "by"),
 )
@@ -68,7 +68,7 @@ def get_job_facets(request: Request, asked: FacetsAsked, inside: Inside) -> Resp
 @router.get(
     "/sweeps/{sweep_id}/points/facets",
     tags=["sweeps"],
-    response_model=FacetsOut | EstimateOut,
+    response_model=FacetsOut | QueryEstimateOut,
     responses=refusals(404),
     openapi_extra=query_parameters(FacetsQuery, "by"),
 )
@@ -87,7 +87,7 @@ def get_point_facets(request: Request, sweep_id: SweepId, asked: FacetsAsked, in
 @router.get(
     "/solutions/statistics",
     tags=["solutions"],
-    response_model=StatisticsOut | EstimateOut,
+    response_model=StatisticsOut | QueryEstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
@@ -100,7 +100,7 @@ def get_solution_statistics(request: Request, asked: StatisticsAsked, inside: In
 @router.get(
     "/jobs/statistics",
     tags=["jobs"],
-    response_model=StatisticsOut | EstimateOut,
+    response_model=StatisticsOut | QueryEstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(StatisticsQuery, "of"),
 )
@@ -113,7 +113,7 @@ def get_job_statistics(request: Request, asked: StatisticsAsked, inside: Inside)
 @router.get(
     "/sweeps/{sweep_id}/points/statistics",
     tags=["sweeps"],
-    response_model=StatisticsOut | EstimateOut,
+    response_model=StatisticsOut | QueryEstimateOut,
     responses=refusals(404),
     openapi_extra=query_parameters(StatisticsQuery, "of"),
 )

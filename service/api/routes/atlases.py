@@ -37,7 +37,7 @@ from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.problem.problem import problem_digest
 from service.schemas.query.list_query import in_state
-from service.schemas.replies.analysis import EstimateOut
+from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import JobOut, JobPageOut
 from service.storage.searching.sources import OF_ATLAS_ROWS
 from service.verdicts.atlases import examine_atlas, examine_setting
@@ -184,7 +184,7 @@ async def _queue(asked: _Checked, inside: Resources, terms: SubmissionTerms) -> 
 
 @router.get(
     "",
-    response_model=JobPageOut | EstimateOut,
+    response_model=JobPageOut | QueryEstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(JobsQuery),
 )

@@ -39,7 +39,7 @@ from service.jobs.lanes import Lane
 from service.jobs.states import JobState
 from service.schemas.query.list_query import ListQuery, in_state
 from service.schemas.reading.faults import first_of
-from service.schemas.replies.analysis import EstimateOut
+from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import JobItemOut, JobListOut, JobOut, JobPageOut
 from service.schemas.replies.overview import AttemptsOut
 from service.settings import Settings
@@ -228,7 +228,7 @@ def _nothing_accepted(answers: Sequence[Accepted | ApiError]) -> ApiError:
 
 @router.get(
     "",
-    response_model=JobPageOut | EstimateOut,
+    response_model=JobPageOut | QueryEstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(JobsQuery),
 )

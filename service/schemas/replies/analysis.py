@@ -65,9 +65,11 @@ class SlowPart(ResponseModel):
     why: str = Field(description="The reason, in words.")
 
 
-class EstimateOut(ResponseModel):
+class QueryEstimateOut(ResponseModel):
     """The parts of a query that take long, without its answer."""
 
-    slow: list[SlowPart] = Field(description="Empty where no part is known to be slow, whatever the number of rows; a condition on a number of the"
-        " problem without a column that very many rows meet may still take seconds.")
+    slow: list[SlowPart] = Field(
+        description="Empty where no part is known to be slow, whatever the number of rows; a condition on a"
+        " number of the problem without a column that very many rows meet may still take seconds."
+    )
     seconds: float = Field(description="After so long a query is stopped.")

@@ -29,11 +29,14 @@ log, stop_after = Path(sys.argv[1]), int(sys.argv[2])
 os.sched_setaffinity(0, list(os.sched_getaffinity(0))[:1])  # no second process, which would compile all
 made = 0
 
-def note(name):
+save = compiled_code.KernelCode.save
+
+def save_and_note(self, kind, *further):
     global made
+    save(self, kind, *further)
     made += 1
     with log.open("a") as file:
-        file.write(name + "\\n")
+        file.write(f"{kind}:{self._function.__name__}\\n")
     if made == stop_after:
         print("stopped", flush=True)
         sys.stdin.read()
@@ -46,11 +49,12 @@ def compile_group(group):
     compiled_code.note_of(group).touch()
 
 task.compile_group = compile_group
-task.allow_compiling = lambda: compiled_code.allow_compiling(note)
+compiled_code.KernelCode.save = save_and_note
 sys.exit(task.compile_solvers())
 """
-CALLED = {"exact_product", "subtract", "add", "exact_sum", "quick_sum"}
-"""What the kernels of a group are, with those that they call."""
+PARTS = {"exact_product", "subtract", "add", "exact_sum", "quick_sum"}
+"""The kernels of a group, with those that they call."""
+SAVED = [*(f"part:{name}" for name in PARTS), "entry:exact_product", "entry:subtract"]
 DYING = """
 import os, signal, subprocess, sys
 from pathlib import Path
@@ -101,7 +105,7 @@ def test_of_tasks_at_once_one_compiles_and_where_it_is_killed_another_goes_on(st
     assert [each.wait(timeout=120.0) for each in others] == [0, 0]
     # Each once, by whoever it was: nothing was lost, and nothing made by two.
     compiled = (tmp_path / "log").read_text().split()
-    assert sorted(name.rpartition(".")[2] for name in compiled) == sorted(CALLED)
+    assert sorted(compiled) == sorted(SAVED)
 
 
 def test_it_does_not_begin_where_memory_is_short_and_says_so(tmp_path, monkeypatch):

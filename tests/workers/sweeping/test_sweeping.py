@@ -866,7 +866,7 @@ def test_blocks_that_differ_from_a_point_alone_are_not_used(monkeypatch):
     document = IN_BLOCKS["numbers alone"]
     expected = computed(document)
     chunk._solver_of.cache_clear()
-    solver = chunk._solver_of(json.dumps(document), "compiled")
+    solver = chunk._solver_of(json.dumps(document), "compiled", waits=False)
     solve = solver._blocks.solve
 
     def off_by_one_ulp(first, count):

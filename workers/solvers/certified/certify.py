@@ -10,6 +10,7 @@ from typing import Protocol
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
+from service.dynamics.bounds import largest
 from service.dynamics.motion import EnclosureMethod
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.recognition.three_terms import recognise
@@ -107,6 +108,7 @@ def certify(
     precision, wanted = first_try(bits, latest)
     # With more precision less is left over of the integral, too.
     unused = precision - wanted
+    widest: float | None = None
     while precision <= HIGHEST_PRECISION:
         with ctx.workprec(precision):
             try:
@@ -121,6 +123,11 @@ def certify(
                     result = Certified(made.period, made.energy, states, asked, bits, name, named)
                     if _is_narrow(result):
                         return result
+                    before, widest = widest, _widest(result)
+                    if made.passes_pole and before is not None and not widest < before / 2.0:
+                        raise CertifiedUnavailableError(
+                            "at a time that is asked for it is next to a pole, and more bits do not tell it"
+                        )
                     break
             except RootsUndecidedError:
                 # Or two roots coincide: then the motion is not periodic.
@@ -166,11 +173,19 @@ def _conventions(body: RigidBody, potential: Potential, motion: PlanarMotion) ->
     return () if make_loop(body, potential, motion).is_smooth_at_poles() else (SYMMETRIC_POLE_PASSAGE,)
 
 
+def _numbers(result: Certified) -> list[arb]:
+    return [result.energy, *(value for state in result.states for value in state)]
+
+
+def _widest(result: Certified) -> float:
+    return largest(float(value.rad()) for value in (result.period, *_numbers(result)))
+
+
 def _is_narrow(result: Certified) -> bool:
     allowed = arb(2) ** (ALLOWED_BITS - result.bits)
     if not result.period.rad() <= allowed * abs(result.period).lower():
         return False
-    numbers = [result.energy, *(value for state in result.states for value in state)]
     return all(
-        bool(value.rad() <= allowed or value.rad() <= allowed * abs(value).lower()) for value in numbers
+        bool(value.rad() <= allowed or value.rad() <= allowed * abs(value).lower())
+        for value in _numbers(result)
     )

@@ -40,6 +40,8 @@ DEGREE = 32
 """Degree of series in doubles: those in balls fall like 4^-k on a piece."""
 LATEST = Fraction(16)
 """Periods, about, up to which enclosures of samples have the same time map."""
+STEEP = 2
+"""Ratio of the moments, the larger one above, below which r ~ |t|^(A/C − 1) has no slope at a pole."""
 TURNED = np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 """On the way back of a libration the angular velocity is the opposite."""
 
@@ -85,8 +87,10 @@ class WayFamily:
         if sampled is None:
             return NOT_MINE
         found = make_periodic(problem, place, sampled)
-        # Nobody has it to more digits as a function of time: next to a pole that is one of rounded times.
-        return found.found if isinstance(found, Declined) and found.found is not None else found
+        if isinstance(found, Declined) and found.found is not None and place.start.arc.loop.alpha < STEEP:
+            # Nobody has it to more digits as a function of time: next to a pole that is one of rounded times.
+            return found.found
+        return found
 
 
 def _sampled(way: IntegralMotion, phase: PolarWay) -> Sampled:

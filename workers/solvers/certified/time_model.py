@@ -11,7 +11,7 @@ are at most
 θ(t) is enclosed by a step of the interval Newton method from an approximation.
 """
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, reduce
@@ -30,6 +30,8 @@ FloatArray = NDArray[np.float64]
 
 SLACK = 1.0625
 """ρ in half lengths of a piece: pieces overlap, so that a ball at an edge is inside one of them."""
+ROUNDED = 2.0**-50
+"""More than the relative rounding of a place to a double."""
 FIRST_PIECES = 4
 """For a phase that grows by π."""
 MAX_PIECES = 600
@@ -179,10 +181,13 @@ class TimeModel:
         self, begins: tuple[float, ...], begin_of: Callable[[TimePiece], arb], value: arb
     ) -> list[TimePiece]:
         """Return the pieces on which a phase, or a time, may be, which is known no better than their ends."""
-        number, last = max(0, bisect_right(begins, float(value)) - 1), len(self.pieces) - 1
+        last = len(self.pieces) - 1
+        # Next to a pole many pieces may begin within the rounding of one double.
+        low, high = float(value.lower()) * (1.0 - ROUNDED), float(value.upper()) * (1.0 + ROUNDED)
+        first = max(0, bisect_left(begins, low) - 1)
         return [
             self.pieces[k]
-            for k in range(max(0, number - 1), min(last, number + 1) + 1)
+            for k in range(first, max(first, min(last, bisect_right(begins, high))) + 1)
             if (k == 0 or not value < begin_of(self.pieces[k]))
             and (k == last or not value > begin_of(self.pieces[k + 1]))
         ]

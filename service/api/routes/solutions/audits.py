@@ -30,7 +30,7 @@ from service.schemas.problem.audit import AuditIn, audited_problem
 from service.schemas.problem.members import MEMBERS
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.reading.parts import read_parts
-from service.schemas.replies.analysis import EstimateOut
+from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.audit import AuditOut, AuditPageOut
 from service.settings import Settings
 from service.storage.searching.sources import audits_of
@@ -138,7 +138,7 @@ async def _submit(audited: _Audited, problem: Checked, inside: Resources, terms:
 
 @router.get(
     "/{solution_id}/audits",
-    response_model=AuditPageOut | EstimateOut,
+    response_model=AuditPageOut | QueryEstimateOut,
     responses=refusals(404),
     openapi_extra=query_parameters(AskingQuery),
 )

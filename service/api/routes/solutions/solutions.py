@@ -25,7 +25,7 @@ from service.schemas.query.facts import OF_SOLUTIONS
 from service.schemas.query.kinds import Kind
 from service.schemas.query.list_query import equals
 from service.schemas.reading.faults import Fault
-from service.schemas.replies.analysis import EstimateOut
+from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
 from service.storage.database.ids import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
@@ -64,7 +64,7 @@ class SolutionsQuery(AskingQuery):
 
 @router.get(
     "",
-    response_model=SolutionPageOut | EstimateOut,
+    response_model=SolutionPageOut | QueryEstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(SolutionsQuery),
 )
@@ -80,7 +80,7 @@ async def list_solutions(
 
 @by_problem.get(
     "/{digest}/solutions",
-    response_model=SolutionPageOut | EstimateOut,
+    response_model=SolutionPageOut | QueryEstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(SolutionsQuery),
 )

@@ -10,7 +10,7 @@ from service.api.queries.queries import Asked, asked_of, query_parameters
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
 from service.jobs.job import Job
-from service.schemas.replies.analysis import EstimateOut
+from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.overview import ChunkJobOut, ChunkJobPageOut
 from service.storage.searching.sources import chunks_of
 
@@ -19,7 +19,7 @@ router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
 @router.get(
     "/{sweep_id}/jobs",
-    response_model=ChunkJobPageOut | EstimateOut,
+    response_model=ChunkJobPageOut | QueryEstimateOut,
     responses=refusals(404),
     openapi_extra=query_parameters(AskingQuery),
 )

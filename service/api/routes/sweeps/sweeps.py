@@ -28,7 +28,7 @@ from service.jobs.sweeps import SweepRecord
 from service.schemas.query.list_query import in_state
 from service.schemas.reading.faults import Fault
 from service.schemas.reading.marks import split_marks
-from service.schemas.replies.analysis import EstimateOut
+from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
 from service.schemas.sweep.reading import InvalidSweepError, read_sweep
 from service.schemas.sweep.sweep import Sweep
@@ -147,7 +147,7 @@ def _priority(document: Mapping[str, object]) -> int:
 
 @router.get(
     "",
-    response_model=SweepPageOut | EstimateOut,
+    response_model=SweepPageOut | QueryEstimateOut,
     responses=refusals(),
     openapi_extra=query_parameters(SweepsQuery),
 )
