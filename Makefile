@@ -54,7 +54,7 @@ test-portable: $(READY)
 compiled-wheel: $(READY)
 	rm -rf build/polhode_compiled
 	NUMBA_CACHE_DIR=$(CURDIR)/build/polhode_compiled $(BIN)/polhode compile
-	$(BIN)/python -m pip wheel --no-deps --wheel-dir build ./shipping
+	$(BIN)/python -m pip wheel --no-deps --wheel-dir build ./docker/compiled
 
 # Builds the image and runs every service of docker/compose.yaml from it; needs root, buildah and debootstrap.
 test-container: $(READY)
