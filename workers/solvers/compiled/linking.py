@@ -73,7 +73,7 @@ LEVELS = {
     "x86-64-v3": {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave"},
     "x86-64-v4": {"avx512bw", "avx512cd", "avx512dq", "avx512f", "avx512vl"},
 }
-"""Features of each level beyond those of the one before it: chapter 3.1.1 of the x86-64 ABI, in the words of LLVM."""
+"""Features of each level beyond those of the one before it (x86-64 ABI, 3.1.1), in the words of LLVM."""
 
 
 def level(features: str) -> str | None:
