@@ -15,6 +15,7 @@ import copy
 import importlib
 import itertools
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any  # Any: numba has no types
 
 from llvmlite import binding
@@ -183,7 +184,10 @@ class Kernel(CPUDispatcher):  # type: ignore[misc,unused-ignore]
         part = self.part(arguments)
         with trigger_event("numba:compile", data={"dispatcher": self, "args": arguments, "kind": "entry"}):
             found = self._linked(part)
-        self.code.save("entry", arguments, self.targetctx, found._reduce())
+        # Seen twice, in children under load: LLVM had not handed the machine code over. Then the entry is for
+        # this process alone.
+        with suppress(RuntimeError):
+            self.code.save("entry", arguments, self.targetctx, found._reduce())
         return found
 
     def _linked(self, part: Any) -> Any:  # noqa: ANN401
