@@ -95,8 +95,13 @@ def url(request: pytest.FixtureRequest) -> str:
 @pytest.fixture(params=["sqlite", "postgres"])
 def empty_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     """The URL of a database without tables."""
-    if request.param == "sqlite":
-        yield url_of(tmp_path / "empty.db")
+    yield from empty_database(request.param, request, tmp_path)
+
+
+def empty_database(kind: str, request: pytest.FixtureRequest, folder: Path) -> Iterator[str]:
+    """Yield the URL of a database of this kind without tables, for as long as a test needs it."""
+    if kind == "sqlite":
+        yield url_of(folder / "empty.db")
         return
     postgres = request.getfixturevalue("postgres")
     name = postgres.create_database()

@@ -115,7 +115,7 @@ def test_a_power_of_a_part_that_vanishes_anywhere_is_a_zero_of_its_order(u, orde
 
 
 def test_zeros_that_may_be_one_of_high_order_are_told_within_a_narrow_interval():
-    """That exp(sin(1/3)) cancels is not proved: there is one zero of order three, or one and a double one."""
+    """No proof tells that exp(sin(1/3)) cancels: one zero of order three, or one and a double one."""
     with pytest.raises(SeparatrixUndecidedError, match=r"at g2 = 0\.327194696796"):
         windows("(g2-sin(1/3))^2*(exp(g2)-exp(sin(1/3)))")
 

@@ -1,6 +1,7 @@
 """Random rows, queries about them, and what plain Python says they mean."""
 
 import json
+from dataclasses import replace
 from fractions import Fraction
 from functools import cmp_to_key
 from itertools import count
@@ -16,6 +17,8 @@ from service.schemas.reading.marks import Marks
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.ids import new_id
 from service.storage.marks.mark_rows import insert_labels
+from service.storage.searching.pages import find
+from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.tables.base import table_of
 from service.storage.tables.solutions import SolutionRow
 
@@ -230,3 +233,23 @@ def expected(made, query):
     matching = [row for row in made if all(meets(row, each) for each in query.conditions)]
     matching.sort(key=cmp_to_key(lambda left, right: compare(query.keys, left, right)))
     return [row["id"] for row in matching]
+
+
+def ask(database, query):
+    """Return a page of solutions."""
+    with database.read() as session:
+        return find(session, OF_SOLUTION_ROWS, query)
+
+
+def ids_by_cursor(database, query, total):
+    """Return the ids of all pages, one after the other; each but the last is full, and all tell the total."""
+    seen, after = [], None
+    while len(seen) <= total:
+        page = ask(database, replace(query, after=after))
+        assert page.total == total
+        seen += page.ids
+        after = page.next
+        if after is None:
+            break
+        assert len(page.ids) == query.limit
+    return seen

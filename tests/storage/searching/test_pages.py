@@ -11,9 +11,18 @@ from service.schemas.query.conditions import OrderKey
 from service.schemas.query.list_query import ListQuery
 from service.schemas.query.where import read_where
 from service.storage.searching import narrowing
-from service.storage.searching.pages import find
-from service.storage.searching.sources import OF_SOLUTION_ROWS, SOLUTIONS
-from tests.storage.searching.rows import add, expected, queries, rows, store, subject_of, value_of
+from service.storage.searching.sources import SOLUTIONS
+from tests.storage.searching.rows import (
+    add,
+    ask,
+    expected,
+    ids_by_cursor,
+    queries,
+    rows,
+    store,
+    subject_of,
+    value_of,
+)
 from tests.support.effort import examples
 
 EMPTY = {"invariants": {}}
@@ -21,11 +30,6 @@ EMPTY = {"invariants": {}}
 on_a_database = settings(
     max_examples=examples(20, 300), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-
-
-def ask(database, query):
-    with database.read() as session:
-        return find(session, OF_SOLUTION_ROWS, query)
 
 
 @given(rows, st.lists(queries, min_size=4, max_size=4))
@@ -128,16 +132,9 @@ def test_pages_in_the_order_of_time_are_read_from_the_index_of_labels(
     assert faults == []
     for name in ("id", "created_at"):
         query = ListQuery(conditions, (OrderKey(subject_of(name), is_descending),), limit=3)
-        whole, pages, after = expected(made, query), [], None
+        whole = expected(made, query)
         assert whole
-        while len(pages) <= len(whole):
-            page = ask(database, replace(query, after=after))
-            assert page.total == len(whole)
-            pages += page.ids
-            after = page.next
-            if after is None:
-                break
-        assert pages == whole
+        assert ids_by_cursor(database, query, len(whole)) == whole
 
 
 @pytest.mark.parametrize("common", [True, False])

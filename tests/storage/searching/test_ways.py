@@ -14,10 +14,19 @@ from service.schemas.query.list_query import ListQuery
 from service.schemas.query.where import read_where
 from service.storage.database.database import Database
 from service.storage.searching import narrowing, pages
-from service.storage.searching.pages import find
-from service.storage.searching.sources import OF_SOLUTION_ROWS, SOLUTIONS
+from service.storage.searching.sources import SOLUTIONS
 from service.storage.tables.solutions import SolutionNumberRow
-from tests.storage.searching.rows import POINTERS, add, conditions, expected, rows, store, subject_of
+from tests.storage.searching.rows import (
+    POINTERS,
+    add,
+    ask,
+    conditions,
+    expected,
+    ids_by_cursor,
+    rows,
+    store,
+    subject_of,
+)
 from tests.support.effort import examples
 
 # Values tie in half of the rows; a second column, that may have no index, follows.
@@ -43,11 +52,6 @@ WAYS = {
 }
 
 
-def ask(database, query):
-    with database.read() as session:
-        return find(session, OF_SOLUTION_ROWS, query)
-
-
 @pytest.mark.parametrize("way", WAYS)
 @given(rows, st.lists(led_queries, min_size=2, max_size=2))
 @settings(
@@ -64,16 +68,7 @@ def test_every_way_finds_the_same_pages(database, way, found, asked):
                 patch.setattr(pages, name, value)
             patch.setattr(pages, "WINDOW", window)
             patch.setattr(pages, "WINDOW_OF_ROWS", window_of_rows)
-            seen, after = [], None
-            while len(seen) <= len(whole):
-                page = ask(database, replace(query, after=after))
-                assert page.total == len(whole)
-                seen += page.ids
-                after = page.next
-                if after is None:
-                    break
-                assert len(page.ids) == query.limit
-            assert seen == whole
+            assert ids_by_cursor(database, query, len(whole)) == whole
             for offset in (1, 4):
                 page = ask(database, replace(query, offset=offset))
                 assert list(page.ids) == whole[offset:][: query.limit]

@@ -17,7 +17,7 @@ from service.storage.solutions.solution_store import SolutionStore
 from service.storage.tables.jobs import JobRow
 from service.storage.upkeep.backup import back_up, restore
 from service.storage.upkeep.backup_checks import BackupError
-from tests.support.databases import FIRST, PROBLEM, SUMMARY, upgrade_to, url_of
+from tests.support.databases import FIRST, PROBLEM, SUMMARY, empty_database, upgrade_to, url_of
 from tests.support.finishing import finish_success
 from tests.support.lists import list_jobs
 from tests.support.postgres import binaries
@@ -32,13 +32,8 @@ def client_programs(monkeypatch):
 @pytest.fixture
 def other_url(url, tmp_path, request):
     """An empty database of the same kind, never migrated."""
-    if url.startswith("sqlite"):
-        yield url_of(tmp_path / "other.db")
-        return
-    postgres = request.getfixturevalue("postgres")
-    name = postgres.create_database()
-    yield postgres.url(name)
-    postgres.drop_database(name)
+    kind = "sqlite" if url.startswith("sqlite") else "postgres"
+    yield from empty_database(kind, request, tmp_path)
 
 
 def fill(jobs):

@@ -103,7 +103,7 @@ def test_a_kink_on_the_way_is_left_to_the_quadrature():
 
 
 def test_enclosures_use_the_same_way(monkeypatch):
-    """What is made for the function of time is not made once more for its samples."""
+    """The way that is made for the function of time is not made once more for its samples."""
     problem = replace(PASSING["round"], accuracy=Accuracy(1e-10, "standard"))
     made = []
     original = TimeModel.__init__
