@@ -77,7 +77,10 @@ class Graded:
         return self.orbit.state(self._graded(theta)[0])
 
     def sines(self, u: FloatArray) -> FloatArray:
-        """Return sin v in doubles as exactly as they have it, next to poles; NaN elsewhere."""
+        """Return sin v in doubles as exactly as they have it, next to poles; NaN elsewhere.
+
+        And NaN where it is not small: a power has as many roundings as its exponent is large.
+        """
         found, orbit = np.full(u.shape, np.nan), self.orbit
         for pole in self.corners:
             x = np.abs(u - pole) / self.reach
@@ -88,7 +91,8 @@ class Graded:
                 width, half = orbit.upper - orbit.lower, arb.pi() * pole / 2
                 v = orbit.lower + width * half.sin() ** 2
                 apart = float(width) * np.sin(0.5 * off) * np.sin(2.0 * float(half) + 0.5 * off)
-            found = np.where(x < 1.0, (-1.0) ** round(float(v / arb.pi())) * np.sin(apart), found)
+            is_small = (x < 1.0) & (self.unit * np.abs(apart) < 1.0)
+            found = np.where(is_small, (-1.0) ** round(float(v / arb.pi())) * np.sin(apart), found)
         return found
 
     def _graded(self, theta: arb) -> tuple[arb, arb]:
@@ -106,6 +110,22 @@ class Graded:
 
     def _power(self, x: Number) -> Number:
         return x**self.unit * (self.unit - (self.unit - 1) * x)
+
+
+def refine_near_poles(loop: Loop, states: FloatArray, sines: FloatArray) -> None:
+    """Give g1, g3 and r next to a pole the digits that ``sines``, sin v, have: relative to their own size.
+
+    ``states`` have the shape (n, 6) and are overwritten; where a sine, shape (n,), is NaN they stay. Series
+    know small variables to the rounding of large ones, and next to a pole forces may depend on g1 without
+    bound.
+    """
+    near = np.flatnonzero(np.isfinite(sines))
+    Z, G, alpha = float(loop.Z), loop.g1_sign * float(loop.G), float(loop.alpha)
+    # Primed axes: g1 = ±G |sin v|^α, g3 = Z sin v, r = −α g1 p / g3.
+    p, r, g1, g3 = (2, 0, 5, 3) if loop.mirrored else (0, 2, 3, 5)
+    sine, size = sines[near], np.abs(sines[near])
+    states[near, g1], states[near, g3] = G * size**alpha, Z * sine
+    states[near, r] = -alpha * G / Z * size ** (alpha - 1.0) * np.sign(sine) * states[near, p]
 
 
 def graded(orbit: Libration | Rotation) -> Graded | None:
