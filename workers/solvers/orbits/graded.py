@@ -2,7 +2,8 @@ r"""The phase of an orbit through poles, graded: next to a pole it is a power of
 
 Where F is a sum of powers of w, V next to a pole is a sum of powers of \|sin v\| whose exponents have a
 common denominator n. With u = u_p ± δ (n xⁿ − (n − 1) xⁿ⁺¹) on either side of the pole at u_p everything is
-analytic in x ≥ 0, and du/dx goes on as it was at x = 1.
+analytic in x ≥ 0, and du/dx goes on as it was at x = 1. Logarithms, and what comes from other F, are as
+smooth as n is large.
 """
 
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
+from service.dynamics.potentials.angular_part.along_curve import smooth_unit
 from service.dynamics.reduction.geometry.loop import Loop
 from workers.solvers.orbits.orbit import Libration, Rotation
 
@@ -23,6 +25,8 @@ Number = TypeVar("Number", float, arb, FloatArray)
 FARTHEST = 0.25
 """Largest δ."""
 HALVINGS = 60
+LOGARITHMIC = 8
+"""Largest n where there are logarithms: at the nodes next to a pole xⁿ is known to half of 160 bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +133,7 @@ def refine_near_poles(loop: Loop, states: FloatArray, sines: FloatArray) -> None
 
 
 def graded(orbit: Libration | Rotation) -> Graded | None:
-    """Return the graded phase; None where no pole is passed, or is no matter, or powers are not known."""
+    """Return the graded phase; None where no pole is passed, or V has a formula, or is smooth there."""
     loop, marks = orbit.loop, sorted((0.0, *orbit.corners, 2.0))
     unit = _unit(loop, 1 if float(orbit.somewhere().sin()) > 0.0 else -1)
     reach = min(FARTHEST, *(0.5 * (right - left) for left, right in pairwise(marks)))
@@ -137,10 +141,18 @@ def graded(orbit: Libration | Rotation) -> Graded | None:
 
 
 def _unit(loop: Loop, side: int) -> int:
-    """Return n: of |sin v| there are the powers α(2 − 2m) for every w^m, and those of the curve."""
+    """Return n: of |sin v| there are the powers α(2 − 2m) for every w^m, and those of the curve.
+
+    It is large where there are logarithms, too, or where F is no sum of powers; 1 where V has a formula.
+    """
+    if loop.potential.has_formula:
+        return 1
     alpha, signs = loop.alpha, (loop.g1_sign, side)
     client = 1 / alpha if loop.mirrored else alpha
     powers = loop.potential.powers_of_w(*(signs[::-1] if loop.mirrored else signs))
-    # |g1|^(2 − 2m) next to g1 = 0, and |g3|^(2αm + 2) next to g3 = 0.
+    # |g1|^(2 − 2m) next to g1 = 0, and |g3|^(2αm + 2) next to g3 = 0; a logarithm for m, or −αm, = 1, 2, ...
     own = [(2 * client * m + 2 if loop.mirrored else 2 - 2 * m) * alpha for m in powers]
-    return lcm(alpha.denominator, *(exponent.denominator for exponent in own)) if powers else 1
+    resonant = [-client * m if loop.mirrored else m for m in powers]
+    divisor = lcm(alpha.denominator, *(exponent.denominator for exponent in own))
+    has_logarithms = not powers or any(m > 0 and m.denominator == 1 for m in resonant)
+    return min(smooth_unit(alpha), LOGARITHMIC) if has_logarithms else divisor
