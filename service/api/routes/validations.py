@@ -43,6 +43,7 @@ from service.typesetting.equations import FORMATS, Format
 from service.verdicts.classification import classification_of
 from service.verdicts.documents import plan_document
 from service.verdicts.examination import examine_question
+from service.verdicts.remarks import UNUSUAL
 
 FORMAT = "(text|latex|mathml)"
 
@@ -169,7 +170,8 @@ def _completed(
     window, table = plan["window"], AccuracyStore(inside.database).current()
     problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
     accepted = settle(problem, checked, window, table)
-    tiers = _tiers(problem, accepted.problem, window, table)
+    is_usual = UNUSUAL.isdisjoint(str(remark["code"]) for remark in plan["remarks"])
+    tiers = _tiers(problem, accepted.problem, window, table, is_usual=is_usual)
     return {
         **plan,
         "tier": accepted.problem.accuracy.tier,
@@ -185,6 +187,8 @@ def _tiers(
     problem: Problem,
     window: Mapping[str, object] | None,
     table: AccuracyTable,
+    *,
+    is_usual: bool,
 ) -> list[dict[str, object]]:
     """Return what each tier is expected to do with a problem, or why it refuses it."""
     told = list[dict[str, object]]()
@@ -192,7 +196,8 @@ def _tiers(
         refusal = None if tier == problem.accuracy.tier else _refusal_at(document, tier)
         if refusal is None and isinstance(expectation, Unavailable):
             refusal = expectation.detail
-        known = expectation if refusal is None and isinstance(expectation, Expected) else None
+        is_known = is_usual and refusal is None
+        known = expectation if is_known and isinstance(expectation, Expected) else None
         told.append(
             {
                 "tier": tier,
