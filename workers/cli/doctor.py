@@ -28,7 +28,7 @@ from service.storage.inspection.blob_inspection import check_blobs, repair_exami
 from service.storage.inspection.inspect import EXAMPLES, Finding, check_schema, inspect, repair
 from service.storage.tables.solutions import SolutionRow
 from service.terminal import answer, say
-from workers.computation.comparison import Sameness
+from workers.computation.audit import Sameness
 from workers.computation.reproduction import Repetition, repeat_solutions
 
 PACKETS = 100

@@ -22,9 +22,9 @@ from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.computation.outputs import takes_doubles
 from workers.solvers.planar.choose import compiled_tier
 from workers.sweeping.parameters.coefficients import coefficients_of
-from workers.sweeping.parameters.energies import energies_of
 from workers.sweeping.parameters.family import (
     SweepFamily,
+    energies_of,
     has_symbol,
     prove_family,
     smooth_poles,

@@ -13,8 +13,7 @@ from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.windows import NoMotionError
 from service.schemas.sweep.sweep import Sweep
 from workers.sweeping.parameters.coefficients import Coefficients
-from workers.sweeping.parameters.energies import Energies
-from workers.sweeping.parameters.family import Path, Poles, SweepFamily
+from workers.sweeping.parameters.family import Energies, Path, Poles, SweepFamily
 from workers.sweeping.planar.doubles import Swept
 
 if TYPE_CHECKING:

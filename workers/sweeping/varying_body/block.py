@@ -25,7 +25,7 @@ from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError, nu
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.frame import Bodies, loops_of
-from workers.sweeping.parameters.energies import rounded
+from workers.sweeping.parameters.family import rounded
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.parameters.programs import nearest_double
 from workers.sweeping.planar.doubles import Sampling, Swept, logarithms_of, sweep_loops
