@@ -4,12 +4,10 @@ NAME is one of COMMANDS, and OPTIONS are a JSON object; ``polhode`` declares and
 import what they need when they run: a worker is there before the solvers, which take long to load.
 """
 
-import importlib
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 from service.logs import start_logging
 from service.settings import SettingsError, read_settings
@@ -20,18 +18,7 @@ _TASKS, _TASKS_OF_A_SLOT, _ADDRESS_MB = 10, 4, 1000
 """The needs of a worker, counted: its threads, the processes around its children, two children a slot while
 they are replaced; and what a child reserves with all code loaded, 700 MB."""
 
-COMMANDS: Mapping[str, str] = MappingProxyType(
-    {
-        "run": "workers.cli.main:run",
-        "solve": "workers.cli.documents:solve_file",
-        "atlas": "workers.cli.documents:draw_file",
-        "sweep": "workers.cli.sweep:sweep_file",
-        "compile": "workers.cli.compile:compile_solvers",
-        "calibrate": "workers.cli.calibrate:measure_and_store",
-        "doctor": "workers.cli.doctor:examine",
-    }
-)
-"""The function of each command; it returns an exit code."""
+COMMANDS = ("run", "solve", "atlas", "sweep", "compile", "calibrate", "doctor")
 _PATHS = ("file", "out", "csv", "picture")
 """Options that are paths."""
 
@@ -48,15 +35,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = json.loads(given[1]) if len(given) > 1 else {}
         paths = {name: Path(text) for name, text in options.items() if name in _PATHS and text is not None}
-        module, _, name = COMMANDS[given[0]].partition(":")
-        command: Callable[..., int] = getattr(importlib.import_module(module), name)
-        return command(**{**options, **paths})
+        return _command(given[0])(**{**options, **paths})
     except SettingsError as fault:
         say(str(fault))
         return _WRONG_USAGE
     except FileFaultError as fault:
         say(str(fault))
         return _FAILED
+
+
+def _command(name: str) -> Callable[..., int]:
+    """Return the function of a command; it returns the exit code."""
+    match name:
+        case "solve":
+            from workers.cli.documents import solve_file  # noqa: PLC0415
+
+            return solve_file
+        case "atlas":
+            from workers.cli.documents import draw_file  # noqa: PLC0415
+
+            return draw_file
+        case "sweep":
+            from workers.cli.sweep import sweep_file  # noqa: PLC0415
+
+            return sweep_file
+        case "compile":
+            from workers.cli.compile import compile_solvers  # noqa: PLC0415
+
+            return compile_solvers
+        case "calibrate":
+            from workers.cli.calibrate import measure_and_store  # noqa: PLC0415
+
+            return measure_and_store
+        case "doctor":
+            from workers.cli.doctor import examine  # noqa: PLC0415
+
+            return examine
+    return run
 
 
 def run(*, slots: int | None = None, wake_fd: int | None = None) -> int:
