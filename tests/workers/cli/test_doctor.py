@@ -23,10 +23,9 @@ from service.storage.tables.solutions import DenseOutputRow, SamplesRow, Solutio
 from tests.support.api import PLANAR, STATE
 from tests.support.commands import polhode
 from tests.workers.chores import do_chunk
-from workers.cli.doctor import COLLISIONS, check_windows
+from workers.cli.doctor import COLLISIONS, check_windows, repeat_solutions
 from workers.computation.audit import Sameness
 from workers.computation.compute import solve_document
-from workers.computation.reproduction import repeat_solutions
 
 pytestmark = pytest.mark.any_database
 
