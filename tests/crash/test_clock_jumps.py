@@ -12,7 +12,7 @@ from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until
-from workers.process.limits import JobLimits
+from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 HOUR = 3600.0

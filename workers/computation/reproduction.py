@@ -12,7 +12,7 @@ from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, Sand
 from service.storage.database.database import Database
 from service.storage.jobs.stored import stored_solutions
 from service.storage.tables.solutions import SolutionRow
-from workers.computation.comparison import Sameness, compare_solutions
+from workers.computation.audit import Sameness, compare_solutions
 from workers.computation.compute import solve_document, way_to_repeat
 
 

@@ -25,7 +25,7 @@ from tests.support.api import NEEDED_QUERY, STATE, TestClient
 from tests.support.lists import list_jobs
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until
-from workers.process.limits import JobLimits
+from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

@@ -17,7 +17,7 @@ from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.effort import examples
 from tests.support.finishing import finish_success
 from tests.support.lists import list_jobs
-from workers.process.runs import shared_out
+from workers.process.batches import shared_out
 
 OVER = -1.0  # a lease that has ended when it is granted
 

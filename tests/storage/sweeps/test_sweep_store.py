@@ -12,7 +12,7 @@ from service.jobs.kernels import Kernels
 from service.jobs.keys import Role
 from service.jobs.states import JobKind, JobState
 from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
-from service.local.hosts import WorkerProcess
+from service.local.worker_process import WorkerProcess
 from service.storage.codecs.points import decode_points
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.worker_registry import WorkerRegistry

@@ -7,7 +7,7 @@ from service.storage.database.ids import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from tests.workers import chores
 from tests.workers.processes import wait_until
-from workers.process.limits import JobLimits
+from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 LIMITS = JobLimits(lease_seconds=3600.0, job_seconds=3600.0, memory_mb=300, max_attempts=3, retry_seconds=0)

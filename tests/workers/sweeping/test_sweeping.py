@@ -17,8 +17,8 @@ from service.verdicts.examination import examine_problem
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk, states
 from workers.sweeping.chunk import compute_chunk
-from workers.sweeping.moving.moving import MovingSolver
 from workers.sweeping.plan import make_plan
+from workers.sweeping.varying_body.block import MovingSolver
 
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}
 THREE_TERMS = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/50"}}

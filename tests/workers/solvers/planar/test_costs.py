@@ -12,7 +12,7 @@ from service.dynamics.motion import Motion
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem, TimePeriods
 from service.schemas.problem.problem import read_problem
 from tests.conformance.specimens import CATALOGUE, Specimen
-from workers.computation.certification import beside_enclosures
+from workers.computation.compute import beside_enclosures
 from workers.solvers.assembly.place import Declined, Place
 from workers.solvers.compiled.solve import solve_spectral
 from workers.solvers.planar import table

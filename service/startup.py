@@ -1,11 +1,13 @@
-"""Spares Python's garbage collector what a process loads: its modules stay until it ends.
+"""The first steps of every process: how often garbage is collected, and the threads of numerical libraries.
 
-The collector reads all objects again and again while modules are loaded, and once more when the process ends.
-That is a third of the processor time of a start and a stop of ``polhode serve``, and frees nothing.
+Modules stay until a process ends, and the collector reads all objects again and again while they are loaded,
+and once more at the end. That is a third of the processor time of a start and a stop of ``polhode serve``,
+and frees nothing.
 """
 
 import atexit
 import gc
+import os
 
 _YOUNG, _MIDDLE, _OLD = 50_000, 20, 20
 """Objects that are made before the youngest are looked through, and how often that is until older ones are.
@@ -28,3 +30,13 @@ def keep_what_is_loaded() -> None:
     which would then be copied.
     """
     gc.freeze()
+
+
+def use_one_thread() -> None:
+    """Have numerical libraries use one thread, unless the environment says otherwise.
+
+    Slots share the cores already, the stacks of idle threads would count as a job's memory, and the last
+    digits of a product of matrices may depend on how it is divided.
+    """
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")

@@ -25,21 +25,12 @@ from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError, nu
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.frame import Bodies, loops_of
-from workers.sweeping.moving.empty_sums import have_no_motion
-from workers.sweeping.moving.templates import (
-    Key,
-    Model,
-    MomentsOfPoint,
-    Template,
-    own_template,
-    shared_template,
-)
-from workers.sweeping.parameters.energies import rounded
+from workers.sweeping.parameters.family import rounded
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.parameters.programs import nearest_double
 from workers.sweeping.planar.doubles import Sampling, Swept, logarithms_of, sweep_loops
-from workers.sweeping.planar.near_poles import keep_their_sign
-from workers.sweeping.planar.solved import (
+from workers.sweeping.planar.exclusions import keep_their_sign
+from workers.sweeping.planar.records import (
     INADMISSIBLE,
     INVALID,
     NO_MOTION,
@@ -47,10 +38,20 @@ from workers.sweeping.planar.solved import (
     SolvedBlock,
     numbers_of_motions,
 )
+from workers.sweeping.varying_body.empty_sums import have_no_motion
+from workers.sweeping.varying_body.templates import (
+    Key,
+    Model,
+    MomentsOfPoint,
+    Template,
+    own_template,
+    shared_template,
+)
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+
 
 MOST_BITS = 1000
 """Largest size of a number in a potential, in bits: what is made of such ones keeps the limits of

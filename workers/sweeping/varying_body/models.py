@@ -16,10 +16,9 @@ from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Num
 from service.dynamics.potentials.families.homogeneous import B_coefficients
 from service.dynamics.potentials.potential import Potential
 from service.schemas.reading.pointers import with_values
-from workers.sweeping.moving.templates import Key, Model, MomentsOfPoint, kind_of
-from workers.sweeping.parameters.coefficients import SplitParameters
-from workers.sweeping.parameters.exact_parts import ExactParts, parts_of
+from workers.sweeping.parameters.coefficients import ExactParts, SplitParameters, parts_of
 from workers.sweeping.parameters.family import Path, degree_in, potential_of
+from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
 """A ratio of primes, far from any number that a formula would fold."""

@@ -24,13 +24,15 @@ from service.dynamics.reduction.sign_proofs.equators import equators
 from service.dynamics.verdict.proofs.power_sums import Judgement
 from service.dynamics.verdict.proofs.reading_powers import PowerSum, number_of
 from workers.solvers.compiled.records import Records
-from workers.sweeping.moving.templates import MomentsOfPoint
 from workers.sweeping.parameters.programs import nearest_double
-from workers.sweeping.planar.emptiness import LOGARITHM
+from workers.sweeping.planar.exclusions import LOGARITHM
+from workers.sweeping.varying_body.templates import MomentsOfPoint
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+
+
 Bounds = tuple[FloatArray, FloatArray]
 
 MOST_TERMS = 64

@@ -1,8 +1,11 @@
-"""Names this machine and its workers, and refuses a second machine with the local engine."""
+"""A worker process: its name, its host, its command line and its environment."""
 
 import os
-import secrets
-import socket
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from service.settings import Settings
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,9 +37,21 @@ def this_host() -> str:
     boot = ""
     with suppress(OSError):  # only Linux has it
         boot = "/" + Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")[:8]
-    return socket.gethostname()[:200] + boot
+    return os.uname().nodename[:200] + boot
 
 
 def new_worker_name(host: str) -> str:
     """Return a unique name for a worker."""
-    return f"{host[:64]}:{os.getpid()}:{secrets.token_hex(4)}"
+    return f"{host[:64]}:{os.getpid()}:{os.urandom(4).hex()}"
+
+
+def worker_command(*arguments: str) -> list[str]:
+    """Return the command line of a worker. ``-P``: a ``workers.py`` in the working folder is not imported."""
+    return [sys.executable, "-P", "-m", "workers", *arguments]
+
+
+def worker_environment(settings: "Settings") -> dict[str, str]:
+    """Return a worker's environment. URLs may hold passwords, and other users see command-line options."""
+    log = {"POLHODE_LOG_FORMAT": settings.log_format, "POLHODE_LOG_LEVEL": settings.log_level}
+    chosen = {name: value for name, value in log.items() if value is not None}
+    return {**os.environ, "POLHODE_DATABASE_URL": settings.database_url, **chosen}

@@ -1,4 +1,4 @@
-"""``polhode keys``: create, list and revoke API keys with their roles and limits."""
+"""``polhode keys``, ``backup``, ``restore`` and ``prune``: the commands that administer a database."""
 
 import json
 import re
@@ -19,20 +19,23 @@ from service.cli.common import (
     migrate_database,
     settings_of,
 )
-from service.escaping import one_line
 from service.jobs.keys import ApiKey, KeyNotFoundError, KeyStanding, Role, key_prefix
+from service.logs import one_line
 from service.terminal import answer, say
 
 if TYPE_CHECKING:
     from service.settings import Settings
     from service.storage.keys.key_store import KeyStore
+from pathlib import Path
 
 MEGABYTE = 10**6
 
 _SPAN = re.compile(r"([1-9][0-9]{0,5})([dhm])", re.ASCII)
 _SECONDS = {"d": 86400, "h": 3600, "m": 60}
 
-app = typer.Typer(help="Create, list and revoke API keys.", no_args_is_help=True, rich_markup_mode=None)
+BackupFile = Annotated[Path, typer.Argument(metavar="FILE", show_default=False)]
+
+keys = typer.Typer(help="Create, list and revoke API keys.", no_args_is_help=True, rich_markup_mode=None)
 
 
 def seconds_of(text: str) -> float:
@@ -43,7 +46,7 @@ def seconds_of(text: str) -> float:
     return float(int(match[1]) * _SECONDS[match[2]])
 
 
-@app.command(cls=Command)
+@keys.command(cls=Command)
 def create(
     role: Annotated[Role, typer.Option(help="each role includes those before it", show_default=False)],
     name: Annotated[str, typer.Option(help="owner or purpose; up to 128 characters")] = "",
@@ -85,7 +88,7 @@ def create(
     answer(f"{text}\n")
 
 
-@app.command("list", cls=Command)
+@keys.command("list", cls=Command)
 def list_keys(as_json: AsJson = False, database_url: DatabaseUrl = None) -> None:
     """List all keys, also expired and revoked ones, oldest first."""
     with _store(settings_of(database_url=database_url)) as store:
@@ -103,7 +106,7 @@ def list_keys(as_json: AsJson = False, database_url: DatabaseUrl = None) -> None
         answer(f"{line.rstrip()}\n")
 
 
-@app.command(cls=Command)
+@keys.command(cls=Command)
 def revoke(
     prefix: Annotated[str, typer.Argument(help="as `polhode keys list` shows it", show_default=False)],
     database_url: DatabaseUrl = None,
@@ -176,3 +179,80 @@ def _row(key: ApiKey, now: datetime) -> tuple[str, ...]:
 
 def _instant(instant: datetime | None) -> str:
     return "-" if instant is None else instant.strftime("%Y-%m-%d %H:%MZ")
+
+
+def backup(
+    file: BackupFile,
+    force: Annotated[bool, typer.Option("--force", help="replace a file of that name")] = False,
+    database_url: DatabaseUrl = None,
+) -> None:
+    """Write a checked copy of the database to a file; the service may keep running."""
+    from service.storage.upkeep.backup import back_up  # noqa: PLC0415
+    from service.storage.upkeep.backup_checks import BackupError  # noqa: PLC0415
+
+    settings = settings_of(database_url=database_url)
+    try:
+        contents = back_up(settings.database_url, file, replace=force)
+    except BackupError as fault:
+        fail(f"no backup: {fault}", REFUSED)
+    jobs, solutions = (contents.rows.get(name, 0) for name in ("jobs", "solutions"))
+    size = file.stat().st_size / 1e6
+    say(f"{file}: {jobs} jobs, {solutions} solutions, {contents.schema}, {size:.1f} MB")
+
+
+def restore(
+    file: BackupFile,
+    force: Annotated[bool, typer.Option("--force", help="replace a database that has jobs")] = False,
+    database_url: DatabaseUrl = None,
+) -> None:
+    """Replace the database by a backup and migrate it to this version; the service must be stopped."""
+    from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
+
+    from service.storage.upkeep.backup import restore as restore_database  # noqa: PLC0415
+    from service.storage.upkeep.backup_checks import BackupError  # noqa: PLC0415
+
+    settings = settings_of(database_url=database_url)
+    try:
+        contents = restore_database(settings.database_url, file, force=force)
+    except (BackupError, SQLAlchemyError) as fault:
+        fail(f"not restored: {getattr(fault, 'orig', None) or fault}", REFUSED)
+    jobs, solutions = (contents.rows.get(name, 0) for name in ("jobs", "solutions"))
+    say(f"restored {jobs} jobs, {solutions} solutions")
+
+
+def prune(
+    samples_older_than: Annotated[
+        float | None,
+        typer.Option(parser=seconds_of, metavar="SPAN", help="such as 30d. POLHODE_SAMPLES_DAYS if left out"),
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="only report what would be deleted")] = False,
+    database_url: DatabaseUrl = None,
+) -> None:
+    """Delete old samples and surplus examinations, which are recomputed on request.
+
+    The service may keep running.
+    """
+    from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
+
+    from service.storage.database.database import Database  # noqa: PLC0415
+    from service.storage.examinations.examination_store import ExaminationStore  # noqa: PLC0415
+    from service.storage.upkeep.retention import DAY_SECONDS, prune_samples  # noqa: PLC0415
+
+    settings = settings_of(database_url=database_url)
+    seconds = samples_older_than
+    if seconds is None and settings.samples_days is not None:
+        seconds = settings.samples_days * DAY_SECONDS
+    if seconds is None:
+        fail("the age is missing; give --samples-older-than 30d, or set POLHODE_SAMPLES_DAYS=30", WRONG_USAGE)
+    migrate_database(settings)
+    database = Database(settings.database_url)
+    try:
+        pruned = prune_samples(database, older_than_seconds=seconds, dry_run=dry_run)
+        trimmed = ExaminationStore(database).trim(dry_run=dry_run)
+    except SQLAlchemyError as fault:
+        fail(f"not finished: {getattr(fault, 'orig', None) or fault}", REFUSED)
+    finally:
+        database.close()
+    done = "would be deleted" if dry_run else "deleted"
+    samples = f"samples of {pruned.solutions} solutions, {pruned.data_bytes / 1e6:.1f} MB"
+    say(f"{samples}, and {trimmed} kept examinations {done}")

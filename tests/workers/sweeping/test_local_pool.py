@@ -9,8 +9,8 @@ import pytest
 from service.jobs.chunking import Range
 from service.schemas.sweep.reading import read_sweep
 from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
-from workers.sweeping.crew import Crew
-from workers.sweeping.files import SUFFIXES, schema_of, table_of
+from workers.cli.sweep import SUFFIXES, schema_of, table_of
+from workers.sweeping.local_pool import Crew
 
 POINTS = 200
 DOCUMENT = {

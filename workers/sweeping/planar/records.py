@@ -1,20 +1,66 @@
-"""The results for a block of neighbouring points."""
+"""The data for a block of neighbouring points of planar motions of one body, and its results."""
 
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.bounds import printed_error
 from service.dynamics.motion import COLUMNS
+from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.windows import NoMotionError
 from service.schemas.sweep.sweep import Sweep
+from workers.sweeping.parameters.coefficients import Coefficients
+from workers.sweeping.parameters.family import Energies, Path, Poles, SweepFamily
 from workers.sweeping.planar.doubles import Swept
+
+if TYPE_CHECKING:
+    from workers.sweeping.planar.by_roots import RationalFamily
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """The motions with one sign of g1; λ differs from point to point."""
+
+    motion: PlanarMotion
+    energies: Energies | None
+    rational: "RationalFamily | None" = None
+    """The potentials as sums of powers, at the tier ``high`` alone, which is for these."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quick:
+    """The data that hold for all points."""
+
+    problem: Problem
+    """The first point's."""
+    potential: Mapping[str, object]
+    """The base's."""
+    paths: tuple[Path, ...]
+    """Paths of the numbers in the potential that vary."""
+    places: tuple[int, ...]
+    """Indices of their axes, in the same order."""
+    coefficients: Coefficients
+    """Coefficients that these numbers make, in which the potential is linear."""
+    curve_place: int | None
+    """Index of the axis of λ or nu."""
+    start_place: int | None
+    """Index of the axis of g1 at the start."""
+    moment_place: int | None
+    """Index of the axis of B, on which planar motions do not depend."""
+    time_places: Mapping[str, int]
+    """Indices of the axes of the times, by their names."""
+    sides: Mapping[int, Side]
+    """The sides by the sign of g1."""
+    family: SweepFamily
+    poles: Poles | None
+
 
 NO_MOTION, INVALID, INADMISSIBLE = NoMotionError.code, "invalid_problem", "inadmissible_potential"
 
