@@ -12,8 +12,8 @@ from service.dynamics.accuracy import TIERS, AccuracyRow, AccuracyTable, Machine
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.dynamics.solution.ball_columns import RADIUS
-from service.jobs.outcome import Refused, Solved
-from service.schemas.reading.faults import InvalidProblemError
+from service.jobs.records import Refused, Solved
+from service.schemas.reading.documents import InvalidProblemError
 from service.storage.codecs.arrays import decode_arrays
 from service.versions import version_of
 from workers.calibration.problems import CASES, SAMPLES, Case

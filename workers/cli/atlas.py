@@ -6,10 +6,9 @@ from pathlib import Path
 from rich.console import Console
 
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.atlas.picture import picture_of
 from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
-from service.schemas.atlas.text import describe_atlas
+from service.schemas.atlas.showing import describe_atlas, picture_of
 from service.schemas.replies.verdict_text import Refusal
 from service.settings import Settings, read_settings
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from service.jobs.kernels import FASTER, NeedsKernelsError, told_way
-from service.jobs.outcome import Refused, SolveOutcome
+from service.jobs.records import Refused, SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.problem import read_problem
 from service.settings import Settings, read_settings

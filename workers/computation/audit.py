@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from math import isfinite
 
-from service.jobs.outcome import Refused, SolveOutcome, StoredSolution
+from service.jobs.records import Refused, SolveOutcome, StoredSolution
 from workers.computation.comparison import Comparison, Sameness, compare_solutions
 from workers.computation.compute import solve_document, way_to_repeat
 

@@ -14,7 +14,7 @@ from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.windows import choose_window, find_windows
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from service.storage.database.database import Database
 from service.storage.inspection.inspect import EXAMPLES, Finding
 from service.storage.tables.solutions import SolutionRow

@@ -12,7 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from service.jobs.outcome import Outcome
+from service.jobs.records import Outcome
 from service.logs import about
 
 logger = logging.getLogger(__name__)

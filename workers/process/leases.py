@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Iterable
 
-from service.jobs.job import Claim
+from service.jobs.records import Claim
 from service.jobs.store import JobStore
 from workers.process.results import extra_of
 

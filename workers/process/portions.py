@@ -2,8 +2,7 @@
 
 from collections.abc import Sequence
 
-from service.jobs.batching import BatchSize
-from service.jobs.lanes import Lane
+from service.jobs.queue import BatchSize, Lane
 from workers.process.results import TakingTerms
 
 AHEAD = 8

@@ -6,11 +6,9 @@ from concurrent.futures import CancelledError
 from functools import partial
 from typing import TypedDict
 
-from service.jobs.job import Claim, Taken
 from service.jobs.kernels import NEVER, WAITS, NeedsKernelsError, Outlook
-from service.jobs.lanes import Lane
-from service.jobs.outcome import Outcome, SolveOutcome
-from service.jobs.states import JobKind
+from service.jobs.queue import Lane
+from service.jobs.records import Claim, JobKind, Outcome, SolveOutcome, Taken
 from service.jobs.store import JobStore
 from service.logs import Complaints, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError

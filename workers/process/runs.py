@@ -5,9 +5,8 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any  # an outcome, or those of a batch
 
-from service.jobs.job import Claim
-from service.jobs.lanes import Lane
-from service.jobs.states import JobKind
+from service.jobs.queue import Lane
+from service.jobs.records import Claim, JobKind
 from workers.process.batches import Ledger
 
 

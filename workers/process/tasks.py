@@ -7,8 +7,7 @@ and restarts quickly after it was killed.
 
 from typing import TYPE_CHECKING
 
-from service.jobs.outcome import ChunkOutcome, Drawn, Refused, SolveOutcome, StoredSolution
-from service.jobs.states import JobKind
+from service.jobs.records import ChunkOutcome, Drawn, JobKind, Refused, SolveOutcome, StoredSolution
 from workers.process.warming import WarmUp
 
 if TYPE_CHECKING:  # the children that load this module need no database

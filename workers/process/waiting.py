@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 
-from service.jobs.job import Claim
+from service.jobs.records import Claim
 
 
 class Waiting:

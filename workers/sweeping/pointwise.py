@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.jobs.outcome import Refused, SolveOutcome
-from service.schemas.reading.faults import InvalidProblemError
-from service.schemas.sweep.kept_numbers import kept_numbers
-from service.schemas.sweep.sweep import Sweep
+from service.jobs.records import Refused, SolveOutcome
+from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.sweep.sweep import Sweep, kept_numbers
 from service.storage.codecs.arrays import decode_arrays
 from service.storage.codecs.points import SOLVED
-from service.verdicts.kept import Kept
+from service.verdicts.cached import Kept
 from workers.computation.compute import solve_checked, solve_document
 from workers.solvers.ways import Way
 

@@ -13,7 +13,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.bounds import printed_error
 from service.dynamics.motion import Estimate
 from service.dynamics.problem import Problem
-from service.schemas.sweep.kept_numbers import NUMBERS
+from service.schemas.sweep.sweep import NUMBERS
 from workers.solvers.compiled.batch import Batch, solve_batch
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.records import Records
