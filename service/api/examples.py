@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any  # parts of a JSON document
 
 from service.api.replies.errors import MEDIA_TYPE, ApiError
-from service.schemas.reading.faults import Fault
+from service.schemas.reading.documents import Fault
 
 RECORDED = Path(__file__).with_name("examples.json")
 """``{operation id: {status: {media type: {name: answer}}}}``, as a service answered."""

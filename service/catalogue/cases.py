@@ -1,7 +1,7 @@
 """The named cases of the literature, each as a member of a family."""
 
 from service.catalogue.documents import YEHIA, planar_example
-from service.schemas.replies.catalogue import CaseOut
+from service.schemas.replies.installation import CaseOut
 
 
 def cases() -> list[CaseOut]:

@@ -2,7 +2,7 @@
 
 from service.dynamics.classical.catalogue import CASES
 from service.dynamics.classical.protocol import ClassicalCase
-from service.schemas.replies.catalogue import ClassicalOut
+from service.schemas.replies.installation import ClassicalOut
 
 
 def classical() -> list[ClassicalOut]:

@@ -1,7 +1,7 @@
 """The families of potentials, one for each ``type`` of a problem document."""
 
 from service.catalogue.documents import YEHIA, planar_example
-from service.schemas.replies.catalogue import FamilyOut
+from service.schemas.replies.installation import FamilyOut
 
 
 def families() -> list[FamilyOut]:

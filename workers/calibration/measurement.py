@@ -16,9 +16,9 @@ from service.dynamics.accuracy import TIERS, AccuracyRow, AccuracyTable, Machine
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.dynamics.solution.ball_columns import RADIUS
-from service.jobs.outcome import Refused, Solved
+from service.jobs.records import Refused, Solved
 from service.sandbox import Sandbox
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from service.storage.codecs.arrays import decode_arrays
 from service.storage.database.database import Database
 from service.storage.database.ids import new_id

@@ -21,7 +21,7 @@ from service.dynamics.reduction.windows import choose_window, find_windows
 from service.logs import one_line
 from service.sandbox import Sandbox
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from service.settings import Settings, read_settings
 from service.storage.database.database import Database
 from service.storage.inspection.blob_inspection import check_blobs, repair_examinations

@@ -33,7 +33,7 @@ from rich.text import Text
 from service.jobs.chunking import Range
 from service.jobs.kernels import FASTER, KERNELS, Kernels, Way, way_of_sweep
 from service.sandbox import Sandbox
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings, read_settings

@@ -25,14 +25,13 @@ from service.dynamics.solution.ball_columns import JOIN_BITS, RADIUS, parts_for,
 from service.dynamics.solution.dense_output import DenseOutput, Period
 from service.dynamics.verdict.simple_form import simplified
 from service.jobs.kernels import NeedsKernelsError, told_way
-from service.jobs.outcome import Refused, Solved, SolveOutcome, StoredSolution
+from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
 from service.storage.codecs.arrays import encode_arrays, encode_dense
 from service.storage.solutions.shipped_accuracy import shipped_table
+from service.verdicts.cached import Kept, read_windows
 from service.verdicts.examination import Examined, examine_document
-from service.verdicts.kept import Kept
-from service.verdicts.kept_windows import read_windows
 from workers import solvers
 from workers.computation.compiled_code import (
     GROUPS,

@@ -7,7 +7,7 @@ from random import Random
 
 from sqlalchemy import func, select
 
-from service.jobs.outcome import Refused, StoredSolution
+from service.jobs.records import Refused, StoredSolution
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.database import Database
 from service.storage.jobs.stored import stored_solutions

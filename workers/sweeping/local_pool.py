@@ -9,7 +9,7 @@ import numpy as np
 
 from service.jobs.chunking import CHUNK_SECONDS, PARTS, PILOT_POINTS, Range, cut, largest_chunk, next_size
 from service.jobs.kernels import Way
-from service.jobs.outcome import ChunkOutcome
+from service.jobs.records import ChunkOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
 from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.points import ChunkPoints, decode_points

@@ -26,7 +26,7 @@ from service.dynamics.problem import Problem, StateMotion
 from service.dynamics.sampling import sample_times
 from service.schemas.problem.motions import is_unit
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.compiled.general.records import Models
 from workers.solvers.compiled.general.twin import COLLIDED, HELD, INACCURATE

@@ -5,8 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from service.api.events.texts import STATUS, Told
-from service.jobs.job import Job
-from service.jobs.sweeps import SweepNotFoundError, SweepRecord
+from service.jobs.records import Job, SweepNotFoundError, SweepRecord
 from service.storage.jobs.changes import ChangeReader, Followable, LastChange
 from service.storage.sweeps.sweep_store import SweepStore
 

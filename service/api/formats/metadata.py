@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterable, Mapping, Sequence
 
-from service.jobs.sweeps import SweepRecord
+from service.jobs.records import SweepRecord
 from service.versions import version_of
 
 PREFIX = "polhode."

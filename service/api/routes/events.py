@@ -23,10 +23,9 @@ from service.api.replies.places import JobId, SweepId
 from service.api.replies.records import job_out, sweep_out
 from service.api.replies.responses import json_content, refusals
 from service.api.routes.installation.status import status_document
-from service.jobs.job import Job
 from service.jobs.keys import ApiKey, KeyStanding
-from service.jobs.sweeps import SweepRecord
-from service.schemas.replies.overview import StatusOut
+from service.jobs.records import Job, SweepRecord
+from service.schemas.replies.job import StatusOut
 from service.settings import Settings
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database

@@ -7,7 +7,7 @@ from typing import Any  # Any: a document that was read from JSON
 
 from service.api.replies.errors import ApiError
 from service.api.verdicts.verdict_queue import Claimant, Examination, VerdictQueue
-from service.schemas.reading.faults import Fault
+from service.schemas.reading.documents import Fault
 
 
 async def examine(

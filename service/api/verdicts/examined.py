@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 
 from service.api.verdicts.verdict_queue import Claimant, VerdictQueue
 from service.storage.examinations.examination_store import ExaminationStore
-from service.verdicts.entries import Entry, ExaminationKeys
+from service.verdicts.cache_rows import Entry, ExaminationKeys
 from service.verdicts.examination import examine_problems
 from service.verdicts.memory import KeptExaminations
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from service.jobs.outcome import ChunkOutcome
+from service.jobs.records import ChunkOutcome
 from service.storage.codecs.arrays import CodecError, pack_arrays, unpack_arrays
 
 FloatArray = NDArray[np.float64]

@@ -8,7 +8,7 @@ from service.storage.database.database import Database
 from service.storage.examinations.kept_rows import find_rows, keep_rows
 from service.storage.tables.base import table_of
 from service.storage.tables.examinations import ExaminationRow
-from service.verdicts.entries import Entry, examination_version
+from service.verdicts.cache_rows import Entry, examination_version
 
 MOST_ENTRIES = 50_000
 """Entries that remain after trimming: of one or two kB each, some 50 to 100 MB."""

@@ -10,8 +10,7 @@ from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import is_postgres
 from service.storage.tables.base import table_of
 from service.storage.tables.examinations import ExaminationRow
-from service.verdicts.entries import Entry, examination_version
-from service.verdicts.sealing import is_sound, seal_of
+from service.verdicts.cache_rows import Entry, examination_version, is_sound, seal_of
 
 logger = logging.getLogger(__name__)
 

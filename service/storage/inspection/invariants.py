@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from sqlalchemy import CheckConstraint, ColumnElement, TextClause, and_, exists, func, not_, or_, select, text
 from sqlalchemy.orm import aliased
 
-from service.jobs.states import FINISHED, JobKind, JobState
+from service.jobs.records import FINISHED, JobKind, JobState
 from service.storage.database.clock import DatabaseNow
 from service.storage.inspection.repairs import (
     Broken,

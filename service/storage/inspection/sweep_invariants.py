@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from sqlalchemy import CTE, BigInteger, and_, cast, exists, func, not_, or_, select, union_all
 
-from service.jobs.states import FINISHED, JobKind, JobState
+from service.jobs.records import FINISHED, JobKind, JobState
 from service.storage.inspection.invariants import Invariant, Remedy, differ
 from service.storage.inspection.sweep_repairs import cancel_chunks, repair_sweeps
 from service.storage.tables.jobs import JobRow

@@ -5,10 +5,9 @@ from typing import Any  # of a row that the statement describes
 
 from sqlalchemy import ColumnElement, Connection, Row, bindparam, insert, select, update
 
-from service.jobs.dispatch import Dispatcher
-from service.jobs.job import Claim, Taken
-from service.jobs.lanes import Lane
-from service.jobs.states import JobKind, JobState
+from service.jobs.queue import Lane
+from service.jobs.records import Claim, JobKind, JobState, Taken
+from service.jobs.store import Dispatcher
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import is_postgres
 from service.storage.examinations.kept_rows import sound_content
@@ -21,7 +20,7 @@ from service.storage.tables.audits import AuditRow
 from service.storage.tables.base import table_of
 from service.storage.tables.examinations import ExaminationRow
 from service.storage.tables.jobs import AttemptRow, JobRow
-from service.verdicts.entries import examination_version
+from service.verdicts.cache_rows import examination_version
 
 _JOBS, _EXAMINATIONS, _AUDITS = table_of(JobRow), table_of(ExaminationRow), table_of(AuditRow)
 

@@ -6,9 +6,7 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy import Connection, bindparam, insert, select, update
 from sqlalchemy.orm import Session
 
-from service.jobs.job import Claim
-from service.jobs.outcome import Drawn, Solved
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, Claim, Drawn, JobState, Solved
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import is_postgres

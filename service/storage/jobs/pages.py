@@ -1,7 +1,7 @@
 """Reads a page of jobs, of all or of some source."""
 
-from service.jobs.job import JobPage
-from service.schemas.query.list_query import ListQuery
+from service.jobs.records import JobPage
+from service.schemas.query.conditions import ListQuery
 from service.storage.database.database import Database
 from service.storage.database.paging import rows_of_page
 from service.storage.jobs.records import job_of

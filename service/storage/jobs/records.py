@@ -1,8 +1,7 @@
 """Converts rows of jobs and attempts to the records of service.jobs."""
 
-from service.jobs.dispatch import Delivery
-from service.jobs.job import Attempt, Job
-from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.jobs.records import Attempt, AttemptOutcome, Job, JobKind, JobState
+from service.jobs.store import Delivery
 from service.schemas.reading.marks import Marks
 from service.storage.database.clock import instant, optional_instant
 from service.storage.tables.jobs import AttemptRow, JobRow

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from sqlalchemy import Connection, bindparam, select
 
-from service.jobs.outcome import StoredSolution
+from service.jobs.records import StoredSolution
 from service.storage.tables.base import table_of
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 

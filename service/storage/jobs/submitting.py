@@ -6,8 +6,8 @@ from itertools import zip_longest
 from sqlalchemy import insert
 from sqlalchemy.orm import Session
 
-from service.jobs.lanes import Lane
-from service.jobs.states import JobKind, JobState
+from service.jobs.queue import Lane
+from service.jobs.records import JobKind, JobState
 from service.schemas.query.facts import facts_of
 from service.schemas.reading.marks import Marks
 from service.storage.database.clock import database_now
@@ -18,7 +18,7 @@ from service.storage.marks.mark_rows import insert_labels
 from service.storage.tables.audits import AuditRow
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
-from service.verdicts.entries import Examination
+from service.verdicts.cache_rows import Examination
 
 _INSERT, _INSERT_AUDITS = insert(table_of(JobRow)), insert(table_of(AuditRow))
 

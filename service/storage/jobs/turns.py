@@ -5,9 +5,8 @@ from typing import Any  # of a row that the statement describes
 
 from sqlalchemy import Connection, Select, Text, bindparam, cast, func, literal_column, select
 
-from service.jobs.lanes import Lane
-from service.jobs.states import JobState
-from service.jobs.turns import gap_for, turns
+from service.jobs.queue import Lane, gap_for, turns
+from service.jobs.records import JobState
 from service.storage.database.database import is_postgres
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow

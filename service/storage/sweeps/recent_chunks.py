@@ -5,8 +5,8 @@ from collections.abc import Collection, Mapping
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.jobs.estimates import RECENT_SECONDS, ChunkRun
-from service.jobs.states import JobState
+from service.jobs.chunking import RECENT_SECONDS, ChunkRun
+from service.jobs.records import JobState
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.sweeps import SweepChunkRow
 

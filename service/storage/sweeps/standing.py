@@ -6,7 +6,7 @@ from typing import Any  # the types of the columns of a table that is not mapped
 
 from sqlalchemy import Select, bindparam, select
 
-from service.jobs.sweeps import SweepNotFoundError, SweepRecord
+from service.jobs.records import SweepNotFoundError, SweepRecord
 from service.storage.database.database import Database
 from service.storage.database.ids import is_id
 from service.storage.tables.base import table_of

@@ -6,20 +6,18 @@ from dataclasses import dataclass, fields, replace
 from sqlalchemy import Connection, select
 from sqlalchemy.orm import Session, defer
 
-from service.jobs.chunking import pilot
-from service.jobs.dispatch import Dispatcher
-from service.jobs.estimates import remaining_seconds
-from service.jobs.idempotency import Receipt
-from service.jobs.states import JobState
-from service.jobs.sweeps import (
+from service.jobs.chunking import pilot, remaining_seconds
+from service.jobs.records import (
+    JobState,
     SweepFinishedError,
     SweepNotFoundError,
     SweepPage,
     SweepProgress,
     SweepRecord,
 )
+from service.jobs.store import Dispatcher, Receipt
+from service.schemas.query.conditions import ListQuery
 from service.schemas.query.facts import facts_of
-from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
 from service.storage.database.clock import database_now, instant, optional_instant
 from service.storage.database.database import Database

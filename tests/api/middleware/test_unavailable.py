@@ -14,7 +14,7 @@ from sqlalchemy import Engine, create_engine, event, exc, make_url, text
 from service.api.keys.access import ACCESS
 from service.app import create_app
 from service.dashboard.routes import PAGES
-from service.jobs.states import JobState
+from service.jobs.records import JobState
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.availability import is_away

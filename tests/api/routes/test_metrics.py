@@ -12,7 +12,7 @@ from sqlalchemy import text
 
 from service.api.prometheus import WorkerCollector
 from service.app import create_app
-from service.jobs.states import JobState
+from service.jobs.records import JobState
 from service.local.workers import Restarts, WorkerStanding
 from service.settings import Settings
 from service.storage.database.clock import DatabaseNow

@@ -9,7 +9,7 @@ from service.dynamics.classical.catalogue import CASES
 from service.dynamics.classical.place import place
 from service.dynamics.classical.placed import Placed
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 
 Document = dict[str, object]
 NAMES = tuple(CASES)

@@ -1,7 +1,7 @@
 """A runner with one child and the test's own loop, for jobs that share calls."""
 
-from service.jobs.lanes import Lane
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.queue import Lane
+from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
 from service.storage.database.ids import new_id
 from service.storage.jobs.job_store import SqlJobStore

@@ -21,7 +21,7 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.traversal import fold_tree, post_order
 from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree
-from service.schemas.reading.pointers import with_values
+from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.family import Path, degree_in, potential_of
 
 _Operation = Callable[[fmpq, fmpq], fmpq]

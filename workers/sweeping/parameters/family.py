@@ -33,7 +33,7 @@ from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import PRECISION
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.potentials import MODELS
-from service.schemas.reading.pointers import with_values
+from service.schemas.reading.documents import with_values
 
 FloatArray = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from service.api.queries.queries import QueryModel, query_of, query_parameters
 from service.api.replies.responses import json_response, refusals
 from service.dynamics.accuracy import MotionKind
 from service.dynamics.problem import Tier
-from service.schemas.replies.accuracy import AccuracyOut, AccuracyRowOut, UnavailableOut
+from service.schemas.replies.installation import AccuracyOut, AccuracyRowOut, UnavailableOut
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.storage.solutions.shipped_accuracy import shipped_comparison, shipped_costs
 

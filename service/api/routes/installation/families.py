@@ -7,7 +7,7 @@ from service.api.replies.responses import json_response, refusals
 from service.catalogue.cases import cases
 from service.catalogue.classical import classical
 from service.catalogue.families import families
-from service.schemas.replies.catalogue import FamiliesOut
+from service.schemas.replies.installation import FamiliesOut
 
 router = APIRouter(prefix="/v1/families", tags=["families"])
 

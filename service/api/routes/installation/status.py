@@ -7,8 +7,8 @@ from fastapi import APIRouter, Response
 from service.api.dependencies import Inside
 from service.api.queries.queries import without_query
 from service.api.replies.responses import json_response, refusals
-from service.jobs.states import AttemptOutcome
-from service.schemas.replies.overview import StatusOut
+from service.jobs.records import AttemptOutcome
+from service.schemas.replies.job import StatusOut
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.jobs.worker_registry import SILENT_LEASES

@@ -8,7 +8,7 @@ from service.api.queries.queries import without_query
 from service.api.replies.places import SolutionId
 from service.api.replies.responses import json_response, refusals
 from service.api.tagged import told_of
-from service.schemas.replies.provenance import ProvenanceGraphOut
+from service.schemas.replies.solution import ProvenanceGraphOut
 from service.storage.solutions.origin import origin_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])

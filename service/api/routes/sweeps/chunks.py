@@ -9,9 +9,9 @@ from service.api.queries.lists import AskingQuery, page_answer, read_listing
 from service.api.queries.queries import Asked, asked_of, query_parameters
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
-from service.jobs.job import Job
+from service.jobs.records import Job
 from service.schemas.replies.analysis import QueryEstimateOut
-from service.schemas.replies.overview import ChunkJobOut, ChunkJobPageOut
+from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.storage.searching.sources import chunks_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])

@@ -33,8 +33,8 @@ from service.api.replies.pieces import PiecedAnswer
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
 from service.api.tagged import told_of
-from service.jobs.sweeps import SweepRecord
-from service.schemas.reading.faults import Fault
+from service.jobs.records import SweepRecord
+from service.schemas.reading.documents import Fault
 from service.schemas.replies.sweep import PointPageOut
 from service.schemas.sweep.reading import read_sweep
 from service.storage.sweeps.point_query import PointQuery

@@ -21,12 +21,11 @@ from service.api.replies.places import SweepId
 from service.api.replies.records import sweep_out, sweep_state_out
 from service.api.replies.responses import json_response, refusals
 from service.jobs.chunking import largest_chunk
-from service.jobs.idempotency import GivenKey
 from service.jobs.keys import ApiKey
-from service.jobs.states import JobState
-from service.jobs.sweeps import SweepRecord
-from service.schemas.query.list_query import in_state
-from service.schemas.reading.faults import Fault
+from service.jobs.records import JobState, SweepRecord
+from service.jobs.store import GivenKey
+from service.schemas.query.conditions import in_state
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.marks import split_marks
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut

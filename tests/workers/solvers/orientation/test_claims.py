@@ -25,7 +25,7 @@ from service.dynamics.equations.orientation import (
 )
 from service.dynamics.motion import COLUMNS
 from service.dynamics.reduction.geometry.loop import make_loop
-from service.jobs.outcome import Refused, Solved
+from service.jobs.records import Refused, Solved
 from service.schemas.problem.problem import read_problem
 from service.storage.codecs.arrays import decode_arrays, decode_dense
 from tests.support.effort import examples

@@ -1,7 +1,8 @@
-"""Names what is kept of an examination: by the part of a problem that it depends on, and by what computed it.
+"""Rows of the cache of examinations: their keys, by what a result depends on, and their checksums.
 
 A verdict depends on the moments of inertia and on the potential; windows depend on the curve too. Both are
-found once, and never change for equal versions of what computes them.
+found once, and never change for equal versions of what computes them. A row that was damaged is noticed by
+its checksum, and found anew.
 """
 
 import hashlib
@@ -12,6 +13,17 @@ from functools import cache
 
 from service.dynamics.numerics import NUMERICS
 from service.versions import version_of
+
+
+def seal_of(key: str, content: bytes) -> str:
+    """Return the checksum, in hexadecimal, of an entry; it covers the key: entries cannot be swapped."""
+    return hashlib.sha256(key.encode() + b"\n" + content).hexdigest()
+
+
+def is_sound(key: str, content: bytes, seal: str) -> bool:
+    """Tell whether an entry is as it was when it was sealed."""
+    return seal_of(key, content) == seal
+
 
 EXAMINATION_CODE = 2
 """Grows whenever a problem may get another verdict, proof, counterexample or window, in any form."""

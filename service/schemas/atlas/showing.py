@@ -1,11 +1,91 @@
-"""Draws an atlas as SVG: windows as bands of g2 over λ, and below them energy and periods."""
+"""Shows an atlas: as text for people, as a picture (SVG), and as columns.
 
+In the picture windows are bands of g2 over λ, and below them are energy and periods. The columns have a row
+for each window and each λ at which it is followed.
+"""
+
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, isfinite, log10
 from xml.sax.saxutils import escape
 
-from service.schemas.atlas.replies import AtlasOut, AtlasSamplesOut, AtlasWindowOut
+import numpy as np
+from numpy.typing import NDArray
+
+from service.schemas.atlas.replies import (
+    AtlasOut,
+    AtlasPartOut,
+    AtlasSamplesOut,
+    AtlasStabilityOut,
+    AtlasWindowOut,
+    ProofOut,
+)
+
+
+def describe_atlas(atlas: AtlasOut) -> str:
+    """Return a line for each part, its windows below it, and for each change between them."""
+    return "\n".join(_lines(atlas))
+
+
+def _lines(atlas: AtlasOut) -> Iterator[str]:
+    if atlas.verdict == "undecided":
+        yield "the potential is neither proved admissible nor refuted; these motions are those it would have"
+    told = [(part.lambda_[0], list(_part(part))) for part in atlas.parts]
+    told += [
+        (
+            change.lambda_.value,
+            [
+                f"  at λ = {change.lambda_.value!r} ± {change.lambda_.error:.2g}: {KINDS[change.kind]}"
+                f"{_seen(change.proof)}"
+            ],
+        )
+        for change in atlas.changes
+    ]
+    told += [(low, [f"λ from {low:.12g} to {high:.12g}: not decided"]) for low, high in atlas.undecided]
+    for _, lines in sorted(told, key=lambda each: each[0]):
+        yield from lines
+
+
+def _seen(proof: ProofOut) -> str:
+    return " (seen at single λ, not proved)" if proof == "seen" else ""
+
+
+def _part(part: AtlasPartOut) -> Iterator[str]:
+    low, high = part.lambda_
+    where = f"λ from {low:.12g} to {high:.12g}"
+    if part.samples is None:
+        reason = "" if part.reason is None else f": {part.reason.code}: {part.reason.detail}"
+        yield f"{where}{reason}"
+        return
+    windows = part.samples.windows
+    if not windows:
+        yield f"{where}: no motion{_seen(part.proof)}"
+        return
+    count = "1 window" if len(windows) == 1 else f"{len(windows)} windows"
+    yield f"{where}: {count}, energy {_range(part.samples.energy)}{_seen(part.proof)}"
+    for window in windows:
+        yield _window(window)
+
+
+def _window(window: AtlasWindowOut) -> str:
+    period = "" if window.period is None else f", period {_range(window.period)}"
+    ends = f"{window.ends[0]} to {window.ends[1]}"
+    return f"  window {window.window}: {window.kind}, {ends}{period}{_stability(window.stability)}"
+
+
+def _stability(stability: AtlasStabilityOut | None) -> str:
+    """Return how many of the λ that were looked at have which verdict."""
+    if stability is None:
+        return ""
+    found = Counter(verdict or "not told" for verdict in stability.verdict)
+    return "".join(f", {verdict} at {count} of {found.total()} λ" for verdict, count in found.most_common())
+
+
+def _range(values: Sequence[float | None]) -> str:
+    known = [value for value in values if value is not None]
+    return f"{min(known):.6g} to {max(known):.6g}" if known else "unknown"
+
 
 WIDTH, LEFT, RIGHT, TOP, GAP = 860.0, 60.0, 20.0, 58.0, 36.0
 HEIGHTS = (260.0, 120.0, 120.0, 120.0)
@@ -235,3 +315,75 @@ def _marks(atlas: AtlasOut, across: _Axis, bottom: float) -> Iterator[str]:
         side, off = ("end", -4.0) if x > 0.6 * WIDTH else ("start", 4.0)
         label = f"{KINDS[change.kind]}, λ = {change.lambda_.value:.6g}"
         yield f'<text x="{x + off:.1f}" y="{TOP + 16 + 16 * (row % 8):g}" text-anchor="{side}">{label}</text>'
+
+
+FloatArray = NDArray[np.float64]
+
+INTEGERS = ("part", "window")
+NUMBERS = (
+    "lambda",
+    "energy",
+    "energy_error",
+    "g1_smallest",
+    "g1_smallest_error",
+    "g1_largest",
+    "g1_largest_error",
+    "g2_smallest",
+    "g2_smallest_error",
+    "g2_largest",
+    "g2_largest_error",
+    "period",
+    "period_error",
+)
+WORDS = ("kind", "smallest_end", "largest_end", "proof")
+"""The kind of the motion, the ends of the window where |g1| is smallest and largest, and whether the part is
+proved or seen."""
+
+
+def atlas_columns(atlas: AtlasOut) -> dict[str, NDArray[np.generic]]:
+    """Return equally long columns; NaN where a number is not known."""
+    rows = [
+        (number, part, part.samples, window)
+        for number, part in enumerate(atlas.parts)
+        if part.samples is not None
+        for window in part.samples.windows
+    ]
+    columns: dict[str, NDArray[np.generic]] = {
+        "part": _joined([np.full(len(samples.lambda_), number) for number, _, samples, _ in rows], np.int64),
+        "window": _joined(
+            [np.full(len(samples.lambda_), window.window) for _, _, samples, window in rows], np.int64
+        ),
+    }
+    numbers = [_numbers(samples, window) for _, _, samples, window in rows]
+    for k, name in enumerate(NUMBERS):
+        columns[name] = _joined([each[k] for each in numbers], np.float64)
+    words = [
+        (window.kind, *window.ends, part.proof) for _, part, samples, window in rows for _ in samples.lambda_
+    ]
+    for k, name in enumerate(WORDS):
+        columns[name] = np.array([each[k] for each in words], dtype=np.str_)
+    return columns
+
+
+def _numbers(samples: AtlasSamplesOut, window: AtlasWindowOut) -> list[FloatArray]:
+    nothing: list[float | None] = [None] * len(samples.lambda_)
+    given: list[Sequence[float | None]] = [
+        samples.lambda_,
+        samples.energy,
+        samples.energy_error,
+        window.g1[0],
+        window.g1_error[0],
+        window.g1[1],
+        window.g1_error[1],
+        window.g2[0],
+        window.g2_error[0],
+        window.g2[1],
+        window.g2_error[1],
+        window.period or nothing,
+        window.period_error or nothing,
+    ]
+    return [np.array([np.nan if value is None else value for value in values]) for values in given]
+
+
+def _joined(parts: Sequence[NDArray[np.generic]], kind: type[np.generic]) -> NDArray[np.generic]:
+    return np.concatenate(parts).astype(kind) if parts else np.array([], dtype=kind)
