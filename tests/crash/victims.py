@@ -20,10 +20,9 @@ from service.jobs.idempotency import GivenAnswer, GivenKey, KeyTakenError, Recei
 from service.jobs.job import Claim
 from service.jobs.outcome import Drawn, Refused, Solved
 from service.schemas.reading.marks import Marks
-from service.storage.codecs.documents import encode_document
-from service.storage.database.database import Database
-from service.storage.database.faults import VARIABLE
-from service.storage.database.ids import new_id
+from service.storage.codecs.packing import encode_document
+from service.storage.database.database import VARIABLE, Database
+from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.solutions.atlas_store import AtlasStore

@@ -21,7 +21,7 @@ from service.jobs.job import Job
 from service.jobs.outcome import Solved
 from service.sandbox import Sandbox
 from service.settings import Settings
-from service.storage.codecs.arrays import encode_arrays, encode_dense
+from service.storage.codecs.packing import encode_arrays, encode_dense
 from service.storage.jobs.job_store import SqlJobStore
 from service.verdicts.starting import VerdictChildren
 from tests.support.conformance import check_exchange

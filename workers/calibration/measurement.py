@@ -14,7 +14,7 @@ from service.dynamics.problem import Tier
 from service.dynamics.solution.ball_columns import RADIUS
 from service.jobs.outcome import Refused, Solved
 from service.schemas.reading.faults import InvalidProblemError
-from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.packing import decode_arrays
 from service.versions import version_of
 from workers.calibration.problems import CASES, SAMPLES, Case
 from workers.calibration.reference import ReferenceStates, reference_states, samples_of

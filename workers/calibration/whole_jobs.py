@@ -9,8 +9,8 @@ from pathlib import Path
 
 from service.sandbox import Sandbox
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
 from service.storage.database.migration import migrate
+from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from workers.computation.compute import solve_document
 

@@ -11,7 +11,7 @@ from service.jobs.outcome import Refused, SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.problem import read_problem
 from service.settings import Settings, read_settings
-from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.packing import decode_arrays
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
 from service.verdicts.examination import examine_problem
 from service.verdicts.refusals import refusal_of_reading

@@ -22,7 +22,7 @@ from service.dynamics.equations.orientation import orientation_errors, trajector
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.dense_output import DenseOutput, OutsideHorizonError
 from service.jobs.outcome import Solved, StoredSolution
-from service.storage.codecs.arrays import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays
+from service.storage.codecs.packing import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays
 
 TIMES = 33
 """Number of times at which two functions of time are compared."""

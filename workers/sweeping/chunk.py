@@ -13,7 +13,7 @@ from service.jobs.kernels import NeedsKernelsError
 from service.jobs.outcome import ChunkOutcome
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from service.verdicts.kept import Kept
 from workers.computation.compiled_code import GROUPS, keep_compiled_code, way_for
 from workers.solvers.ways import NotReadyError, Way, on_way

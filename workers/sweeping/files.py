@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pyarrow import csv, ipc, parquet
 
 from service.schemas.sweep.sweep import Sweep
-from service.storage.codecs.points import ChunkPoints
+from service.storage.codecs.packing import ChunkPoints
 from service.terminal import STANDARD_STREAM, OutputFile
 
 FloatArray = NDArray[np.float64]

@@ -11,8 +11,7 @@ from service.jobs.outcome import Refused, SolveOutcome
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.sweep.kept_numbers import kept_numbers
 from service.schemas.sweep.sweep import Sweep
-from service.storage.codecs.arrays import decode_arrays
-from service.storage.codecs.points import SOLVED
+from service.storage.codecs.packing import SOLVED, decode_arrays
 from service.verdicts.kept import Kept
 from workers.computation.compute import solve_checked, solve_document
 from workers.solvers.ways import Way

@@ -15,7 +15,7 @@ from typing import Protocol
 
 from service.schemas.query.conditions import Condition, OrderKey, Value
 from service.schemas.query.kinds import Kind
-from service.storage.database.ids import is_id
+from service.storage.database.rows import is_id
 
 
 class Ordered(Protocol):

@@ -19,8 +19,7 @@ from sqlalchemy import (
 from service.jobs.dispatch import Delivery
 from service.jobs.lanes import Lane
 from service.jobs.states import JobKind, JobState
-from service.storage.database.clock import DatabaseNow
-from service.storage.tables.base import table_of
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 
 _JOBS = table_of(JobRow)

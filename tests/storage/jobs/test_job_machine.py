@@ -19,9 +19,9 @@ from service.jobs.errors import JobFinishedError
 from service.jobs.job import Claim
 from service.jobs.outcome import Refused, Solved
 from service.jobs.states import MOST_DOUBTS, AttemptOutcome, JobState, pause_after
-from service.storage.database.clock import DatabaseNow
 from service.storage.jobs import moves
 from service.storage.jobs.job_store import SqlJobStore
+from service.storage.tables.base import DatabaseNow
 from service.storage.tables.schema import TABLES
 from service.storage.tables.solutions import SolutionRow
 from tests.support.effort import examples

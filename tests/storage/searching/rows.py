@@ -15,8 +15,8 @@ from service.schemas.query.kinds import Kind
 from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import Marks
 from service.storage.codecs.summary import summary_columns
-from service.storage.database.ids import new_id
-from service.storage.marks.mark_rows import insert_labels
+from service.storage.database.rows import new_id
+from service.storage.marks import insert_labels
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.tables.base import table_of

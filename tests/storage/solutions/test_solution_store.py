@@ -6,7 +6,7 @@ from service.schemas.query.conditions import OrderKey
 from service.schemas.query.list_query import ListQuery
 from service.schemas.query.where import read_where
 from service.storage.codecs.summary import summary_columns
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.searching.sources import SOLUTIONS
 from tests.storage.searching.rows import subject_of
 from tests.support.databases import PROBLEM, SUMMARY

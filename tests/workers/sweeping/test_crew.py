@@ -8,7 +8,7 @@ import pytest
 
 from service.jobs.chunking import Range
 from service.schemas.sweep.reading import read_sweep
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from workers.sweeping.crew import Crew
 from workers.sweeping.files import SUFFIXES, schema_of, table_of
 
