@@ -25,7 +25,7 @@ from service.schemas.atlas.showing import describe_atlas, picture_of
 from service.schemas.problem.problem import read_problem
 from service.schemas.replies.verdict_text import Refusal
 from service.settings import Settings, read_settings
-from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.packing import decode_arrays
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
 from service.verdicts.atlases import examine_atlas
 from service.verdicts.examination import examine_problem

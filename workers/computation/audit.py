@@ -22,7 +22,7 @@ from service.dynamics.equations.orientation import orientation_errors, trajector
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.dense_output import DenseOutput, OutsideHorizonError
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
-from service.storage.codecs.arrays import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays
+from service.storage.codecs.packing import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays
 from workers.computation.compute import solve_document, way_to_repeat
 
 TIMES = 33

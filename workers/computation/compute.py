@@ -28,7 +28,7 @@ from service.jobs.kernels import NeedsKernelsError, told_way
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
-from service.storage.codecs.arrays import encode_arrays, encode_dense
+from service.storage.codecs.packing import encode_arrays, encode_dense
 from service.storage.solutions.shipped_accuracy import shipped_table
 from service.verdicts.cached import Kept, read_windows
 from service.verdicts.examination import Examined, examine_document

@@ -18,7 +18,7 @@ from service.jobs.records import (
     SolutionNotFoundError,
     Taken,
 )
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.effort import examples

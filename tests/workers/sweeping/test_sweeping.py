@@ -10,8 +10,7 @@ from service.dynamics.verdict.verdict import decide
 from service.jobs.records import Refused
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import kept_numbers
-from service.storage.codecs.arrays import decode_arrays
-from service.storage.codecs.points import SOLVED, decode_points
+from service.storage.codecs.packing import SOLVED, decode_arrays, decode_points
 from service.verdicts import cached
 from service.verdicts.examination import examine_problem
 from workers.computation.compute import solve_checked
