@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 from service.dynamics.errors import DynamicsError
+from service.dynamics.reduction.arcs_of_loop import PassageUndecidedError
 from service.dynamics.reduction.root_finding.gap import SeparatrixUndecidedError
-from service.dynamics.reduction.sides import PassageUndecidedError
 from service.dynamics.reduction.structure import SignsUnsettledError
 from service.dynamics.reduction.windows import NoSuchWindowError, SeveralWindowsError
 from service.dynamics.verdict.own_curve import InadmissibleMotionError

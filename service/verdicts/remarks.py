@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.vanishing import vanishing_parts
-from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.warning import Notice
+from service.dynamics.potentials.potential import Notice, Potential
 from service.dynamics.problem import PlanarMotion, Problem
-from service.dynamics.reduction.arc import Arc
-from service.dynamics.reduction.ends import height
 from service.dynamics.reduction.geometry.tight_form import tight_form
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import Arc, Window, height
 
 FloatArray = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from service.storage.codecs.arrays import decode_arrays
 from workers.calibration.problems import SAMPLES, Case
 from workers.computation.compute import solve_document
 from workers.solvers.certified.errors import CertifiedUnavailableError
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 FloatArray = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from service.dynamics.solution.ball_columns import JOIN_BITS, RADIUS, parts_for,
 from service.dynamics.solution.dense_output import Period
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
+from workers.solvers.choose import choose_enclosures, enclose
 from workers.solvers.errors import AccuracyNotMetError, is_known, require_period_known
 from workers.solvers.evidence import with_samples_shown
-from workers.solvers.planar.choose import choose_enclosures, enclose
 
 FloatArray = NDArray[np.float64]
 

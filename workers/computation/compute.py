@@ -41,9 +41,9 @@ from workers.computation.compiled_code import (
 from workers.computation.outputs import InUnits, find_out
 from workers.computation.promises import errors_of, in_units, require_promise
 from workers.computation.summary import Document, summarise
+from workers.solvers.choose import choose_enclosures, find_motion
 from workers.solvers.cross_check import compare
 from workers.solvers.errors import AccuracyNotMetError, require_error_within, require_period_known
-from workers.solvers.planar.choose import choose_enclosures, find_motion
 from workers.solvers.units import Units
 from workers.solvers.ways import NotReadyError, Way, on_way
 

@@ -19,9 +19,8 @@ from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.potentials.families.gravity import gravity_potential
 from service.dynamics.potentials.families.rational import rational_potential, require_rational_body
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.bound_formula import named_formula
-from service.dynamics.potentials.terms.coefficients import MAX_TERMS
-from service.dynamics.potentials.terms.names import require_parameter_names
+from service.dynamics.potentials.terms.bound_formula import named_formula, require_parameter_names
+from service.dynamics.potentials.terms.powers import MAX_TERMS
 from service.schemas.problem.general_potential import GeneralIn
 from service.schemas.problem.potential_model import (
     FormulaModel,

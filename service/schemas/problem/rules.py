@@ -8,7 +8,7 @@ from contextlib import nullcontext
 
 from service.dynamics.body import RigidBody
 from service.dynamics.classical.catalogue import CASES
-from service.dynamics.classical.place import place
+from service.dynamics.classical.placement import place
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
 from service.schemas.problem.classical_motion import ClassicalMotionIn

@@ -11,8 +11,7 @@ from fractions import Fraction
 
 from flint import fmpq
 
-from service.dynamics.formula.traversal import fold_tree, post_order
-from service.dynamics.formula.tree import Binary, Number, Symbol, Tree
+from service.dynamics.formula.tree import Binary, Number, Symbol, Tree, fold_tree, post_order
 
 _Operation = Callable[[fmpq, fmpq], fmpq]
 

@@ -18,8 +18,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.traversal import fold_tree
-from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree
+from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree, fold_tree
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop

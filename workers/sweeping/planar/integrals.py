@@ -10,7 +10,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.further_integrals import FurtherIntegral, find_further_integrals, integral_drift
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.compiled.integrals.of_many import drifts_of_many, further_drifts_of_many
-from workers.solvers.invariants import drifts_of
+from workers.solvers.evidence import drifts_of
 from workers.sweeping.parameters.programs import Group
 
 FloatArray = NDArray[np.float64]
