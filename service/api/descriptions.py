@@ -15,7 +15,7 @@ from service.api.replies.conditional import VOLATILE
 from service.api.replies.errors import MEDIA_TYPE, ApiError
 from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
-from service.schemas.problem.sections import AuditIn, JobIn, ValidationIn
+from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
 from service.schemas.reading.documents import Fault
 from service.schemas.reading.marks_in import MarksPatchIn
 from service.schemas.replies.job import ProblemDetailsOut

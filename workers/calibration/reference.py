@@ -22,7 +22,7 @@ from service.schemas.problem.problem import read_problem
 from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_document
 from workers.solvers.certified.errors import CertifiedUnavailableError
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 FloatArray = NDArray[np.float64]
 

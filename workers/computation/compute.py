@@ -47,10 +47,10 @@ from workers.computation.promises import errors_of, in_units, require_promise
 from workers.computation.summary import Document, summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
+from workers.solvers.choose import choose_enclosures, enclose, find_motion
 from workers.solvers.cross_check import compare
 from workers.solvers.errors import AccuracyNotMetError, is_known, require_error_within, require_period_known
 from workers.solvers.evidence import with_samples_shown
-from workers.solvers.planar.choose import choose_enclosures, enclose, find_motion
 from workers.solvers.units import Units
 from workers.solvers.ways import NotReadyError, Way, on_way
 

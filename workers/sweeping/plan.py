@@ -20,7 +20,7 @@ from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.computation.outputs import takes_doubles
-from workers.solvers.planar.choose import compiled_tier
+from workers.solvers.choose import compiled_tier
 from workers.sweeping.parameters.coefficients import coefficients_of
 from workers.sweeping.parameters.family import (
     SweepFamily,

@@ -39,9 +39,12 @@ from service.dynamics.potentials.families.general_solution import QUADRANTS, Qua
 from service.dynamics.potentials.families.gravity import gravity_potential
 from service.dynamics.potentials.families.rational import rational_potential, require_rational_body
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.bound_formula import bound_formula, named_formula
-from service.dynamics.potentials.terms.coefficients import MAX_TERMS
-from service.dynamics.potentials.terms.names import require_parameter_names
+from service.dynamics.potentials.terms.bound_formula import (
+    bound_formula,
+    named_formula,
+    require_parameter_names,
+)
+from service.dynamics.potentials.terms.powers import MAX_TERMS
 from service.schemas.reading.documents import Fault, fault_of
 from service.schemas.reading.numbers import Exact, read_exact, refuse
 from service.schemas.reading.parts import (

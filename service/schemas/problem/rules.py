@@ -12,7 +12,7 @@ from threading import Lock
 
 from service.dynamics.body import RigidBody
 from service.dynamics.classical.catalogue import CASES
-from service.dynamics.classical.place import place
+from service.dynamics.classical.placement import place
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem, StateMotion

@@ -24,8 +24,7 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.formula.traversal import fold_tree
-from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree
+from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree, fold_tree
 from service.dynamics.potentials.families.general_solution import Quadrant
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion

@@ -31,7 +31,7 @@ from service.storage.codecs.packing import decode_arrays, decode_dense
 from tests.support.effort import examples
 from tests.support.witnesses.rotation_matrix import rotation_matrix
 from workers.computation.compute import solve_document
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 TIMES = [Fraction(k, 4) for k in range(41)]
 BITS = 64

@@ -13,12 +13,10 @@ from service.dynamics.problem import Accuracy, PlanarMotion, Problem, TimePeriod
 from service.schemas.problem.problem import read_problem
 from tests.conformance.specimens import CATALOGUE, Specimen
 from workers.computation.compute import beside_enclosures
-from workers.solvers.assembly.place import Declined, Place
+from workers.solvers import choose as table
+from workers.solvers.assembly.families import Declined, Family, Place
+from workers.solvers.choose import FAMILIES, FamilyName, find_motion, row_for
 from workers.solvers.compiled.solve import solve_spectral
-from workers.solvers.planar import table
-from workers.solvers.planar.choose import find_motion
-from workers.solvers.planar.duties import Family
-from workers.solvers.planar.table import FAMILIES, FamilyName, row_for
 
 ORDER = tuple(FAMILIES)
 """Families from the cheapest to the dearest."""

@@ -12,22 +12,24 @@ from service.dynamics.bounds import is_within
 from service.dynamics.motion import Motion
 from service.dynamics.problem import Accuracy, Method, PlanarMotion, Problem, StateMotion, Tier
 from tests.support.planar import body, planar
-from workers.solvers.assembly.place import NOT_MINE, Declined, Place, periodic_place
-from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.planar import table
-from workers.solvers.planar.choose import choose_enclosures, compiled_tier, find_motion
-from workers.solvers.planar.start import with_enough_bits
-from workers.solvers.planar.table import (
+from workers.solvers import choose as table
+from workers.solvers.assembly.families import NOT_MINE, Declined, Place, periodic_place
+from workers.solvers.choose import (
     COMPILED,
     ENCLOSURES,
     FAMILIES,
     FUNCTIONS_OF_TIME,
     Grade,
     Kind,
+    choose_enclosures,
+    compiled_tier,
     enclosure_row_for,
+    find_motion,
     grade_of,
     row_for,
+    with_enough_bits,
 )
+from workers.solvers.errors import AccuracyNotMetError
 
 BODY = body(2, 1, "3/2")
 # Three terms: every family has this motion.

@@ -13,9 +13,8 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import LambdaStretch, PlainHalves, motion_at
-from service.dynamics.atlas.pictures import EQUATOR, UNDEFINED, Signature
-from service.dynamics.atlas.radicands import equator_of, p_squared
+from service.dynamics.atlas.curves import LambdaStretch, PlainHalves, equator_of, motion_at, p_squared
+from service.dynamics.atlas.sign_maps import EQUATOR, UNDEFINED, Signature
 from service.dynamics.reduction.geometry.loop import Loop, make_loop
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
 

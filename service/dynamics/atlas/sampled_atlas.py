@@ -1,7 +1,7 @@
-"""Finds the motions over a range of λ of a potential that has no formula: as seen at single λ, not proved.
+"""The atlas of a potential without a formula: sampled at single λ, not proved between them.
 
-The signs of p² along the curve are looked at in doubles (:mod:`.looks`). Where two neighbouring λ differ the
-stretch between them is halved, until it is narrow: it encloses a change, if what is seen at both ends is
+Signs of p² along the curve are computed in doubles (:mod:`.grid_signs`). Where two neighbouring λ differ the
+stretch between them is halved, until it is narrow: it encloses a change, if the signs at both ends are
 true. A window that opens and closes between two neighbouring λ is missed. Ends of windows are enclosed in
 balls, and the kinds of the windows are those that a single motion finds at one λ of the part.
 """
@@ -15,10 +15,17 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.atlas.bands import Measured, WindowSeries, series_of
-from service.dynamics.atlas.curves import LambdaStretch, PlainHalves, motion_at
-from service.dynamics.atlas.looks import Look, looks_at, radicand_ball, trusted_places
-from service.dynamics.atlas.pictures import EQUATOR, Signature
-from service.dynamics.atlas.radicands import d_on_curves, equator_of, zero_between
+from service.dynamics.atlas.curves import (
+    LambdaStretch,
+    PlainHalves,
+    d_on_curves,
+    equator_of,
+    motion_at,
+    zero_between,
+)
+from service.dynamics.atlas.grid_signs import Look, looks_at, radicand_ball, trusted_places
+from service.dynamics.atlas.parts import Atlas, AtlasPart, Beside, Change, LambdaRange, change_between
+from service.dynamics.atlas.sign_maps import EQUATOR, Signature
 from service.dynamics.atlas.zeros import Zeros
 from service.dynamics.errors import DynamicsError
 from service.dynamics.reduction.geometry.loop import Loop, make_loop
@@ -248,3 +255,87 @@ def _energies(half: PlainHalves, single: Sequence[LambdaStretch]) -> Measured:
         found.append((np.nan, np.nan) if value is None else _between(value, value))
     low, high = np.array(found).T
     return Measured.between(low, high)
+
+
+AWAY = 1e-6
+"""Distance in log λ from a change, where it is looked at which zeros meet."""
+WIDEST = 16.0 * NARROW
+"""Width in log λ of what is told as a change."""
+
+
+def seen_atlas(
+    halves: Sequence[PlainHalves],
+    over: LambdaRange,
+    samples: int,
+    fewest: int,
+    is_late: Callable[[], bool],
+    *,
+    has_periods: bool,
+) -> Atlas:
+    """Return what is seen at about ``samples`` λ and, between those that differ, by halving."""
+    low, high = (float(np.log(end)) for end in over.primed(halves[0]))
+    watcher = Watcher(halves, low, high)
+    parts = seen_parts(watcher, low, high, samples, fewest, is_late)
+    if halves[0].shape.is_mirrored:
+        parts = parts[::-1]
+    found, changes, undecided = list[AtlasPart](), list[Change](), list[tuple[arb, arb]]()
+    # From the end of one part to the beginning of the next, in the order of the client's λ.
+    end, start = (0, -1) if halves[0].shape.is_mirrored else (-1, 0)
+    for before, after in pairwise(parts):
+        one, other = before.sights[end], after.sights[start]
+        between = over.ends(halves[0], one.single, other.single)
+        is_narrow = abs(other.logarithm - one.logarithm) < WIDEST
+        if not is_narrow or before.signatures == after.signatures or is_late():
+            undecided.append(between)
+        else:
+            besides = _beside(watcher, before, end), _beside(watcher, after, start)
+            changes.append(change_between(halves, *besides, between))
+    for part in parts:
+        ends = over.ends(halves[0], part.sights[0].single, part.sights[-1].single)
+        wanted = followed(part, low, high, samples, fewest)
+        told = _told(watcher, part, wanted, is_late, has_periods=has_periods)
+        if told is None:
+            undecided.append(ends)
+        elif isinstance(told, DynamicsError):
+            found.append(AtlasPart(*ends, None, told))
+        else:
+            found.append(AtlasPart(*ends, told, None))
+    undecided.sort(key=lambda ends: float(ends[0].mid()))
+    return Atlas(over, tuple(found), tuple(changes), tuple(undecided), "seen")
+
+
+def _told(
+    watcher: Watcher,
+    part: SeenPart,
+    wanted: Sequence[float],
+    is_late: Callable[[], bool],
+    *,
+    has_periods: bool,
+) -> WindowSeries | DynamicsError | None:
+    """Return the windows at the wanted λ of a part, or why they are not told; None if that is not decided."""
+    if is_late():
+        return None
+    watcher.look(wanted)
+    sights = [watcher.sights[t] for t in wanted]
+    # At the last λ that are looked at something new may be seen.
+    if any(sight.signatures != part.signatures for sight in sights):
+        return None
+    if watcher.halves[0].shape.is_mirrored:
+        sights.reverse()
+    return seen_series(watcher.halves, sights, is_late, has_periods=has_periods)
+
+
+def _beside(watcher: Watcher, part: SeenPart, place: int) -> Beside:
+    """Return the part as it is next to a change, and far enough from it that the zeros are apart."""
+    end = part.sights[place]
+    away = end.logarithm + (AWAY if place == 0 else -AWAY)
+    watcher.look([away])
+    sight = watcher.sights[away]
+    nearest = sight if sight.signatures == part.signatures else end
+
+    def zeros(k: int) -> Zeros:
+        found = seen_zeros(watcher.halves[k], [nearest.single], [nearest.looks[k]])
+        assert found is not None
+        return found
+
+    return Beside(part.signatures, zeros)
