@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Self, TextIO
 
 from service.logs import printable
-from service.schemas.reading.strict_json import InvalidJsonError, parse_json
+from service.schemas.reading.documents import InvalidJsonError, parse_json
 
 STANDARD_STREAM = Path("-")
 

@@ -20,7 +20,7 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.registry import Collector
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.jobs.states import AttemptOutcome, JobKind
+from service.jobs.records import AttemptOutcome, JobKind
 from service.local.workers import WorkerStanding
 from service.logs import Complaints
 from service.storage.upkeep.statistics import BOUNDS, LIVE, Durations, Figures, Statistics

@@ -239,17 +239,15 @@ def families(
 
 
 def _rows() -> Iterator[tuple[str, Mapping[str, object]]]:
-    from service.catalogue.cases import cases  # noqa: PLC0415
-    from service.catalogue.classical import classical  # noqa: PLC0415
-    from service.catalogue.families import families as listed  # noqa: PLC0415
+    from service import catalogue  # noqa: PLC0415
 
-    for family in listed():
+    for family in catalogue.families():
         yield family.type, family.model_dump()
-    for named in cases():
+    for named in catalogue.cases():
         # Two words name a potential here and a motion below: the motion has the plain one.
         key = named.name if named.name not in _CLASSICAL else f"{named.name}-potential"
         yield key, named.model_dump()
-    for case in classical():
+    for case in catalogue.classical():
         yield case.case, case.model_dump()
 
 

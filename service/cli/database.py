@@ -187,8 +187,7 @@ def backup(
     database_url: DatabaseUrl = None,
 ) -> None:
     """Write a checked copy of the database to a file; the service may keep running."""
-    from service.storage.upkeep.backup import back_up  # noqa: PLC0415
-    from service.storage.upkeep.backup_checks import BackupError  # noqa: PLC0415
+    from service.storage.upkeep.backup import BackupError, back_up  # noqa: PLC0415
 
     settings = settings_of(database_url=database_url)
     try:
@@ -208,8 +207,8 @@ def restore(
     """Replace the database by a backup and migrate it to this version; the service must be stopped."""
     from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
 
+    from service.storage.upkeep.backup import BackupError  # noqa: PLC0415
     from service.storage.upkeep.backup import restore as restore_database  # noqa: PLC0415
-    from service.storage.upkeep.backup_checks import BackupError  # noqa: PLC0415
 
     settings = settings_of(database_url=database_url)
     try:
@@ -235,7 +234,7 @@ def prune(
     from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
 
     from service.storage.database.database import Database  # noqa: PLC0415
-    from service.storage.examinations.examination_store import ExaminationStore  # noqa: PLC0415
+    from service.storage.examinations import ExaminationStore  # noqa: PLC0415
     from service.storage.upkeep.retention import DAY_SECONDS, prune_samples  # noqa: PLC0415
 
     settings = settings_of(database_url=database_url)

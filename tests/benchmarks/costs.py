@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 
 from service.dynamics.motion import COLUMNS
-from service.jobs.outcome import Solved, SolveOutcome
-from service.schemas.problem.sections import OutputName
+from service.jobs.records import Solved, SolveOutcome
+from service.schemas.problem.documents import OutputName
 from tests.benchmarks.measuring import Effort, Table, in_turns, in_words
 from tests.benchmarks.motions import FloatArray, Measured, elliptic, librations
 from tests.benchmarks.stored import stored_solution

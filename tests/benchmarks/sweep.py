@@ -14,8 +14,7 @@ import numpy as np
 from service.sandbox import Sandbox
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
-from service.storage.codecs.arrays import decode_arrays
-from service.storage.codecs.points import SOLVED, ChunkPoints
+from service.storage.codecs.packing import SOLVED, ChunkPoints, decode_arrays
 from tests.benchmarks.measuring import Effort, Result, Row, faster, in_turns
 from tests.benchmarks.motions import FloatArray
 from tests.benchmarks.sweep_service import VARIABLES, integrate, measured, sweep_document

@@ -19,7 +19,7 @@ import pytest
 from typer.testing import CliRunner
 
 from service.cli.commands import app, run
-from service.schemas.replies.accuracy import AccuracyTableModel
+from service.schemas.replies.installation import AccuracyTableModel
 from service.storage.database.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore
 from tests.support.effort import seldom

@@ -5,9 +5,9 @@ import time
 import pytest
 from sqlalchemy import event, text
 
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
-from service.storage.database.clock import database_now
+from service.storage.database.rows import database_now
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
 from tests.workers.chores import CHORES

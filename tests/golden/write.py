@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from service.dynamics.numerics import NUMERICS
-from service.jobs.outcome import Solved
-from service.storage.codecs.arrays import decode_arrays
+from service.jobs.records import Solved
+from service.storage.codecs.packing import decode_arrays
 from tests.golden.documents import DOCUMENTS
 from workers.computation.compiled_code import libraries, processor
 from workers.computation.compute import solve_document

@@ -2,8 +2,7 @@
 
 import warnings
 
-from service.jobs.outcome import SolveOutcome
-from service.jobs.states import JobKind
+from service.jobs.records import JobKind, SolveOutcome
 from service.logs import start_logging
 from service.settings import Settings
 from workers.process.start import run_worker

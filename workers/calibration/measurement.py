@@ -16,13 +16,13 @@ from service.dynamics.accuracy import TIERS, AccuracyRow, AccuracyTable, Machine
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.dynamics.solution.ball_columns import RADIUS
-from service.jobs.outcome import Refused, Solved
+from service.jobs.records import Refused, Solved
 from service.sandbox import Sandbox
-from service.schemas.reading.faults import InvalidProblemError
-from service.storage.codecs.arrays import decode_arrays
+from service.schemas.reading.documents import InvalidProblemError
+from service.storage.codecs.packing import decode_arrays
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
 from service.storage.database.migration import migrate
+from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from service.versions import version_of
 from workers.calibration.reference import CASES, SAMPLES, Case, ReferenceStates, reference_states, samples_of

@@ -17,12 +17,12 @@ from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import Problem, Tier
 from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.solution.ball_columns import MAX_PARTS
-from service.jobs.outcome import Refused
+from service.jobs.records import Refused
 from service.schemas.problem.problem import read_problem
-from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_document
 from workers.solvers.certified.errors import CertifiedUnavailableError
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 FloatArray = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ import json
 import sys
 from pathlib import Path
 
-from service.schemas.replies.accuracy import AccuracyTableModel
+from service.schemas.replies.installation import AccuracyTableModel
 from service.storage.solutions.shipped_accuracy import SHIPPED
 from workers.calibration.measurement import FULL, calibrate, whole_jobs
 

@@ -9,7 +9,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.dynamics.accuracy import AccuracyTable
-from service.schemas.replies.accuracy import AccuracyTableModel
+from service.schemas.replies.installation import AccuracyTableModel
 from service.settings import read_settings
 from service.storage.database.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore

@@ -18,16 +18,16 @@ from service.dynamics.formula.vanishing import vanishing_parts
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.windows import choose_window, find_windows
-from service.jobs.outcome import Refused, StoredSolution
+from service.jobs.records import Refused, StoredSolution
 from service.logs import one_line
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from service.settings import Settings, read_settings
 from service.storage.database.database import Database
 from service.storage.inspection.blob_inspection import check_blobs, repair_examinations
 from service.storage.inspection.inspect import EXAMPLES, Finding, check_schema, inspect, repair
-from service.storage.jobs.stored import stored_solutions
+from service.storage.jobs.claiming import stored_solutions
 from service.storage.tables.solutions import SolutionRow
 from service.terminal import answer, say
 from workers.computation.audit import Sameness, audit_document

@@ -17,16 +17,15 @@ from service.csv_text import LF, data_lines, header_line
 from service.dynamics.motion import NO_CROSS_CHECK
 from service.dynamics.solution.ball_columns import is_part
 from service.jobs.kernels import FASTER, NeedsKernelsError, told_way
-from service.jobs.outcome import Refused, SolveOutcome
+from service.jobs.records import Refused, SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.atlas.picture import picture_of
 from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
-from service.schemas.atlas.text import describe_atlas
+from service.schemas.atlas.showing import describe_atlas, picture_of
 from service.schemas.problem.problem import read_problem
 from service.schemas.replies.verdict_text import Refusal
 from service.settings import Settings, read_settings
-from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.packing import decode_arrays
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
 from service.verdicts.atlases import examine_atlas
 from service.verdicts.examination import examine_problem

@@ -21,8 +21,8 @@ from service.dynamics.bounds import is_within, largest
 from service.dynamics.equations.orientation import orientation_errors, trajectory_columns, trajectory_errors
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.dense_output import DenseOutput, OutsideHorizonError
-from service.jobs.outcome import Refused, Solved, SolveOutcome, StoredSolution
-from service.storage.codecs.arrays import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays
+from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
+from service.storage.codecs.packing import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays
 from workers.computation.compute import solve_document, way_to_repeat
 
 TIMES = 33

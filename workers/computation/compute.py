@@ -25,14 +25,13 @@ from service.dynamics.solution.ball_columns import JOIN_BITS, RADIUS, parts_for,
 from service.dynamics.solution.dense_output import DenseOutput, Period
 from service.dynamics.verdict.simple_form import simplified
 from service.jobs.kernels import NeedsKernelsError, told_way
-from service.jobs.outcome import Refused, Solved, SolveOutcome, StoredSolution
+from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
-from service.storage.codecs.arrays import encode_arrays, encode_dense
+from service.storage.codecs.packing import encode_arrays, encode_dense
 from service.storage.solutions.shipped_accuracy import shipped_table
+from service.verdicts.cached import Kept, read_windows
 from service.verdicts.examination import Examined, examine_document
-from service.verdicts.kept import Kept
-from service.verdicts.kept_windows import read_windows
 from workers import solvers
 from workers.computation.compiled_code import (
     GROUPS,
@@ -47,10 +46,10 @@ from workers.computation.outputs import InUnits, errors_of, find_out, in_units, 
 from workers.computation.summary import Document, summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
+from workers.solvers.choose import choose_enclosures, enclose, find_motion
 from workers.solvers.cross_check import compare
 from workers.solvers.errors import AccuracyNotMetError, is_known, require_error_within, require_period_known
 from workers.solvers.evidence import with_samples_shown
-from workers.solvers.planar.choose import choose_enclosures, enclose, find_motion
 from workers.solvers.units import Units
 from workers.solvers.ways import NotReadyError, Way, on_way
 

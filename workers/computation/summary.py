@@ -12,7 +12,7 @@ from service.dynamics.bounds import printed_error
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.motion import Asymptote, CrossCheck, Estimate, Motion
 from service.dynamics.numerics import NUMERICS
-from service.dynamics.potentials.warning import Notice
+from service.dynamics.potentials.potential import Notice
 from service.dynamics.problem import Problem
 from service.dynamics.solution.ball_columns import as_decimals
 from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL, is_simplified

@@ -16,11 +16,8 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any, TypedDict  # Any: an outcome, or those of a batch
 
-from service.jobs.batching import BatchSize
-from service.jobs.job import Claim
-from service.jobs.lanes import Lane
-from service.jobs.outcome import Outcome
-from service.jobs.states import JobKind
+from service.jobs.queue import BatchSize, Lane
+from service.jobs.records import Claim, JobKind, Outcome
 from service.logs import about
 
 logger = logging.getLogger(__name__)

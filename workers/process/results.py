@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypedDict
 
-from service.jobs.job import Claim, Taken
 from service.jobs.kernels import NEVER, WAITS, NeedsKernelsError, Outlook
-from service.jobs.outcome import Outcome, SolveOutcome
-from service.jobs.states import JobKind
+from service.jobs.records import Claim, JobKind, Outcome, SolveOutcome, Taken
 from service.jobs.store import JobStore
 from service.logs import Complaints, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError

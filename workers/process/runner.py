@@ -11,12 +11,9 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from typing import Any  # Any: an outcome, or those of a batch
 
-from service.jobs.batching import BATCH_SECONDS, BatchSize
-from service.jobs.job import Claim, Taken
 from service.jobs.kernels import Outlook
-from service.jobs.lanes import Lane, LaneShares
-from service.jobs.outcome import Outcome, SolveOutcome
-from service.jobs.states import JobKind
+from service.jobs.queue import BATCH_SECONDS, BatchSize, Lane, LaneShares
+from service.jobs.records import Claim, JobKind, Outcome, SolveOutcome, Taken
 from service.jobs.store import JobStore
 from service.logs import about, call_about
 from service.sandbox import Sandbox, SandboxCrashError, SandboxTimeoutError, result_of

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from service.jobs.outcome import ChunkOutcome, Drawn, Refused, SolveOutcome, StoredSolution
-from service.jobs.states import JobKind
+from service.jobs.records import ChunkOutcome, Drawn, JobKind, Refused, SolveOutcome, StoredSolution
 
 if TYPE_CHECKING:  # the children that load this module need no database
     from workers.process.runner import Computations

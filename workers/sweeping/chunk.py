@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from service.dynamics.problem import PlanarMotion
 from service.jobs.kernels import NeedsKernelsError
-from service.jobs.outcome import ChunkOutcome
+from service.jobs.records import ChunkOutcome
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
-from service.verdicts.kept import Kept
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
+from service.verdicts.cached import Kept
 from workers.computation.compiled_code import GROUPS, keep_compiled_code, way_for
 from workers.solvers.ways import NotReadyError, Way, on_way
 from workers.sweeping.plan import FEW, Plan, make_plan, plan_moving
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from service.jobs.outcome import Refused, SolveOutcome
-from service.schemas.reading.faults import InvalidProblemError
-from service.schemas.sweep.kept_numbers import kept_numbers
-from service.storage.codecs.arrays import decode_arrays
+from service.jobs.records import Refused, SolveOutcome
+from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.sweep.sweep import kept_numbers
+from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_checked, solve_document
 
 FloatArray = NDArray[np.float64]

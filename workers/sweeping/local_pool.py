@@ -9,10 +9,10 @@ import numpy as np
 
 from service.jobs.chunking import CHUNK_SECONDS, PARTS, PILOT_POINTS, Range, cut, largest_chunk, next_size
 from service.jobs.kernels import Way
-from service.jobs.outcome import ChunkOutcome
+from service.jobs.records import ChunkOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
 from service.schemas.sweep.sweep import Sweep
-from service.storage.codecs.points import ChunkPoints, decode_points
+from service.storage.codecs.packing import ChunkPoints, decode_points
 from workers.sweeping.chunk import compute_chunk
 
 LOOK_SECONDS = 0.1

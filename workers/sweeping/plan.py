@@ -17,10 +17,10 @@ from service.dynamics.verdict.proofs.power_sums import judge_power_sum
 from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
 from service.dynamics.verdict.simple_form import is_simplified, simplified
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.computation.outputs import takes_doubles
-from workers.solvers.planar.choose import compiled_tier
+from workers.solvers.choose import compiled_tier
 from workers.sweeping.parameters.coefficients import coefficients_of
 from workers.sweeping.parameters.family import (
     SweepFamily,

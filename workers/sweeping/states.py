@@ -26,8 +26,9 @@ from service.dynamics.problem import Problem, StateMotion
 from service.dynamics.sampling import sample_times
 from service.schemas.problem.motions import is_unit
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep
+from workers.solvers.choose import QUICK
 from workers.solvers.compiled.general.records import Models
 from workers.solvers.compiled.general.twin import COLLIDED, HELD, INACCURATE
 from workers.solvers.errors import AccuracyNotMetError
@@ -42,7 +43,6 @@ from workers.solvers.integration.errors import CollisionError, UnsupportedFormul
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.programs import SharedGradient, shared_gradient
 from workers.solvers.integration.solve import quest_of, tolerances
-from workers.solvers.planar.choose import QUICK
 from workers.sweeping.parameters.family import has_symbol
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.plan import place_in_state

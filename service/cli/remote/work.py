@@ -8,11 +8,11 @@ from pathlib import Path
 import typer
 
 import polhode as ph
+from polhode.clients import Thing
 from polhode.jobs import Job
 from polhode.listings import Item, Listing
 from polhode.motions import Motion
 from polhode.sweeps import Sweep
-from polhode.things import Thing
 from polhode.transport.carriers import ThreadCarrier
 from service.cli.common import REFUSED, WRONG_USAGE, fail
 from service.logs import one_line

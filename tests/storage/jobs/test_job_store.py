@@ -8,10 +8,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import func, select
 
-from service.jobs.errors import JobFinishedError, JobNotFoundError, SolutionNotFoundError
-from service.jobs.job import Taken
-from service.jobs.states import ALLOWED, MOST_DOUBTS, AttemptOutcome, JobState
-from service.storage.database.ids import new_id
+from service.jobs.records import (
+    ALLOWED,
+    MOST_DOUBTS,
+    AttemptOutcome,
+    JobFinishedError,
+    JobNotFoundError,
+    JobState,
+    SolutionNotFoundError,
+    Taken,
+)
+from service.storage.database.rows import new_id
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.effort import examples

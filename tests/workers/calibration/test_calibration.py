@@ -15,9 +15,9 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.schemas.problem.problem import read_problem
-from service.schemas.query.list_query import ListQuery
-from service.schemas.replies.accuracy import AccuracyTableModel
-from service.storage.codecs.arrays import decode_arrays
+from service.schemas.query.conditions import ListQuery
+from service.schemas.replies.installation import AccuracyTableModel
+from service.storage.codecs.packing import decode_arrays
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.solutions.accuracy_store import AccuracyStore

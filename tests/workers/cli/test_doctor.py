@@ -12,8 +12,8 @@ from sqlalchemy import text, update
 
 from service.sandbox import Sandbox
 from service.schemas.problem.problem import check_problem, problem_digest
-from service.storage.codecs import arrays as codec
-from service.storage.codecs.arrays import decode_dense, encode_dense
+from service.storage.codecs import packing as codec
+from service.storage.codecs.packing import decode_dense, encode_dense
 from service.storage.database.database import Database
 from service.storage.inspection import blob_inspection
 from service.storage.inspection.blob_inspection import check_blobs

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from service.jobs.outcome import Solved, SolveOutcome
+from service.jobs.records import Solved, SolveOutcome
 from service.sandbox import Sandbox
 from service.schemas.problem.problem import check_problem, problem_digest
 from service.storage.database.database import Database

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from service.jobs.batching import BatchSize
-from service.jobs.job import Claim
-from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.jobs.queue import BatchSize
+from service.jobs.records import AttemptOutcome, Claim, JobKind, JobState
 from service.sandbox import Sandbox
 from tests.workers import chores
 from tests.workers.process.together import LIMITS, Together

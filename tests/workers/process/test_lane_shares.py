@@ -4,10 +4,8 @@ from concurrent.futures import Future
 
 import pytest
 
-from service.jobs.job import Claim, Taken
-from service.jobs.lanes import Lane
-from service.jobs.outcome import Solved
-from service.jobs.states import JobKind
+from service.jobs.queue import Lane
+from service.jobs.records import Claim, JobKind, Solved, Taken
 from workers.process import runner as runner_module
 from workers.process.results import JobLimits
 from workers.process.runner import Runner

@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
 from tests.workers import chores
 from tests.workers.processes import wait_until

@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 
 from service.jobs.kernels import KERNELS, NEVER, WAITS, Kernels, NeedsKernelsError
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, JobState
 from service.local.worker_process import WorkerProcess
 from service.sandbox import SandboxMemoryError, SandboxTimeoutError
 from service.storage.jobs.worker_registry import WorkerRegistry

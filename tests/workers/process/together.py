@@ -1,9 +1,9 @@
 """A runner with one child and the test's own loop, for jobs that share calls."""
 
-from service.jobs.lanes import Lane
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.queue import Lane
+from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from tests.workers import chores
 from tests.workers.processes import wait_until

@@ -8,7 +8,7 @@ import pytest
 
 from service.jobs.chunking import Range
 from service.schemas.sweep.reading import read_sweep
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from workers.cli.sweep import SUFFIXES, schema_of, table_of
 from workers.sweeping.local_pool import Crew
 

@@ -19,9 +19,8 @@ from service.dynamics.exact import exact_number
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.traversal import fold_tree, post_order
-from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree
-from service.schemas.reading.pointers import with_values
+from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree, post_order
+from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.family import Path, degree_in, potential_of
 
 _Operation = Callable[[fmpq, fmpq], fmpq]

@@ -24,8 +24,7 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.formula.traversal import fold_tree
-from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree
+from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree, fold_tree
 from service.dynamics.potentials.families.general_solution import Quadrant
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
@@ -33,7 +32,7 @@ from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import PRECISION
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.potentials import MODELS
-from service.schemas.reading.pointers import with_values
+from service.schemas.reading.documents import with_values
 
 FloatArray = NDArray[np.float64]
 

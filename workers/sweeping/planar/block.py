@@ -12,11 +12,11 @@ from service.dynamics.accuracy import keeps
 from service.dynamics.motion import COLUMNS, group_errors
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Times
-from service.schemas.reading.pointers import with_values
+from service.schemas.reading.documents import with_values
 from service.schemas.sweep.sweep import Sweep, json_number
+from workers.solvers.choose import QUICK, compiled_tier
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import ALL
-from workers.solvers.planar.choose import QUICK, compiled_tier
 from workers.solvers.units import Units
 from workers.sweeping.parameters.family import potential_of
 from workers.sweeping.parameters.points import (

@@ -19,12 +19,12 @@ from service.dynamics.further_integrals import FurtherIntegral, find_further_int
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Problem
-from service.schemas.sweep.kept_numbers import NUMBERS
+from service.schemas.sweep.sweep import NUMBERS
 from workers.solvers.compiled.batch import Batch, solve_batch
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.integrals.of_many import drifts_of_many, further_drifts_of_many
 from workers.solvers.compiled.records import Records
-from workers.solvers.invariants import drifts_of
+from workers.solvers.evidence import drifts_of
 from workers.solvers.orientation.advance import estimate
 from workers.solvers.orientation.by_doubles import advances_by_doubles
 from workers.solvers.stability.by_doubles import Perturbed

@@ -11,11 +11,10 @@ from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape
-from service.dynamics.formula.traversal import fold_tree
-from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Number, Symbol, Tree
+from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Number, Symbol, Tree, fold_tree
 from service.dynamics.potentials.families.homogeneous import B_coefficients
 from service.dynamics.potentials.potential import Potential
-from service.schemas.reading.pointers import with_values
+from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.coefficients import ExactParts, SplitParameters, parts_of
 from workers.sweeping.parameters.family import Path, degree_in, potential_of
 from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, kind_of

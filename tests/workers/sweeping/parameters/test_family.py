@@ -12,7 +12,7 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.verdict.verdict import decide
-from service.schemas.reading.pointers import with_values
+from service.schemas.reading.documents import with_values
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.sweeping.parameters.family import (
     degree_in,
