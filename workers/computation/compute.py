@@ -42,8 +42,7 @@ from workers.computation.compiled_code import (
     way_for,
     why_no_folder,
 )
-from workers.computation.outputs import InUnits, find_out
-from workers.computation.promises import errors_of, in_units, require_promise
+from workers.computation.outputs import InUnits, errors_of, find_out, in_units, require_promise
 from workers.computation.summary import Document, summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
