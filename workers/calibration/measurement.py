@@ -13,6 +13,7 @@ from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.dynamics.solution.ball_columns import RADIUS
 from service.jobs.records import Refused, Solved
+from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
 from service.storage.codecs.arrays import decode_arrays
 from service.versions import version_of
@@ -97,7 +98,7 @@ def _measure(
 ) -> AccuracyRow | Unavailable:
     document = case.document(tier, SAMPLES)
     try:
-        outcome = solve_document(document)
+        outcome = solve_document(document, read=read_problem)
     except InvalidProblemError as refusal:
         fault = refusal.faults[0]
         return Unavailable(tier, case.kind, case.family, fault.code, fault.message)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.jobs.records import Refused, SolveOutcome
+from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep, kept_numbers
 from service.storage.codecs.arrays import decode_arrays
@@ -47,7 +48,7 @@ def solve_point(
     document = json.dumps(sweep.document(index))
     try:
         outcome = (
-            solve_document(document, way=way, waits=waits)
+            solve_document(document, way=way, waits=waits, read=read_problem)
             if is_judged
             else solve_checked(document, explains=False, kept=kept, way=way, waits=waits)
         )

@@ -32,8 +32,10 @@ from service.dynamics.accuracy import (
 from service.dynamics.problem import Problem
 from service.schemas.problem.budgets import expected_of_tiers
 from service.schemas.problem.documents import ProblemIn
-from service.schemas.problem.problem import Question, check_problem, read_question
-from service.schemas.problem.rules import ONE_AT_A_TIME, CheckedProblem
+from service.schemas.problem.problem import check_problem, check_question
+from service.schemas.problem.questions import Question
+from service.schemas.problem.rules import CheckedProblem
+from service.schemas.problem.trusted import ONE_AT_A_TIME
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
@@ -110,7 +112,7 @@ async def validate(
     would do. Nothing is stored.
     """
     asked = await inside.reading.run(len(content), _checked, content, inside.settings)
-    whole, verdict = asked.question.problem, None
+    whole, verdict = asked.whole, None
     if whole is None or needs_verdict(whole):
         claimant = Claimant(None if holder is None else holder.id)
         verdict = await while_connected(request, _judged(inside, asked, query.formats, claimant))
@@ -122,6 +124,8 @@ async def validate(
 @dataclass(frozen=True, slots=True)
 class _Asked:
     question: Question
+    whole: CheckedProblem | None
+    """The problem, if motion and times are given."""
     document: Mapping[str, object]
     text: str
 
@@ -137,11 +141,11 @@ async def _judged(
 
 def _checked(content: bytes, settings: Settings) -> _Asked:
     document = read_json(content)
-    question = read_question(document)
+    question, whole = check_question(document)
     assert isinstance(document, dict)
-    if question.problem is not None:
-        check_problem_samples(question.problem.problem, settings)
-    return _Asked(question, document, json.dumps(document))
+    if whole is not None:
+        check_problem_samples(whole.problem, settings)
+    return _Asked(question, whole, document, json.dumps(document))
 
 
 def _planned(

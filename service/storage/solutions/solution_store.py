@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from service.jobs.records import SolutionNotFoundError
 from service.schemas.query.conditions import ListQuery, Value
+from service.schemas.reading.documents import Part
 from service.schemas.reading.marks import Marks
 from service.storage.database.clock import instant
 from service.storage.database.database import Database
@@ -32,7 +33,7 @@ class Solution:
     id: str
     job_id: str
     """The job that computed it; later jobs may have reused it."""
-    problem: Mapping[str, object]
+    problem: Part
     summary: Mapping[str, object]
     created_at: datetime
     marks: Marks

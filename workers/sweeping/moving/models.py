@@ -15,11 +15,12 @@ from service.dynamics.formula.traversal import fold_tree
 from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Number, Symbol, Tree
 from service.dynamics.potentials.families.homogeneous import B_coefficients
 from service.dynamics.potentials.potential import Potential
+from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
 from workers.sweeping.moving.templates import Key, Model, MomentsOfPoint, kind_of
 from workers.sweeping.parameters.coefficients import SplitParameters
 from workers.sweeping.parameters.exact_parts import ExactParts, parts_of
-from workers.sweeping.parameters.family import Path, degree_in, potential_of
+from workers.sweeping.parameters.family import Path, degree_in
 
 _STEP = fmpq(104_729, 611_953)
 """A ratio of primes, far from any number that a formula would fold."""
@@ -64,7 +65,7 @@ class FixedModel:
 
     def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
         """See Model.potential."""
-        return potential_of(moments.body(), dict(self.document))
+        return potential_of(self.document, moments.body())
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +116,7 @@ class ExpressionModel:
             shown: dict[Path, object] = {
                 ("parameters", hole): str(value) for hole, value in zip(self.holes, probe, strict=True)
             }
-            found.append((probe, potential_of(body, with_values(dict(self.holed), shown)).tape))
+            found.append((probe, potential_of(with_values(self.holed, shown), body).tape))
         return found
 
     def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
@@ -123,7 +124,7 @@ class ExpressionModel:
         values: dict[Path, object] = {
             ("parameters", name): str(value) for name, value in zip(self.names, numbers, strict=True)
         }
-        return potential_of(moments.body(), with_values(dict(self.document), values))
+        return potential_of(with_values(self.document, values), moments.body())
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +194,7 @@ class HomogeneousModel:
         values: dict[Path, object] = {
             path: str(value) for path, value in zip(self.paths, numbers, strict=True)
         }
-        return potential_of(moments.body(), with_values(dict(self.document), values))
+        return potential_of(with_values(self.document, values), moments.body())
 
 
 def _homogeneous(document: Mapping[str, object], paths: Sequence[Path]) -> Model | None:

@@ -17,8 +17,7 @@ from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
 from service.api.tagged import told_of
 from service.schemas.replies.sweep import GridOut
-from service.schemas.sweep.reading import read_sweep
-from service.schemas.sweep.sweep import Sweep, SweepAxis
+from service.schemas.sweep.sweep import Sweep, SweepAxis, trusted_sweep
 from service.storage.sweeps.point_grid import PointGrid, cell_indices, read_grid
 from service.storage.sweeps.point_reader import PointReader
 from service.storage.sweeps.standing import standing_in
@@ -58,7 +57,7 @@ def get_grid(
     name = asked.parameters.format
     media_type = preferred(list(_WRITERS), accept) if name is None else MEDIA_TYPES[name]
     record = inside.sweeps.get(sweep_id)
-    sweep = read_sweep(record.document)
+    sweep = trusted_sweep(record.document)
     wish = read_grid_wish(asked, sweep)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=False)
     grid = read_grid(reader, cell_indices(sweep, wish.at), wish.of)

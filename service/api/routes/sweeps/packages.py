@@ -17,7 +17,7 @@ from service.api.replies.pieces import PiecedAnswer
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
 from service.api.tagged import told_of
-from service.schemas.sweep.reading import read_sweep
+from service.schemas.sweep.sweep import trusted_sweep
 from service.storage.sweeps.point_reader import PointReader
 from service.storage.sweeps.standing import standing_in
 
@@ -47,7 +47,7 @@ def get_package(request: Request, sweep_id: SweepId, inside: Inside) -> Response
     told["Content-Disposition"] = f'attachment; filename="sweep-{record.id}.zip"'
     if is_head(request):
         return Response(media_type=ZIP, headers=told)
-    sweep = read_sweep(record.document)
+    sweep = trusted_sweep(record.document)
     wish = read_wish(Asked(PointsQuery(), frozenset(), ()), record.id, sweep, has_lists=True)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     about = Package(

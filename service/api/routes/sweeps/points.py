@@ -36,7 +36,7 @@ from service.api.tagged import told_of
 from service.jobs.records import SweepRecord
 from service.schemas.reading.documents import Fault
 from service.schemas.replies.sweep import PointPageOut
-from service.schemas.sweep.reading import read_sweep
+from service.schemas.sweep.sweep import trusted_sweep
 from service.storage.sweeps.point_query import PointQuery
 from service.storage.sweeps.point_reader import PointBlock, PointReader
 from service.storage.sweeps.standing import standing_in
@@ -74,7 +74,7 @@ def get_points(
     """Return the computed points, filtered, sorted, and with only the requested columns."""
     media_type = chosen(asked.parameters.format, accept)
     record = inside.sweeps.get(sweep_id)
-    sweep = read_sweep(record.document)
+    sweep = trusted_sweep(record.document)
     wish = read_wish(asked, record.id, sweep, has_lists=media_type != CSV)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     is_page = media_type == JSON
