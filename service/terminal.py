@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self, TextIO
 
-from service.escaping import printable
+from service.logs import printable
 from service.schemas.reading.documents import InvalidJsonError, parse_json
 
 STANDARD_STREAM = Path("-")

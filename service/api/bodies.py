@@ -9,7 +9,7 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from service.api.dependencies import Inside, Resources
-from service.api.formats.codings import ACCEPTED, IDENTITY, CodingError, decoded
+from service.api.formats.negotiation import ACCEPTED, IDENTITY, CodingError, decoded
 from service.api.replies.errors import ApiError
 from service.schemas.reading.documents import InvalidJsonError, parse_json
 

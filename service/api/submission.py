@@ -14,8 +14,7 @@ from service.api.dependencies import Resources
 from service.api.keys.limits import check_problem_samples
 from service.api.middleware.error_handlers import refusal_of
 from service.api.replies.errors import ApiError
-from service.api.verdicts.children import verdict_in
-from service.api.verdicts.examined import ExaminedProblem, ToExamine
+from service.api.verdicts.examiner import ExaminedProblem, ToExamine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import AccuracyTable
 from service.dynamics.errors import DynamicsError

@@ -30,7 +30,7 @@ from service.schemas.reading.marks import Marks
 from service.storage.database.remembered import Read
 from service.storage.solutions.atlas_store import known_atlas
 from service.storage.solutions.standing import SolutionStanding, standing_and_marks, standing_of
-from service.storage.sweeps.standing import SweepStanding, sweep_standing_of
+from service.storage.sweeps.sweep_store import SweepStanding, sweep_standing_of
 
 Standing = TypeVar("Standing")
 

@@ -106,7 +106,7 @@ class Solved:
 
     summary: dict[str, object]
     dense: bytes
-    """The function of time, encoded by :mod:`service.storage.codecs.arrays`; so are the samples."""
+    """The function of time, encoded by :mod:`service.storage.codecs.packing`; so are the samples."""
     samples: bytes
     comparison: Mapping[str, object] | None = None
     """For an audit, the comparison with the stored solution."""
@@ -139,7 +139,7 @@ SolveOutcome = Solved | Refused
 class ChunkOutcome:
     """The results for some neighbouring points of a sweep.
 
-    Made by :func:`service.storage.codecs.points.chunk_outcome`.
+    Made by :func:`service.storage.codecs.packing.chunk_outcome`.
     """
 
     count: int
@@ -147,7 +147,7 @@ class ChunkOutcome:
     refused: int
     """Points among them that were not solved; ``data`` has the reasons."""
     data: bytes
-    """The columns of the points, encoded by :mod:`service.storage.codecs.points`."""
+    """The columns of the points, encoded by :mod:`service.storage.codecs.packing`."""
     bounds: Mapping[str, tuple[float, float]]
     """Smallest and largest of each kept number that any point has."""
     seconds: float
@@ -159,7 +159,7 @@ class Drawn:
     """The atlas that a document asked for."""
 
     data: bytes
-    """Encoded by :mod:`service.storage.codecs.documents`."""
+    """Encoded by :mod:`service.storage.codecs.packing`."""
 
 
 Outcome = SolveOutcome | ChunkOutcome | Drawn

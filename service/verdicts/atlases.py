@@ -10,8 +10,7 @@ from flint import arb
 
 from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.bands import Band, Measured, WindowSeries
-from service.dynamics.atlas.changes import Change
-from service.dynamics.atlas.parts import Atlas, AtlasPart, Proof
+from service.dynamics.atlas.parts import Atlas, AtlasPart, Change, Proof
 from service.dynamics.bounds import printed_error
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide

@@ -20,10 +20,9 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint, loop_at
 from service.dynamics.reduction.root_finding.gap import NearRest
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import Arc, Window
 from service.dynamics.reduction.windows import find_windows, find_windows_together, remember_windows
 from service.dynamics.verdict.refutations.counterexample import Counterexample, DecimalBall
 from service.dynamics.verdict.refutations.jumps import Jump

@@ -24,14 +24,11 @@ from service.dynamics.inverse.named import Named, NamedFormulas
 from service.dynamics.inverse.projection import nearest_admissible
 from service.dynamics.inverse.terms import Terms
 from service.dynamics.potentials.families.general_solution import QUADRANTS, SIGNS, Quadrant
-from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.warning import Notice
+from service.dynamics.potentials.potential import Notice, Potential
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimeList
-from service.dynamics.reduction.arc import Arc
-from service.dynamics.reduction.ends import height
 from service.dynamics.reduction.existence import CurveRange, Existence
 from service.dynamics.reduction.geometry.tight_form import tight_form
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import Arc, Window, height
 from service.dynamics.solution.ball_columns import as_decimals
 from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.refutations.counterexample import Counterexample

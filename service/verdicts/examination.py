@@ -18,9 +18,8 @@ from service.dynamics.classical.classification import Nearness, classify
 from service.dynamics.errors import DynamicsError
 from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
-from service.dynamics.reduction.ends import require_known_ends
 from service.dynamics.reduction.start import starting_point
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import Window, require_known_ends
 from service.dynamics.reduction.windows import (
     PRECISION,
     NoMotionError,

@@ -10,9 +10,9 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.arcs_of_loop import PassageUndecidedError
 from service.dynamics.reduction.existence import find_existence
 from service.dynamics.reduction.root_finding.gap import SeparatrixUndecidedError
-from service.dynamics.reduction.sides import PassageUndecidedError
 from service.dynamics.reduction.structure import SignsUnsettledError
 from service.dynamics.reduction.windows import NoMotionError, NoSuchWindowError, SeveralWindowsError
 from service.dynamics.verdict.own_curve import InadmissibleMotionError

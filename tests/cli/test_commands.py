@@ -24,7 +24,7 @@ from service.storage.database.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore
 from tests.support.effort import seldom
 from tests.support.waiting import wait_until
-from workers.cli.solve import solve_file
+from workers.cli.documents import solve_file
 
 POLHODE = Path(sys.executable).with_name("polhode")
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -5,8 +5,7 @@ from typing import get_args
 
 import pytest
 
-from service.catalogue.cases import cases
-from service.catalogue.families import families
+from service.catalogue import cases, families
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.potentials.potential import NoClosedFormError

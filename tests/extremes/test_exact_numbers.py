@@ -13,7 +13,7 @@ from service.schemas.atlas.reading import read_atlas
 from service.schemas.problem.problem import read_question
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.reading import read_sweep
-from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.packing import decode_arrays
 from service.verdicts.atlases import examine_atlas_of_job
 from service.verdicts.examination import examine_question
 from tests.support.effort import seldom

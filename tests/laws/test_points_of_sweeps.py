@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from service.jobs.records import Refused
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import kept_numbers
-from service.storage.codecs.arrays import decode_arrays
-from service.storage.codecs.points import SOLVED, decode_points
+from service.storage.codecs.packing import SOLVED, decode_arrays, decode_points
 from tests.support.admissible import Case, cases
 from tests.support.effort import examples
 from workers.computation.compute import solve_checked

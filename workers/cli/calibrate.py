@@ -14,9 +14,16 @@ from service.settings import read_settings
 from service.storage.database.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.terminal import answer, say
-from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
+from workers.calibration.measurement import (
+    FULL,
+    QUICK,
+    ClaimExceededError,
+    Effort,
+    calibrate,
+    steps,
+    whole_jobs,
+)
 from workers.calibration.reference import NoReferenceError
-from workers.calibration.whole_jobs import whole_jobs
 from workers.cli.compile import compile_solvers
 from workers.computation.compiled_code import GROUPS, way_for
 

@@ -20,10 +20,11 @@ from service.schemas.reading.documents import InvalidProblemError, with_values
 from service.schemas.sweep.sweep import Sweep, SweepAxis, json_number
 from workers.sweeping.plan import FEW, make_plan
 from workers.sweeping.planar.block import BlockSolver
-from workers.sweeping.planar.solved import SolvedBlock
+from workers.sweeping.planar.records import SolvedBlock
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+
 
 _Numbers = tuple[Fraction, ...]
 KEPT_NUMBERS = 100_000

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from service.schemas.query.conditions import Condition, Kind, OrderKey, Value
-from service.storage.database.ids import is_id
+from service.storage.database.rows import is_id
 
 
 class Ordered(Protocol):

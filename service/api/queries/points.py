@@ -6,9 +6,8 @@ from typing import Literal
 from pydantic import Field
 
 from service.api.queries.cursors import InvalidCursorError, place_of
-from service.api.queries.format_names import FORMAT_HELP, FormatName
 from service.api.queries.lists import FARTHEST
-from service.api.queries.queries import Asked, QueryModel
+from service.api.queries.queries import FORMAT_HELP, Asked, FormatName, QueryModel
 from service.schemas.query.conditions import Kind, OrderKey
 from service.schemas.query.facts import Fact, Vocabulary
 from service.schemas.query.reading import read_columns, read_order, read_where

@@ -14,8 +14,7 @@ from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
-from service.api.middleware.disconnects import while_connected
-from service.api.middleware.heavy_answers import listed
+from service.api.middleware.heavy_answers import listed, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
@@ -29,9 +28,8 @@ from service.api.queries.queries import (
 )
 from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.errors import ApiError
-from service.api.replies.places import JobId
 from service.api.replies.records import job_out
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import JobId, json_response, refusals
 from service.api.submission import Accepted, Checked, JudgedDocument, accept, accept_many, check, check_each
 from service.jobs.queue import Lane
 from service.jobs.records import Job, JobPage, JobState

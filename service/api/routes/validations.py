@@ -13,13 +13,12 @@ from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.limits import check_problem_samples
-from service.api.middleware.disconnects import while_connected
+from service.api.middleware.heavy_answers import while_connected
 from service.api.middleware.security import Holder
 from service.api.queries.queries import QueryModel, query_of, query_parameters
 from service.api.replies.responses import json_response, refusals
 from service.api.submission import needs_verdict, settle
-from service.api.verdicts.children import examine
-from service.api.verdicts.formulas import examine_with_formulas
+from service.api.verdicts.examiner import examine, examine_with_formulas
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import (
     TIER_TOLERANCES,

@@ -26,9 +26,8 @@ from service.dynamics.potentials.families import homogeneous
 from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.potentials.families.general_solution import QUADRANTS
-from service.dynamics.potentials.terms.bound_formula import bound_formula
-from service.dynamics.potentials.terms.coefficients import MAX_TERMS
-from service.dynamics.potentials.terms.names import require_parameter_names
+from service.dynamics.potentials.terms.bound_formula import bound_formula, require_parameter_names
+from service.dynamics.potentials.terms.powers import MAX_TERMS
 from service.schemas.problem.trusted import DEFAULT_ANGLE, formula_of, potential_of
 from service.schemas.reading.documents import Fault, fault_of
 from service.schemas.reading.numbers import Exact, read_exact, refuse

@@ -22,7 +22,7 @@ from typing import Any  # what was read from JSON
 from service.cache import Cache
 from service.dynamics.accuracy import CERTIFIED_BITS, TIER_TOLERANCES, cheapest_tier
 from service.dynamics.body import RigidBody
-from service.dynamics.classical.place import place
+from service.dynamics.classical.placement import place
 from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number
 from service.dynamics.potentials.families.expression import expression_potential

@@ -22,9 +22,9 @@ from service.jobs.records import (
     pause_after,
     sources,
 )
-from service.storage.database.clock import DatabaseNow, database_now
+from service.storage.database.rows import database_now
 from service.storage.jobs.records import attempt_of
-from service.storage.tables.base import table_of
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
 
 _JOBS = table_of(JobRow)

@@ -19,8 +19,7 @@ from sqlalchemy import (
 from service.jobs.queue import Lane
 from service.jobs.records import JobKind, JobState
 from service.jobs.store import Delivery
-from service.storage.database.clock import DatabaseNow
-from service.storage.tables.base import table_of
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 
 _JOBS = table_of(JobRow)

@@ -9,7 +9,7 @@ from sqlalchemy import Connection, Select, bindparam, exists, select
 from service.jobs.records import SolutionNotFoundError
 from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id
+from service.storage.database.rows import is_id
 from service.storage.tables.base import table_of
 from service.storage.tables.labels import SolutionLabelRow
 from service.storage.tables.solutions import SamplesRow, SolutionRow

@@ -14,12 +14,10 @@ from service.jobs.records import (
     SweepNotFoundError,
 )
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id
+from service.storage.database.rows import is_id
 from service.storage.jobs import chunks
 from service.storage.keys.key_store import charge
-from service.storage.tables.atlases import AtlasRow
-from service.storage.tables.audits import AuditRow
-from service.storage.tables.jobs import JobRow
+from service.storage.tables.jobs import AtlasRow, AuditRow, JobRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 

@@ -16,8 +16,8 @@ from sqlalchemy.orm import Session
 
 from service.jobs.kernels import Kernels, most_missing
 from service.jobs.records import FINISHED, AttemptOutcome, JobState
-from service.storage.database.clock import database_now
 from service.storage.database.database import Database
+from service.storage.database.rows import database_now
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.operations import WorkerRow
 from service.storage.tables.solutions import SolutionRow

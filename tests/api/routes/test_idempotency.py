@@ -8,7 +8,7 @@ from sqlalchemy import func, select, update
 
 from service.jobs.keys import Role
 from service.jobs.store import KEPT_SECONDS, GivenAnswer, GivenKey, KeyTakenError, Receipt
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.keys.idempotency_store import IdempotencyStore
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.operations import IdempotencyKeyRow

@@ -5,11 +5,11 @@ import json
 
 import pytest
 
-from service.api.verdicts.examined import Examiner, ToExamine
+from service.api.verdicts.examiner import Examiner, ToExamine
 from service.api.verdicts.verdict_queue import Claimant
 from service.schemas.problem.problem import check_problem
-from service.storage.examinations.examination_store import ExaminationStore
-from service.verdicts import cached
+from service.storage.examinations import ExaminationStore
+from service.verdicts import cached as kept
 from service.verdicts.cache_rows import keys_of
 from service.verdicts.memory import KeptExaminations
 from tests.support.api import PLANAR
@@ -54,8 +54,8 @@ def on_curve(lambda_, **changes):
 @pytest.fixture
 def decided(monkeypatch):
     calls = []
-    decide = cached.decide
-    monkeypatch.setattr(cached, "decide", lambda *given: calls.append(given) or decide(*given))
+    decide = kept.decide
+    monkeypatch.setattr(kept, "decide", lambda *given: calls.append(given) or decide(*given))
     return calls
 
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from service.catalogue.classical import classical
+from service.catalogue import classical
 from service.dynamics.classical.catalogue import CASES
 from service.schemas.problem.motions import CaseName, ClassicalMotionIn
 from workers.computation.compute import solve_checked

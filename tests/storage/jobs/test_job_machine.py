@@ -25,9 +25,9 @@ from service.jobs.records import (
     Solved,
     pause_after,
 )
-from service.storage.database.clock import DatabaseNow
 from service.storage.jobs import moves
 from service.storage.jobs.job_store import SqlJobStore
+from service.storage.tables.base import DatabaseNow
 from service.storage.tables.schema import TABLES
 from service.storage.tables.solutions import SolutionRow
 from tests.support.effort import examples

@@ -13,8 +13,8 @@ from service.schemas.query.conditions import Condition, Kind, ListQuery, OrderKe
 from service.schemas.query.facts import OF_SOLUTIONS, facts_of
 from service.schemas.reading.marks import Marks
 from service.storage.codecs.summary import summary_columns
-from service.storage.database.ids import new_id
-from service.storage.marks.mark_rows import insert_labels
+from service.storage.database.rows import new_id
+from service.storage.marks import insert_labels
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.tables.base import table_of

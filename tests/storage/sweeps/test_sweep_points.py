@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject
 from service.schemas.sweep.reading import read_sweep
-from service.storage.codecs.points import SOLVED
+from service.storage.codecs.packing import SOLVED
 from service.storage.sweeps import point_reader
 from service.storage.sweeps.point_query import PointQuery
 from service.storage.sweeps.point_reader import PointReader

@@ -7,7 +7,7 @@ import pytest
 from service.jobs.queue import Lane
 from service.jobs.records import Claim, JobKind, Solved, Taken
 from workers.process import runner as runner_module
-from workers.process.limits import JobLimits
+from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 LIMITS = JobLimits(lease_seconds=1e6, job_seconds=1e6, memory_mb=1000, max_attempts=3, retry_seconds=0.0)

@@ -10,7 +10,7 @@ from service.sandbox import Sandbox
 from tests.workers import chores
 from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
-from workers.process.limits import JobLimits
+from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 pytestmark = pytest.mark.any_database

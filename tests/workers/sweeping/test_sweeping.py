@@ -11,15 +11,14 @@ from service.jobs.records import Refused
 from service.schemas.problem.problem import read_problem
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import kept_numbers
-from service.storage.codecs.arrays import decode_arrays
-from service.storage.codecs.points import SOLVED, decode_points
+from service.storage.codecs.packing import SOLVED, decode_arrays, decode_points
 from service.verdicts import cached
 from service.verdicts.examination import examine_document
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk, states
 from workers.sweeping.chunk import compute_chunk
-from workers.sweeping.moving.moving import MovingSolver
 from workers.sweeping.plan import make_plan
+from workers.sweeping.varying_body.block import MovingSolver
 
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}
 THREE_TERMS = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/50"}}

@@ -13,15 +13,14 @@ from service.api.bodies import BodyIfAny, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.disconnects import while_connected
+from service.api.middleware.heavy_answers import while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
 from service.api.queueing import Made, SubmissionTerms, queue
-from service.api.replies.places import AuditId, SolutionId
 from service.api.replies.records import audit_out
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import AuditId, SolutionId, json_response, refusals
 from service.api.routes.jobs import SubmitQuery
 from service.api.submission import Checked, accept, check
 from service.jobs.records import Job

@@ -13,9 +13,8 @@ from service.api.dependencies import Inside, Resources
 from service.api.middleware.heavy_answers import listed
 from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
-from service.api.replies.places import SolutionId
 from service.api.replies.records import solution_out
-from service.api.replies.responses import JSON, json_content, refusals
+from service.api.replies.responses import JSON, SolutionId, json_content, refusals
 from service.api.tagged import told_of
 from service.dynamics.methods import SolvedBy
 from service.dynamics.problem import Tier
@@ -24,7 +23,7 @@ from service.schemas.query.facts import OF_SOLUTIONS, FamilyName
 from service.schemas.reading.documents import Fault
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
-from service.storage.database.ids import is_id
+from service.storage.database.rows import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.solutions.standing import standing_and_marks
 

@@ -15,8 +15,12 @@ from service.dynamics.verdict.verdict import decide
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
 from workers.solvers.compiled.evaluation.program import make_program
-from workers.sweeping.parameters.energies import energies_of
-from workers.sweeping.parameters.family import degree_in, prove_family, smooth_poles
+from workers.sweeping.parameters.family import (
+    degree_in,
+    energies_of,
+    prove_family,
+    smooth_poles,
+)
 from workers.sweeping.parameters.programs import affine_program
 
 BODY = RigidBody(Fraction(2), Fraction(3, 2), Fraction(1))
