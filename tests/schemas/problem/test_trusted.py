@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from service.api.routes.jobs import EXAMPLES as JOBS
 from service.api.routes.validations import EXAMPLES as VALIDATIONS
-from service.catalogue.classical import example_of
+from service.catalogue import example_of
 from service.dynamics.classical.catalogue import CASES
 from service.dynamics.potentials.potential import FormulaPotential
 from service.schemas.atlas.reading import read_atlas, trusted_atlas
