@@ -91,7 +91,6 @@ problems = st.fixed_dictionaries(
             ]
         ),
         "method": st.just("auto"),
-        "accept": st.sampled_from(["proved", "undecided"]),
         "outputs": st.lists(st.sampled_from(["gamma", "omega", "invariants"]), min_size=1, max_size=5),
     },
 )
