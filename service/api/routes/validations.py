@@ -17,8 +17,8 @@ from service.api.middleware.heavy_answers import while_connected
 from service.api.middleware.security import Holder
 from service.api.queries.queries import QueryModel, query_of, query_parameters
 from service.api.replies.responses import json_response, refusals
-from service.api.submission import needs_verdict, settle
-from service.api.verdicts.examiner import examine, examine_with_formulas
+from service.api.submission import needs_verdict
+from service.api.verdicts.examiner import Submission, examine, examine_with_formulas
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import (
     TIER_TOLERANCES,
@@ -169,13 +169,14 @@ def _completed(
     assert isinstance(plan, dict)
     window, table = plan["window"], AccuracyStore(inside.database).current()
     problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
-    accepted = settle(problem, checked, window, table)
-    tiers = _tiers(problem, accepted.problem, window, table)
+    accepted = Submission(problem, checked).settled(window, table)
+    settled = accepted.checked.problem
+    tiers = _tiers(problem, settled, window, table)
     return {
         **plan,
-        "tier": accepted.problem.accuracy.tier,
-        "tolerance": accepted.problem.tolerance,
-        "expected_seconds": tiers[TIERS.index(accepted.problem.accuracy.tier)]["expected_seconds"],
+        "tier": settled.accuracy.tier,
+        "tolerance": settled.tolerance,
+        "expected_seconds": tiers[TIERS.index(settled.accuracy.tier)]["expected_seconds"],
         "tiers": tiers,
         "solution": inside.solutions.of_problem(accepted.digest),
     }
