@@ -1,11 +1,14 @@
 """GET /v1/sweeps/{id}/jobs: the jobs that compute the points of a sweep."""
 
+from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
+from starlette.concurrency import run_in_threadpool
 
-from service.api.dependencies import Inside
-from service.api.queries.lists import AskingQuery, page_answer, read_listing
+from service.api.dependencies import Inside, Resources
+from service.api.middleware.heavy_answers import listed
+from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.queries import Asked, asked_of, query_parameters
 from service.api.replies.places import SweepId
 from service.api.replies.responses import refusals
@@ -23,18 +26,20 @@ router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
     responses=refusals(404),
     openapi_extra=query_parameters(AskingQuery),
 )
-def list_sweep_jobs(
+async def list_sweep_jobs(
     sweep_id: SweepId,
     request: Request,
     asked: Annotated[Asked[AskingQuery], Depends(asked_of(AskingQuery))],
     inside: Inside,
 ) -> Response:
     """List the jobs that compute the points of a sweep, newest first or as asked."""
-    record = inside.sweeps.get(sweep_id)
+    record = await run_in_threadpool(inside.sweeps.get, sweep_id)
     listing = read_listing(asked, chunks_of(record.id))
-    if listing.query.is_estimated:
-        return listing.estimate()
-    page = inside.jobs.find_of_sweep(record.id, listing.query)
+    return await listed(request, inside, listing, partial(_page, request, record.id, listing, inside))
+
+
+def _page(request: Request, sweep_id: str, listing: Listing, inside: Resources) -> Response:
+    page = inside.jobs.find_of_sweep(sweep_id, listing.query)
     return page_answer(request, listing, ChunkJobPageOut, page, list(map(_chunk, page.jobs)))
 
 
