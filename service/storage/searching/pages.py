@@ -16,8 +16,7 @@ from typing import Any  # parameters of some type
 from sqlalchemy import ColumnElement, Select, func, select
 from sqlalchemy.orm import Session
 
-from service.schemas.query.conditions import Condition, OrderKey, Subject, Value
-from service.schemas.query.list_query import ID, ListQuery
+from service.schemas.query.conditions import ID, Condition, ListQuery, OrderKey, Subject, Value
 from service.storage.searching.conditions import conditions_of
 from service.storage.searching.narrowing import (
     MANY,
