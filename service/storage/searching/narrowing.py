@@ -7,6 +7,7 @@ that meet a condition are counted first in its index, up to a bound.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
@@ -18,8 +19,8 @@ from service.storage.searching.sources import Source
 
 MANY = 10_000
 """Entries of an index that are read in some milliseconds."""
-MOST = 2_000_000
-"""Entries that are read, in some tenths of a second, before a whole index is."""
+MOST = 10_000_000
+"""Entries that are read, in a second or two, before an index is without a bound."""
 ROW = 40
 """Entries that are read in the time in which a row is looked up; more if the system has forgotten it."""
 
@@ -27,8 +28,17 @@ _IN_AN_INDEX = ("=", "<", "<=", ">", ">=", "in")
 _IN_LABELS = ("id", "created_at")
 """Columns that the index of labels has, too."""
 
-Found = tuple[Source, list[ColumnElement[bool]]]
-"""Where the rows of a query are read, and the SQL of its conditions there."""
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """How the rows of a query are found."""
+
+    source: Source
+    """Where they are read."""
+    given: list[ColumnElement[bool]]
+    """The SQL of the conditions there."""
+    cost: int | None
+    """How many entries of indexes can be read in that time, at most; None if it is not known."""
 
 
 def met_by_few(
@@ -41,37 +51,40 @@ def met_by_few(
     asked
         What is read of the rows, beside the conditions.
     bound
-        Entries of the index that may be read; None is returned if each condition needs more.
+        The largest cost; None is returned if there is no such way.
     """
     about = _by_subject(source, conditions)
     subjects = {*asked, *(each.subject for each in conditions)}
-    counted = {subject: _count(session, source, each, bound) for subject, each in about.items()}
+    counted = {subject: entries(session, source, each, bound) for subject, each in about.items()}
     counts = {subject: n for subject, n in counted.items() if n <= bound}
     best: tuple[int, Subject, Source, list[Subject]] | None = None
     for subject, count in counts.items():
         is_attached = source.attached(subject) is not None
         view = source.through(subject, subjects) if is_attached else source
-        is_whole = is_attached or subject.name in source.covering
+        has_all = is_attached or subject.name in source.covering
         # What meets another condition is collected from its own table, if that is less than to look up rows.
         others = [
             each
             for each, n in counts.items()
             if each != subject and source.attached(each) and not view.is_covered(each) and n <= ROW * count
         ]
-        is_whole &= all(map(view.is_covered, subjects.difference([subject], others)))
-        cost = sum(counts[each] for each in others) + (count if is_whole else ROW * count)
+        is_whole = has_all and all(map(view.is_covered, subjects.difference([subject], others)))
+        looked_up = [
+            n for each, n in counts.items() if each == subject or (has_all and view.is_covered(each))
+        ]
+        cost = count + sum(counts[each] for each in others) + (0 if is_whole else ROW * min(looked_up))
         if cost <= bound and (best is None or cost < best[0]):
             best = cost, subject, view if is_whole else source, others
     if best is None:
         return None
-    _, subject, view, others = best
+    cost, subject, view, others = best
     found = conditions_of(view, about[subject])
     if view is source and source.attached(subject) is not None:
         # With a limit, since Postgres knows nothing of how many these are; they may become more meanwhile.
         few = found_in_index(source, about[subject]).limit(2 * counts[subject] + MANY)
         found = [source.id.in_(few)]
     rest = tests(session, view, conditions, about[subject], [about[each] for each in others])
-    return view, [*view.always, *found, *rest]
+    return Found(view, [*view.always, *found, *rest], cost)
 
 
 def met(
@@ -84,7 +97,7 @@ def met(
         found = met_by_few(session, source, conditions, subjects, bound)
         if found is not None:
             return found
-    return source, [*source.always, *conditions_of(source, conditions)]
+    return Found(source, [*source.always, *conditions_of(source, conditions)], None)
 
 
 def tests(
@@ -154,10 +167,10 @@ def slow_parts(
                 yield parameter, f"no index has {subject.text}: it is read from all rows that match"
 
 
-def _count(session: Session, source: Source, about: Sequence[Condition], bound: int) -> int:
+def entries(session: Session, source: Source, about: Sequence[Condition], bound: int) -> int:
     """Return how many entries of an index meet conditions on one subject, at most one more than a bound."""
-    entries = found_in_index(source, about).limit(bound + 1).subquery()
-    return session.scalar(select(func.count()).select_from(entries)) or 0
+    found = found_in_index(source, about).limit(bound + 1).subquery()
+    return session.scalar(select(func.count()).select_from(found)) or 0
 
 
 def _by_subject(source: Source, conditions: Sequence[Condition]) -> dict[Subject, list[Condition]]:

@@ -91,7 +91,8 @@ def count(
     session: Session, source: Source, conditions: Sequence[Condition], limit: int | None = None
 ) -> int | None:
     """Return how many rows meet the conditions; None if they are more than a limit."""
-    view, given = met(session, source, conditions)
+    met_by = met(session, source, conditions)
+    view, given = met_by.source, met_by.given
     if limit is None:
         return session.scalar(view.select(func.count()).where(*given)) or 0
     some = view.select(view.id).where(*given).limit(limit + 1).subquery()
@@ -103,24 +104,39 @@ def _found(search: _Search) -> list[_Row]:
     """Return the rows.
 
     They are those that meet a condition that few rows meet, or the first ones in the order of the page; if
-    these do not have enough of them, those that meet a condition that not too many meet.
+    these have not enough of them, what takes least: those that meet some condition, or all in the order.
     """
-    _, about = _led(search)
-    if len(about) == len(search.conditions):
-        return _walked(search, is_bounded=False) or []
-    for bound in (MANY, MOST):
+    lead, about = _led(search)
+    if lead is not None and len(about) == len(search.conditions):
+        return _walked(search) or []
+    bound = MANY
+    while bound <= MOST:
         few = met_by_few(search.session, search.source, search.conditions, search.subjects, bound)
+        if bound > MANY and _is_shorter(search, bound if few is None or few.cost is None else few.cost):
+            break
         if few is not None:
             return _sorted(search, few)
-        rows = _walked(search, is_bounded=True) if bound == MANY else None
+        rows = _walked(search, window=MANY) if bound == MANY else None
         if rows is not None:
             return rows
-    return _walked(search, is_bounded=False) or []
+        bound *= 10
+    return _walked(search) or []
+
+
+def _is_shorter(search: _Search, cost: int) -> bool:
+    """Tell whether all rows can be read in their order at less than a cost."""
+    lead, about = _led(search)
+    if lead is None:
+        return False
+    each = 1 if _tests_in_index(search, lead, about) else ROW
+    index, led = _index_of(search, lead, about)
+    some = index.select(index.id).where(*index.always, *led).limit(cost // each + 1).subquery()
+    return each * (search.session.scalar(select(func.count()).select_from(some)) or 0) < cost
 
 
 def _sorted(search: _Search, few: Found) -> list[_Row]:
     """Return the rows from those that meet the conditions, all of which are sorted."""
-    source, given = few
+    source, given = few.source, few.given
     order = order_of(search.session, source, search.keys)
     # All are found before they are sorted: an OFFSET keeps the index of the order out of it.
     found = _selected(source, order).where(*given).offset(0).subquery()
@@ -128,17 +144,20 @@ def _sorted(search: _Search, few: Found) -> list[_Row]:
     return _read(search, select(*found.c), in_found, sorting_of(in_found))
 
 
-def _walked(search: _Search, *, is_bounded: bool) -> list[_Row] | None:
-    """Return the rows, read in their order, or None: they are not among the first ones of an index."""
+def _walked(search: _Search, *, window: int | None = None) -> list[_Row] | None:
+    """Return the rows, read in their order, or None: they are not among the first ones of an index.
+
+    ``window``: so many entries of it are read at most, or rows looked up in that time.
+    """
     first, after = search.keys[0].subject, search.after
     if not search.source.may_be_null(first):
-        return _in_order(search, is_bounded=is_bounded)
+        return _in_order(search, window)
     about = [each.operator for each in search.conditions if each.subject == first]
     rows: list[_Row] = []
     skipped = search.offset
     if "is null" not in about and not (after is not None and after[0] is None):
         present = replace(search, conditions=(*search.conditions, Condition(first, "is not null")))
-        found = _in_order(present, is_bounded=is_bounded)
+        found = _in_order(present, window)
         if found is None:
             return None
         rows, after = found, None
@@ -158,7 +177,7 @@ def _walked(search: _Search, *, is_bounded: bool) -> list[_Row] | None:
         )
         # No index has the rows without a number that has no column.
         is_searched = search.source.attached(first) is not None
-        others = _found(missing) if is_searched else _walked(missing, is_bounded=False)
+        others = _found(missing) if is_searched else _walked(missing)
         rows += [(row[0], None, *row[1:]) for row in others or []]
     return rows
 
@@ -178,7 +197,24 @@ def _led(search: _Search) -> tuple[Subject | None, list[Condition]]:
     return first, [each for each in search.conditions if each.subject in known]
 
 
-def _in_order(search: _Search, *, is_bounded: bool) -> list[_Row] | None:
+def _index_of(
+    search: _Search, lead: Subject | None, about: Sequence[Condition]
+) -> tuple[Source, list[ColumnElement[bool]]]:
+    """Return where the index that rows are read in is, and the SQL of what it tells."""
+    source = search.source
+    view = source if lead is None or source.attached(lead) is None else source.through(lead)
+    return view, conditions_of(view, about)
+
+
+def _tests_in_index(search: _Search, lead: Subject, about: Sequence[Condition]) -> bool:
+    """Tell whether the index that rows are read in has all that they are tested by."""
+    view, _ = _index_of(search, lead, about)
+    return lead != ID and all(
+        view.is_covered(each.subject) for each in search.conditions if each not in about
+    )
+
+
+def _in_order(search: _Search, window: int | None) -> list[_Row] | None:
     """Return rows that all have a value in the first column of their order."""
     session, source, conditions, keys = search.session, search.source, search.conditions, search.keys
     lead, about = _led(search)
@@ -187,7 +223,7 @@ def _in_order(search: _Search, *, is_bounded: bool) -> list[_Row] | None:
         view = source.through(lead, search.subjects)
     rest = [each for each in conditions if each not in about]
     tried = [each for each in rest if not view.is_covered(each.subject)]
-    others = [] if is_bounded else members(source, tried)
+    others = [] if window is not None else members(source, tried)
     given = [*view.always, *conditions_of(view, about), *tests(session, view, conditions, about, others)]
     order = order_of(session, view, keys)
     order[0] = order[0].present
@@ -196,24 +232,23 @@ def _in_order(search: _Search, *, is_bounded: bool) -> list[_Row] | None:
     led_by = [each.present for each in order_of(session, view, missing)]
     statement = _selected(view, order).where(*given)
     last = None
-    if is_bounded and rest and lead == keys[0].subject:
-        is_whole = lead != ID and all(view.is_covered(each.subject) for each in rest)
-        last = _end_of_window(search, about, MANY if is_whole else MANY // ROW)
+    if window is not None and lead is not None and rest:
+        last = _end_of_window(search, lead, about, window)
         if last is not None:
             statement = statement.where(order[0].not_after(last))
     rows = _read(search, statement, order, [*sorting_of(led_by), *sorting_of(order)])
     return None if last is not None and len(rows) < search.wanted else rows
 
 
-def _end_of_window(search: _Search, about: Sequence[Condition], entries: int) -> Value | None:
-    """Return the value at which so many entries of the index of the order end, None if it has fewer."""
-    source, key = search.source, search.keys[0]
-    index = source if source.attached(key.subject) is None else source.through(key.subject)
-    first = order_of(search.session, index, [key])[0].present
+def _end_of_window(search: _Search, lead: Subject, about: Sequence[Condition], window: int) -> Value | None:
+    """Return the value at which a window of the index of the order ends, None if it reaches to the end."""
+    index, led = _index_of(search, lead, about)
+    first = order_of(search.session, index, search.keys[:1])[0].present
     begin = [first.not_before(search.after[0])] if search.after and search.after[0] is not None else []
-    statement = index.select(first.expression).where(*index.always, *conditions_of(index, about), *begin)
+    size = window if _tests_in_index(search, lead, about) else window // ROW
+    statement = index.select(first.expression).where(*index.always, *led, *begin)
     found: Value | None = search.session.scalar(
-        statement.order_by(*sorting_of([first])).limit(1).offset(entries)
+        statement.order_by(*sorting_of([first])).limit(1).offset(size)
     )
     return found
 

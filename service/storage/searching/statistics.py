@@ -58,7 +58,8 @@ def facets(
     session: Session, source: Source, conditions: Sequence[Condition], by: Sequence[Subject], limit: int
 ) -> Iterator[Facet]:
     """Yield for each of the subjects its ``limit`` most frequent values."""
-    view, given = met(session, source, conditions, by)
+    met_by = met(session, source, conditions, by)
+    view, given = met_by.source, met_by.given
     for subject in by:
         # In a subquery, so that the expression has one set of parameters: Postgres compares them by place.
         value = view.expression(subject).label("value")
@@ -89,7 +90,8 @@ def statistics(
     a bin is a walk through all of them.
     """
     subjects = of if by is None else (*of, by)
-    view, given = met(session, source, conditions, subjects)
+    met_by = met(session, source, conditions, subjects)
+    view, given = met_by.source, met_by.given
     selected: list[Any] = [view.expression(each).label(f"value_{k}") for k, each in enumerate(subjects)]
     statement = view.select(*selected).where(*given)
     numbers: list[list[FloatArray]] = [[np.empty(0)] for _ in of]
