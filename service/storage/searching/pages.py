@@ -23,6 +23,7 @@ from service.storage.searching.narrowing import (
     MOST,
     ROW,
     Found,
+    entries,
     label_of_order,
     members,
     met,
@@ -31,6 +32,9 @@ from service.storage.searching.narrowing import (
 )
 from service.storage.searching.ordering import SortedColumn, beyond, order_of, sorting_of
 from service.storage.searching.sources import Source
+
+FURTHER = 30
+"""How many times as many entries are counted, if fewer do not find a way."""
 
 _Row = tuple[Any, ...]
 """An id, and the values of the order's columns."""
@@ -119,7 +123,7 @@ def _found(search: _Search) -> list[_Row]:
         rows = _walked(search, window=MANY) if bound == MANY else None
         if rows is not None:
             return rows
-        bound *= 10
+        bound *= FURTHER
     return _walked(search) or []
 
 
@@ -128,7 +132,13 @@ def _is_shorter(search: _Search, cost: int) -> bool:
     lead, about = _led(search)
     if lead is None:
         return False
-    each = 1 if _tests_in_index(search, lead, about) else ROW
+    tried = _tried_in_rows(search, lead, about)
+    others = members(search.source, tried)
+    collected = [each for about_one in others for each in about_one]
+    each = 1 if lead != ID and all(condition in collected for condition in tried) else ROW
+    cost -= sum(entries(search.session, search.source, about_one, cost) for about_one in others)
+    if cost <= 0:
+        return False
     index, led = _index_of(search, lead, about)
     some = index.select(index.id).where(*index.always, *led).limit(cost // each + 1).subquery()
     return each * (search.session.scalar(select(func.count()).select_from(some)) or 0) < cost
@@ -206,24 +216,22 @@ def _index_of(
     return view, conditions_of(view, about)
 
 
-def _tests_in_index(search: _Search, lead: Subject, about: Sequence[Condition]) -> bool:
-    """Tell whether the index that rows are read in has all that they are tested by."""
+def _tried_in_rows(search: _Search, lead: Subject, about: Sequence[Condition]) -> list[Condition]:
+    """Return the conditions that the index that rows are read in has nothing of."""
     view, _ = _index_of(search, lead, about)
-    return lead != ID and all(
-        view.is_covered(each.subject) for each in search.conditions if each not in about
-    )
+    return [each for each in search.conditions if each not in about and not view.is_covered(each.subject)]
 
 
 def _in_order(search: _Search, window: int | None) -> list[_Row] | None:
     """Return rows that all have a value in the first column of their order."""
     session, source, conditions, keys = search.session, search.source, search.conditions, search.keys
     lead, about = _led(search)
+    tried = [] if lead is None else _tried_in_rows(search, lead, about)
+    others = [] if window is not None else members(source, tried)
     view = source
     if lead is not None and source.attached(lead) is not None:
-        view = source.through(lead, search.subjects)
-    rest = [each for each in conditions if each not in about]
-    tried = [each for each in rest if not view.is_covered(each.subject)]
-    others = [] if window is not None else members(source, tried)
+        collected = [about_one[0].subject for about_one in others]
+        view = source.through(lead, [each for each in search.subjects if each not in collected])
     given = [*view.always, *conditions_of(view, about), *tests(session, view, conditions, about, others)]
     order = order_of(session, view, keys)
     order[0] = order[0].present
@@ -232,7 +240,7 @@ def _in_order(search: _Search, window: int | None) -> list[_Row] | None:
     led_by = [each.present for each in order_of(session, view, missing)]
     statement = _selected(view, order).where(*given)
     last = None
-    if window is not None and lead is not None and rest:
+    if window is not None and lead is not None and len(about) < len(conditions):
         last = _end_of_window(search, lead, about, window)
         if last is not None:
             statement = statement.where(order[0].not_after(last))
@@ -245,7 +253,8 @@ def _end_of_window(search: _Search, lead: Subject, about: Sequence[Condition], w
     index, led = _index_of(search, lead, about)
     first = order_of(search.session, index, search.keys[:1])[0].present
     begin = [first.not_before(search.after[0])] if search.after and search.after[0] is not None else []
-    size = window if _tests_in_index(search, lead, about) else window // ROW
+    has_all = lead != ID and not _tried_in_rows(search, lead, about)
+    size = window if has_all else window // ROW
     statement = index.select(first.expression).where(*index.always, *led, *begin)
     found: Value | None = search.session.scalar(
         statement.order_by(*sorting_of([first])).limit(1).offset(size)
