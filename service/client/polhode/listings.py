@@ -1,4 +1,4 @@
-"""Stored things that match a query: read page by page, by cursors, as they are needed."""
+"""Stored resources that match a query: read page by page, by cursors, as they are needed."""
 
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from itertools import islice

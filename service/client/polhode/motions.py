@@ -35,7 +35,7 @@ class Audit:
     Attributes
     ----------
     document
-        The audit as the service tells it.
+        The audit as the service describes it.
     """
 
     def __init__(self, document: Document) -> None:
@@ -121,16 +121,16 @@ class Motion(Generic[CarrierT]):
     def errors(self) -> Mapping[str, Mapping[str, float | None]]:
         """The same of ``omega`` and ``gamma`` alone, ``absolute`` and ``relative`` to their largest values.
 
-        With the orientation also of ``quaternion``, ``psi1`` and ``psi3``; empty where nothing is told.
+        With the orientation also of ``quaternion``, ``psi1`` and ``psi3``; empty where there are none.
         """
-        told = self.document.get("errors")
-        return told if isinstance(told, Mapping) else {}
+        errors = self.document.get("errors")
+        return errors if isinstance(errors, Mapping) else {}
 
     @property
     def aperiodic(self) -> str | None:
         """Why it has no period: ``separatrix``, ``equilibrium``, ``collision`` or ``pole``."""
-        told = self.document.get("aperiodic")
-        return None if told is None else str(told)
+        reason = self.document.get("aperiodic")
+        return None if reason is None else str(reason)
 
     @property
     def tier(self) -> str:
@@ -145,14 +145,15 @@ class Motion(Generic[CarrierT]):
     @property
     def way(self) -> str:
         """``compiled``, or ``plain``: as accurate, before the solvers of that machine were compiled."""
-        told = self.document.get("provenance")
-        return "plain" if isinstance(told, Mapping) and told.get("way") == "plain" else "compiled"
+        provenance = self.document.get("provenance")
+        is_plain = isinstance(provenance, Mapping) and provenance.get("way") == "plain"
+        return "plain" if is_plain else "compiled"
 
     @property
     def stability(self) -> Mapping[str, object] | None:
         """Whether small disturbances leave the plane, if the outputs asked for it."""
-        told = self.document.get("stability")
-        return told if isinstance(told, Mapping) else None
+        stability = self.document.get("stability")
+        return stability if isinstance(stability, Mapping) else None
 
     @property
     def labels(self) -> Mapping[str, str]:
@@ -252,8 +253,8 @@ class Motion(Generic[CarrierT]):
 
     def _fetched(self) -> Operation[FunctionOfTime]:
         if self._function is None:
-            told = yield from ask_json(self.carrier.terms, "GET", f"/v1/solutions/{self.id}/function")
-            self._function = _read_function(told)
+            document = yield from ask_json(self.carrier.terms, "GET", f"/v1/solutions/{self.id}/function")
+            self._function = _read_function(document)
         return self._function
 
     def _stored(self) -> Operation[Samples]:
@@ -294,7 +295,7 @@ class Motion(Generic[CarrierT]):
 
 def _in_words(problem: Mapping[str, object]) -> str:
     """Return body, potential and motion of a problem on one line, without what is nested deeper."""
-    told = []
+    parts = []
     for name in ("body", "potential", "motion"):
         section = problem.get(name)
         given = dict(section) if isinstance(section, Mapping) else {}
@@ -303,26 +304,26 @@ def _in_words(problem: Mapping[str, object]) -> str:
         first = given.pop("expression", None) or given.get("type")
         given.pop("type", None)
         numbers = [f"{key} = {value}" for key, value in given.items() if isinstance(value, int | float | str)]
-        told.append(", ".join([str(first)] * (first is not None) + numbers))
-    return "; ".join(told)
+        parts.append(", ".join([str(first)] * (first is not None) + numbers))
+    return "; ".join(parts)
 
 
-def _read_function(told: Mapping[str, object]) -> FunctionOfTime:
-    columns, errors, advances = told["columns"], told["errors"], told["advances"]
+def _read_function(document: Mapping[str, object]) -> FunctionOfTime:
+    columns, errors, advances = document["columns"], document["errors"], document["advances"]
     assert isinstance(columns, list)
     assert isinstance(errors, Mapping)
     assert isinstance(advances, Mapping)
     return FunctionOfTime(
         columns=tuple(map(str, columns)),
-        breaks=np.array(told["breaks"], dtype=np.float64),
-        coefficients=np.array(told["coefficients"], dtype=np.float64),
-        period=None if told["period"] is None else _pair(told["period"]),
-        error=float(str(told["error"])),
+        breaks=np.array(document["breaks"], dtype=np.float64),
+        coefficients=np.array(document["coefficients"], dtype=np.float64),
+        period=None if document["period"] is None else _pair(document["period"]),
+        error=float(str(document["error"])),
         errors={str(name): float(error) for name, error in errors.items()},
         advances={str(name): _pair(gained) for name, gained in advances.items()},
     )
 
 
-def _pair(told: object) -> PairOfDoubles:
-    assert isinstance(told, Mapping)
-    return PairOfDoubles(*(float(told[name]) for name in ("hi", "lo", "error")))
+def _pair(document: object) -> PairOfDoubles:
+    assert isinstance(document, Mapping)
+    return PairOfDoubles(*(float(document[name]) for name in ("hi", "lo", "error")))

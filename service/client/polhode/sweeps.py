@@ -32,7 +32,7 @@ class Sweep(Generic[CarrierT]):
     Attributes
     ----------
     state
-        The sweep as the service told it last, with ``state``, ``points``, ``done`` and ``refused``.
+        The sweep as the service described it last, with ``state``, ``points``, ``done`` and ``refused``.
     """
 
     def __init__(self, carrier: CarrierT, document: Document) -> None:
@@ -71,10 +71,10 @@ class Sweep(Generic[CarrierT]):
             It took longer than ``seconds``; the sweep goes on.
         """
         known = self.state if self.state.get("state") in FINAL else None
-        told = yield from follow(
+        state = yield from follow(
             self.carrier.terms, f"/v1/sweeps/{self.id}", known, seconds=seconds, what="points"
         )
-        self.state = {**self.state, **told}
+        self.state = {**self.state, **state}
 
     @operation
     def cancel(self) -> Operation[None]:
@@ -263,12 +263,12 @@ class Point(Generic[CarrierT]):
         row = yield from self._row()
         lengths = [_length(axis) for axis in axes]
         is_zip = document.get("combine") == "zip"
-        places = [self.index] * len(axes) if is_zip else _place(self.index, lengths)
+        indices = [self.index] * len(axes) if is_zip else _grid_indices(self.index, lengths)
         numbers: dict[str, object] = {}
-        for axis, place in zip(axes, places, strict=True):
+        for axis, index in zip(axes, indices, strict=True):
             pointer, listed = str(axis["pointer"]), axis.get("values")
             # Listed values are exact; the others mean the shortest decimal of the number shown.
-            numbers[pointer] = listed[place] if isinstance(listed, list) else row[pointer]
+            numbers[pointer] = listed[index] if isinstance(listed, list) else row[pointer]
         base = document["base"]
         assert isinstance(base, dict)
         return changed(base, numbers)
@@ -285,10 +285,10 @@ def _length(axis: Mapping[str, object]) -> int:
     raise WrongArgumentError(f"the axis {axis} has no values")
 
 
-def _place(index: int, lengths: Sequence[int]) -> list[int]:
-    """Return the place of a point on each axis of a grid, whose last axis varies fastest."""
-    places = []
+def _grid_indices(index: int, lengths: Sequence[int]) -> list[int]:
+    """Return the index of a point on each axis of a grid, whose last axis varies fastest."""
+    indices = []
     for length in reversed(lengths):
-        index, place = divmod(index, length)
-        places.append(place)
-    return places[::-1]
+        index, on_axis = divmod(index, length)
+        indices.append(on_axis)
+    return indices[::-1]

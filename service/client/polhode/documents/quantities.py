@@ -33,15 +33,15 @@ class Quantity(float):
     radius: str | None
 
     @classmethod
-    def read(cls, told: object) -> Self | None:
-        """Return what a document tells as ``{value, error}`` or ``{value, radius}``; None for none."""
-        if not isinstance(told, Mapping):
+    def read(cls, document: object) -> Self | None:
+        """Return what a document has as ``{value, error}`` or ``{value, radius}``; None for none."""
+        if not isinstance(document, Mapping):
             return None
-        value, radius = told.get("value"), told.get("radius")
+        value, radius = document.get("value"), document.get("radius")
         number = cls(str(value))
         number.digits = number.radius = None
         if radius is None:
-            number.error = float(str(told.get("error")))
+            number.error = float(str(document.get("error")))
             return number
         number.digits, number.radius = str(value), str(radius)
         # The float is a rounding of the digits.
@@ -61,7 +61,7 @@ def written(value: object) -> object:
     Raises
     ------
     WrongArgumentError
-        It has no place in a document.
+        It cannot be written into a document.
     """
     match value:
         case None | bool() | int() | str():
@@ -79,7 +79,7 @@ def written(value: object) -> object:
         case Sequence() | range():
             return [written(each) for each in value]
     raise WrongArgumentError(
-        f"{value!r} has no place in a document; int, float, str, Fraction, Decimal, lists and dicts have one"
+        f"{value!r} cannot be written as JSON; int, float, str, Fraction, Decimal, lists and dicts can"
     )
 
 
