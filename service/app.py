@@ -22,8 +22,8 @@ from service.api.routing import install
 from service.api.verdicts.examiner import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
-from service.local.restarts import WorkerStanding
 from service.local.wakeup import Doorbell
+from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.cached_reads import CachedReads
@@ -47,6 +47,7 @@ from service.verdicts.starting import VerdictChildren, verdict_children
 from service.versions import version_of
 
 logger = logging.getLogger(__name__)
+
 
 _ANSWER_BYTES = 8_000_000
 """Answers that are kept as they were sent."""

@@ -2,7 +2,7 @@
 
 from service.dynamics.classical.catalogue import CASES
 from service.dynamics.classical.protocol import ClassicalCase
-from service.schemas.replies.catalogue import CaseOut, ClassicalOut, FamilyOut
+from service.schemas.replies.installation import CaseOut, ClassicalOut, FamilyOut
 
 YEHIA = (
     "H. M. Yehia, New solvable problems in the dynamics of a rigid body "

@@ -26,8 +26,8 @@ from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
 from service.jobs.kernels import Kernels
 from service.jobs.store import JobStore
-from service.local.restarts import WorkerStanding
 from service.local.wakeup import Doorbell
+from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.cached_reads import CachedReads

@@ -15,12 +15,10 @@ from service.api.replies.conditional import VOLATILE
 from service.api.replies.errors import MEDIA_TYPE, ApiError
 from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
-from service.schemas.problem.audit import AuditIn
-from service.schemas.problem.job import JobIn
-from service.schemas.problem.sections import ValidationIn
-from service.schemas.reading.faults import Fault
+from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.marks_in import MarksPatchIn
-from service.schemas.replies.problem_details import ProblemDetailsOut
+from service.schemas.replies.job import ProblemDetailsOut
 from service.schemas.sweep.reading import SweepIn
 from service.versions import version_of
 

@@ -16,6 +16,7 @@ from service.api.keys.access import ByShape, check_roles
 from service.api.middleware import error_handlers
 from service.api.middleware.caching import Caching, HeadLikeGet
 from service.api.middleware.compression import Compression
+from service.api.middleware.heavy_answers import FilesInTurns
 from service.api.middleware.observing import Observation
 from service.api.middleware.origins import Sharing
 from service.api.middleware.security import Guard
@@ -103,6 +104,7 @@ def install(app: FastAPI) -> None:
     app.add_middleware(Compression)
     app.add_middleware(HeadLikeGet)
     app.add_middleware(Sharing)
+    app.add_middleware(FilesInTurns)
     app.add_middleware(Observation)
 
     def openapi() -> dict[str, object]:

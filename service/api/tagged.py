@@ -25,8 +25,7 @@ from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, NPZ, prefe
 from service.api.formats.packages import ZIP
 from service.api.replies.conditional import IMMUTABLE, REVALIDATE, matching_tag, tag_of_resource, validators
 from service.api.replies.errors import ApiError
-from service.jobs.errors import AtlasNotFoundError, SolutionNotFoundError
-from service.jobs.sweeps import SweepNotFoundError
+from service.jobs.records import AtlasNotFoundError, SolutionNotFoundError, SweepNotFoundError
 from service.schemas.reading.marks import Marks
 from service.storage.database.cached_reads import Read
 from service.storage.solutions.atlas_store import known_atlas

@@ -36,7 +36,7 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
-from service.dynamics.potentials.terms.monomials import Exponents
+from service.dynamics.potentials.terms.powers import Exponents
 from service.dynamics.verdict.exact_ring.generators import Coordinate, Element
 from service.dynamics.verdict.exact_ring.layout import (
     Layout,
@@ -44,8 +44,7 @@ from service.dynamics.verdict.exact_ring.layout import (
     UndefinedInOctantError,
 )
 from service.dynamics.verdict.exact_ring.ring import Ring
-from service.dynamics.verdict.ring_functions.large_enough import in_large_enough_ring
-from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra
+from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, in_large_enough_ring
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T", FloatArray, arb)

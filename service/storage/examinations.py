@@ -9,8 +9,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from service.storage.database.database import Database, is_postgres
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import ExaminationRow
-from service.verdicts.entries import Entry, examination_version
-from service.verdicts.sealing import is_sound, seal_of
+from service.verdicts.cache_rows import Entry, examination_version, is_sound, seal_of
 
 logger = logging.getLogger(__name__)
 

@@ -9,8 +9,7 @@ from fractions import Fraction as Rational
 
 from service.dynamics.formula.parser import ATOM, BINDING
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.traversal import fold_tree, post_order
-from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree
+from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree, post_order
 
 
 @dataclass(frozen=True, slots=True)

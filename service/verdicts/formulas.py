@@ -20,8 +20,7 @@ from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.potentials.recognition.evenness import is_even_in_g2
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.elliptic import elliptic_motion
-from service.dynamics.reduction.formulas import reduced_motion
+from service.dynamics.reduction.formulas import elliptic_motion, reduced_motion
 from service.dynamics.reduction.windows import find_windows
 from service.dynamics.verdict.proofs.energy_terms import sum_text
 from service.dynamics.verdict.simple_form import simplified

@@ -6,7 +6,7 @@ import pytest
 from sqlalchemy import text, update
 
 from service.app import create_app
-from service.local.hosts import WorkerProcess
+from service.local.worker_process import WorkerProcess
 from service.settings import Settings
 from service.storage.database.database import make_engine
 from service.storage.jobs.worker_registry import WorkerRegistry

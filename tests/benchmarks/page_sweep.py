@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 from sqlalchemy import insert
 
-from service.jobs.states import JobState
+from service.jobs.records import JobState
 from service.storage.codecs.packing import SOLVED, ChunkPoints, bounds_of, encode_points
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate

@@ -18,9 +18,9 @@ from service.dynamics.reduction.windows import choose_window, find_windows
 from tests.benchmarks.measuring import median, say
 from tests.support.planar import body, formula, planar
 from workers.computation.compiled_code import keep_compiled_code
-from workers.solvers.assembly.place import Declined, Place, periodic_place
+from workers.solvers.assembly.families import Declined, Place, periodic_place
 from workers.solvers.certified.by_integral import IntegralMotion, integral_motion, periodic_window
-from workers.solvers.planar.table import FAMILIES, FamilyName
+from workers.solvers.choose import FAMILIES, FamilyName
 
 REPEATS = 15
 ELLIPTIC = (

@@ -19,7 +19,7 @@ from tests.benchmarks.measuring import Effort, Result, Row, faster, in_turns
 from tests.benchmarks.motions import FloatArray
 from tests.benchmarks.sweep_service import VARIABLES, integrate, measured, sweep_document
 from workers.computation.compute import solve_document
-from workers.sweeping.crew import Crew
+from workers.sweeping.local_pool import Crew
 
 WORKERS = (1, 2)
 SETS, SAMPLES = 10_000, 200

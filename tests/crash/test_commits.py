@@ -6,7 +6,7 @@ from collections import Counter
 import pytest
 from sqlalchemy import func, select
 
-from service.jobs.states import JobKind
+from service.jobs.records import JobKind
 from service.storage.inspection.inspect import inspect
 from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
 from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow

@@ -16,9 +16,8 @@ from dataclasses import dataclass, replace
 
 from sqlalchemy.orm import configure_mappers
 
-from service.jobs.idempotency import GivenAnswer, GivenKey, KeyTakenError, Receipt
-from service.jobs.job import Claim
-from service.jobs.outcome import Drawn, Refused, Solved
+from service.jobs.records import Claim, Drawn, Refused, Solved
+from service.jobs.store import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.schemas.reading.marks import Marks
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import VARIABLE, Database

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.jobs.outcome import Refused
-from service.schemas.reading.faults import InvalidProblemError
+from service.jobs.records import Refused
+from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.reading import InvalidSweepError
 from service.storage.codecs.packing import decode_arrays
 from service.verdicts.atlases import examine_atlas_of_job

@@ -2,7 +2,7 @@
 
 import json
 
-from service.jobs.outcome import Drawn, Refused
+from service.jobs.records import Drawn, Refused
 from service.schemas.atlas.reading import read_atlas
 from service.storage.codecs.packing import encode_document
 from service.verdicts.atlases import examine_atlas_of_job

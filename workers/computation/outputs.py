@@ -9,7 +9,7 @@ import numpy as np
 from flint import ctx
 
 from service.dynamics.accuracy import SMALLEST_TOLERANCE, GroupError, keeps
-from service.dynamics.classical.relations import relations_of
+from service.dynamics.classical.classification import relations_of
 from service.dynamics.equations.euler_poisson import areas_integral
 from service.dynamics.errors import DynamicsError
 from service.dynamics.further_integrals import (
@@ -17,21 +17,20 @@ from service.dynamics.further_integrals import (
     find_further_integrals,
 )
 from service.dynamics.motion import NO_CROSS_CHECK, Estimate, Motion
+from service.dynamics.potentials.potential import Notice
 from service.dynamics.potentials.recognition.three_terms import recognise
-from service.dynamics.potentials.warning import Notice
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem
 from service.dynamics.solution.dense_output import DenseOutput
 from service.storage.codecs.summary import PROVEN_SAMPLES
 from workers.computation.promises import errors_of_attitude
-from workers.solvers.assembly.place import Place
+from workers.solvers.assembly.families import Place
+from workers.solvers.choose import compiled_tier, find_motion, with_enough_bits
 from workers.solvers.classical.solve import place_motion
 from workers.solvers.closed_form.lame import transverse_stability
 from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.invariants import Drifts, further_drift, measure_drifts
+from workers.solvers.evidence import Drifts, further_drift, measure_drifts
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.orientation.solve import Orientation, with_orientation
-from workers.solvers.planar.choose import compiled_tier, find_motion
-from workers.solvers.planar.start import with_enough_bits
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
 from workers.solvers.stability.monodromy import StabilityUndefinedError

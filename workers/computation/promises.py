@@ -18,9 +18,9 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import Motion
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem, StateMotion
 from service.dynamics.solution.dense_output import DenseOutput
+from workers.solvers.choose import QUICK
 from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError
 from workers.solvers.integration.errors import StepCollapseError
-from workers.solvers.planar.choose import QUICK
 from workers.solvers.units import Units, speed_of, speed_of_state
 
 T = TypeVar("T")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import largest
-from service.dynamics.classical.placed import Start
+from service.dynamics.classical.placement import Start
 from service.dynamics.motion import COLUMNS, Asymptote, Estimate, Motion
 from service.dynamics.problem import (
     ClassicalMotion,
@@ -29,13 +29,12 @@ from service.dynamics.problem import (
     Times,
 )
 from service.dynamics.solution.dense_output import DenseOutput, Period
-from workers.solvers.assembly.place import Place
+from workers.solvers.assembly.families import Place
 from workers.solvers.certified.certify import HIGHEST_PRECISION, Certified
+from workers.solvers.choose import speed_in_doubles, with_enough_bits
 from workers.solvers.classical.solve import place_motion
 from workers.solvers.orbits.orbit import six_variables
 from workers.solvers.orientation.solve import Orientation
-from workers.solvers.planar.choose import speed_in_doubles
-from workers.solvers.planar.start import with_enough_bits
 from workers.solvers.stability.assessment import Stability
 
 FloatArray = NDArray[np.float64]

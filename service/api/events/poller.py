@@ -11,8 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from service.jobs.job import Job
-from service.jobs.sweeps import SweepNotFoundError, SweepRecord
+from service.jobs.records import Job, SweepNotFoundError, SweepRecord
 from service.storage.jobs.changes import ChangeReader, Followable, LastChange
 from service.storage.sweeps.sweep_store import SweepStore
 

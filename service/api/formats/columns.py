@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from service.jobs.sweeps import SweepRecord
+from service.jobs.records import SweepRecord
 from service.versions import version_of
 
 ColumnKind = Literal["integer", "number", "word", "series"]

@@ -1,6 +1,7 @@
 """Has the answers of some endpoints made within the limits of heavy reads, and counted until they are sent.
 
-The work of a request ends when its client disconnects.
+The work of a request ends when its client disconnects. Files that everybody may read are light, but a
+thousand clients may ask for one in the same moment: few of these answers begin at once.
 """
 
 import asyncio
@@ -11,7 +12,7 @@ from typing import Any, ParamSpec, TypeVar  # Any: the send type of a coroutine,
 from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect
-from starlette.types import Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.dependencies import Resources
 from service.api.heavy_reads import Reader
@@ -130,3 +131,39 @@ def _head_of(answer: PiecedAnswer) -> Response:
     head = Response(status_code=answer.status_code)
     head.raw_headers = answer.raw_headers
     return head
+
+
+_FILES = ("/static/", "/docs", "/openapi.json")
+_BEGINNING = 4
+"""Answers with files that may begin at once."""
+
+
+class FilesInTurns:
+    """Lets other requests in between those for files, which wait until few of them have not begun."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._places = asyncio.Semaphore(_BEGINNING)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, if it is for a file once it is its turn."""
+        path = scope.get("path", "").removeprefix(scope.get("root_path", ""))
+        if scope["type"] != "http" or not path.startswith(_FILES):
+            await self._app(scope, receive, send)
+            return
+        await self._places.acquire()
+        has_begun = False
+
+        async def send_begun(message: Message) -> None:
+            nonlocal has_begun
+            if not has_begun:
+                # How long the client reads concerns nobody else.
+                has_begun = True
+                self._places.release()
+            await send(message)
+
+        try:
+            await self._app(scope, receive, send_begun)
+        finally:
+            if not has_begun:
+                self._places.release()

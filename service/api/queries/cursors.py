@@ -13,8 +13,7 @@ import re
 from collections.abc import Sequence
 from typing import Protocol
 
-from service.schemas.query.conditions import Condition, OrderKey, Value
-from service.schemas.query.kinds import Kind
+from service.schemas.query.conditions import Condition, Kind, OrderKey, Value
 from service.storage.database.rows import is_id
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 from pydantic import Field
 
 from service.api.queries.queries import FORMAT_HELP, Asked, QueryModel, refuse_if_any
-from service.schemas.reading.faults import Fault
+from service.schemas.reading.documents import Fault
 from service.schemas.sweep.sweep import Sweep
 
 MOST_CELLS = 1_000_000

@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 from starlette.datastructures import QueryParams
 
 from service.api.replies.errors import invalid_request
-from service.schemas.reading.faults import Fault
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import read_exact
 
 FormatName = Literal["json", "ndjson", "csv", "npz", "arrow", "parquet"]

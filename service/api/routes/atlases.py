@@ -28,13 +28,13 @@ from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_page
 from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Job
+from service.jobs.records import Job
+from service.jobs.store import Receipt
 from service.sandbox import SandboxTimeoutError
 from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.problem.problem import problem_digest
-from service.schemas.query.list_query import in_state
+from service.schemas.query.conditions import in_state
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import JobOut, JobPageOut
 from service.storage.searching.sources import OF_ATLAS_ROWS

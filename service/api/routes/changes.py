@@ -17,10 +17,9 @@ from service.api.replies.errors import ApiError
 from service.api.replies.records import job_out, solution_out, sweep_out
 from service.api.replies.responses import JobId, SolutionId, SweepId, json_content, json_response, refusals
 from service.api.tagged import solution_tag
-from service.jobs.job import Job
 from service.jobs.keys import ApiKey
-from service.jobs.sweeps import SweepRecord
-from service.schemas.reading.faults import Fault, InvalidProblemError
+from service.jobs.records import Job, SweepRecord
+from service.schemas.reading.documents import Fault, InvalidProblemError
 from service.schemas.reading.marks import MOST_LABELS, Marks, patched
 from service.schemas.reading.marks_in import MarksPatchIn
 from service.schemas.reading.parts import read_parts

@@ -21,10 +21,9 @@ from service.api.replies.errors import ApiError
 from service.api.replies.records import job_out, sweep_out
 from service.api.replies.responses import JobId, SweepId, json_content, refusals
 from service.api.routes.installation import status_document
-from service.jobs.job import Job
 from service.jobs.keys import ApiKey, KeyStanding
-from service.jobs.sweeps import SweepRecord
-from service.schemas.replies.overview import StatusOut
+from service.jobs.records import Job, SweepRecord
+from service.schemas.replies.job import StatusOut
 from service.settings import Settings
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database

@@ -19,11 +19,10 @@ from service.catalogue import cases, classical, families
 from service.dynamics.accuracy import MotionKind
 from service.dynamics.problem import Tier
 from service.jobs.kernels import Kernels, most_missing
-from service.jobs.states import AttemptOutcome
+from service.jobs.records import AttemptOutcome
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.replies.accuracy import AccuracyOut, AccuracyRowOut, UnavailableOut
-from service.schemas.replies.catalogue import FamiliesOut
-from service.schemas.replies.overview import StatusOut
+from service.schemas.replies.installation import AccuracyOut, AccuracyRowOut, FamiliesOut, UnavailableOut
+from service.schemas.replies.job import StatusOut
 from service.schemas.replies.solution import CompilingOut, HealthOut, ReadinessOut
 from service.settings import Settings
 from service.storage.database.database import Database

@@ -31,15 +31,13 @@ from service.api.replies.errors import ApiError
 from service.api.replies.records import job_out
 from service.api.replies.responses import JobId, json_response, refusals
 from service.api.submission import Accepted, Checked, JudgedDocument, accept, accept_many, check, check_each
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Job, JobPage
-from service.jobs.lanes import Lane
-from service.jobs.states import JobState
-from service.schemas.query.list_query import ListQuery, in_state
-from service.schemas.reading.faults import first_of
+from service.jobs.queue import Lane
+from service.jobs.records import Job, JobPage, JobState
+from service.jobs.store import Receipt
+from service.schemas.query.conditions import ListQuery, in_state
+from service.schemas.reading.documents import first_of
 from service.schemas.replies.analysis import QueryEstimateOut
-from service.schemas.replies.job import JobItemOut, JobListOut, JobOut, JobPageOut
-from service.schemas.replies.overview import AttemptsOut
+from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
 from service.storage.searching.sources import OF_JOB_ROWS
 

@@ -16,10 +16,10 @@ from starlette.concurrency import run_in_threadpool
 from service.api.replies.errors import ApiError
 from service.api.verdicts.verdict_queue import Claimant, Examination, VerdictQueue
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.reading.faults import Fault
+from service.schemas.reading.documents import Fault
 from service.storage.examinations import ExaminationStore
 from service.typesetting.equations import Format
-from service.verdicts.entries import Entry, ExaminationKeys
+from service.verdicts.cache_rows import Entry, ExaminationKeys
 from service.verdicts.examination import examine_problems
 from service.verdicts.formulas import examine_question_with_formulas, simplify_formula, with_simplified
 from service.verdicts.memory import KeptExaminations

@@ -16,9 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import HalfCurves, LambdaStretch
-from service.dynamics.atlas.pictures import Finest, pictures_of, with_infinities
-from service.dynamics.atlas.radicands import d_on_curves, equator_of
+from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, d_on_curves, equator_of
+from service.dynamics.atlas.sign_maps import Finest, pictures_of, with_infinities
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER, Cells
 from service.dynamics.reduction.sign_proofs.cells import Curves, Found, derivative_values
 from service.dynamics.reduction.sign_proofs.signs import Picture, chosen, joined

@@ -6,8 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, grouped
-from service.dynamics.atlas.pictures import (
+from service.dynamics.atlas.curves import (
+    HalfCurves,
+    LambdaStretch,
+    d_on_curves,
+    equator_of,
+    grouped,
+    zero_between,
+)
+from service.dynamics.atlas.sign_maps import (
     EQUATOR,
     Finest,
     Signature,
@@ -15,7 +22,6 @@ from service.dynamics.atlas.pictures import (
     signature_of,
     signs_in,
 )
-from service.dynamics.atlas.radicands import d_on_curves, equator_of, zero_between
 from service.dynamics.atlas.structures import LambdaPart
 from service.dynamics.atlas.turns import settled_pictures
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Cells, heights

@@ -9,9 +9,8 @@ from flint import arb, ctx, fmpq, fmpq_poly
 from numpy.typing import NDArray
 
 from service.dynamics.bounds import is_within
-from service.dynamics.classical.algebraic import real_roots
 from service.dynamics.classical.loop import BITS
-from service.dynamics.classical.protocol import ClassicalCase, rational
+from service.dynamics.classical.protocol import ClassicalCase, rational, real_roots
 
 ROUNDING = 1e-15
 """Relative: moments that satisfy a condition so closely mean the ones that satisfy it."""

@@ -14,7 +14,7 @@ from itertools import pairwise
 from flint import acb_poly, arb, ctx, fmpq
 
 from service.dynamics.classical.errors import NearSeparatrixError
-from service.dynamics.classical.reduced import Coefficients, Number, Reduced, State, divided, value
+from service.dynamics.classical.protocol import Coefficients, Number, Reduced, State, divided, value
 
 BITS = 256
 """Precision of the numbers of a case: 77 digits, of which roots and quotients lose some."""

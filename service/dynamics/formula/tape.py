@@ -6,11 +6,10 @@ from fractions import Fraction
 from typing import Any, Literal, NamedTuple, TypeVar  # Any: what others derive from a tape
 
 from service.dynamics.formula.algebra import Algebra
-from service.dynamics.formula.binding import PI
 from service.dynamics.formula.errors import UnknownNameError
 from service.dynamics.formula.folding import fold_binary, fold_call
+from service.dynamics.formula.parameters import PI
 from service.dynamics.formula.programs import Programs, Run, Way
-from service.dynamics.formula.traversal import fold_tree
 from service.dynamics.formula.tree import (
     VARIABLES,
     BinaryOperator,
@@ -20,6 +19,7 @@ from service.dynamics.formula.tree import (
     Number,
     Symbol,
     Tree,
+    fold_tree,
 )
 
 T = TypeVar("T")

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.binding import bind
 from service.dynamics.formula.errors import FormulaError
-from service.dynamics.formula.parameters import split_by_parameters
+from service.dynamics.formula.parameters import bind, split_by_parameters
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tree import VARIABLES, Tree

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 from flint import arb, ctx
 
-from service.dynamics.reduction.ends import height
 from service.dynamics.reduction.geometry.loop import Loop, ball
 from service.dynamics.reduction.lows import HERE, Lows, are_apart, is_at_one_of, lows_of
 from service.dynamics.reduction.root_finding.gap import (
@@ -22,6 +21,7 @@ from service.dynamics.reduction.root_finding.rest_proof import proved_rest
 from service.dynamics.reduction.root_finding.zeros import LEFT_BITS, Zero
 from service.dynamics.reduction.sign_proofs.cells import half_of
 from service.dynamics.reduction.sign_proofs.high_zeros import order_at_part
+from service.dynamics.reduction.window import height
 
 SAME = 2.0**-64
 """Distance in v of two places that are one, known with different bits."""

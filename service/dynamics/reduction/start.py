@@ -11,9 +11,8 @@ from service.dynamics.problem import (
     StartAtPoint,
     StartAtRest,
 )
-from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.geometry.loop import ball, start_g3_sign
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import Arc, Window
 
 EQUILIBRIUM = 1e-12
 """A requested start within this distance of the equilibrium is the equilibrium."""

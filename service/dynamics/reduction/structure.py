@@ -1,7 +1,7 @@
 r"""Finds the zeros of P on one half of a loop, and proves that there are no others.
 
 For a potential with a formula all of this is proved, by bounds that hold on the whole half from pole to
-pole (:mod:`.signs`; :mod:`.rest` where doubles do not settle it):
+pole (:mod:`.signs`; :mod:`.sign_maps` where doubles do not settle it):
 
 * P has the stated sign on all cells, which cover the half except for narrow gaps;
 * on a gap whose slope has one sign P has one zero, if its signs before and after differ, else none;
@@ -17,7 +17,7 @@ a sign all over the gap: there is one zero, and none else (:mod:`.high_zeros`).
 What remains is evidence, and such gaps are at most 1e-5 wide against their distance to a pole: a zero of
 order three or more, or of no order; the edge of where P is defined. There P is proved to be continuous.
 Values in balls then say that P is 0 to all bits in use, or changes its sign, and its growth names the zero
-(:mod:`.orders`); that there is one zero only in this gap is not proved. Where a gap is none of these the
+(:mod:`.zeros`); that there is one zero only in this gap is not proved. Where a gap is none of these the
 motion is refused.
 
 A potential that is given by an integral has no tape: there all is evidence, of the scan (:mod:`.radicand`).
@@ -33,10 +33,8 @@ from numpy.typing import NDArray
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.vanishing import vanishing_parts
 from service.dynamics.potentials.potential import NoClosedFormError
-from service.dynamics.reduction.ends import height
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.lows import Lows, lows_of
-from service.dynamics.reduction.root_finding.orders import lowest_place
 from service.dynamics.reduction.root_finding.radicand import (
     DOUBLE_SHARE,
     HalfLoop,
@@ -46,7 +44,13 @@ from service.dynamics.reduction.root_finding.radicand import (
     scan_half,
     vanishes,
 )
-from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, Region, tends_to_zero
+from service.dynamics.reduction.root_finding.zeros import (
+    LoopPlace,
+    Radicand,
+    Region,
+    lowest_place,
+    tends_to_zero,
+)
 from service.dynamics.reduction.separatrices import with_near_rests
 from service.dynamics.reduction.sign_proofs.cells import Half, half_of
 from service.dynamics.reduction.sign_proofs.high_zeros import HighZero, high_zero
@@ -58,8 +62,13 @@ from service.dynamics.reduction.sign_proofs.infinities import (
     infinity_between,
     is_essential,
 )
-from service.dynamics.reduction.sign_proofs.pictures import pictures_together
-from service.dynamics.reduction.sign_proofs.rest import MOST_GAPS, ends_of, halved, settled
+from service.dynamics.reduction.sign_proofs.sign_maps import (
+    MOST_GAPS,
+    ends_of,
+    halved,
+    pictures_together,
+    settled,
+)
 from service.dynamics.reduction.sign_proofs.signs import INFINITE, NAMED, Gap, Picture, first_picture, refined
 from service.dynamics.reduction.sign_proofs.signs_in_balls import (
     Side,
@@ -68,6 +77,7 @@ from service.dynamics.reduction.sign_proofs.signs_in_balls import (
     turn_on_stretch,
     width_of,
 )
+from service.dynamics.reduction.window import height
 
 IntArray = NDArray[np.int64]
 Ends = tuple[Side, Side]

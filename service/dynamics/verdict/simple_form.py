@@ -23,17 +23,20 @@ from service.dynamics.formula.register_polynomials import RegisterPolynomials
 from service.dynamics.formula.rewriting import copied, with_half_angles
 from service.dynamics.formula.tape import Instruction, Tape, compile_tape
 from service.dynamics.formula.tree import Tree
-from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.warning import Notice
+from service.dynamics.potentials.potential import FormulaPotential, Notice, Potential
 from service.dynamics.verdict.exact_ring.generators import Element
-from service.dynamics.verdict.exact_ring.layout import Layout, NoProofError, UndefinedInOctantError
+from service.dynamics.verdict.exact_ring.layout import (
+    MAX_WORK,
+    Layout,
+    NoProofError,
+    UndefinedInOctantError,
+    Work,
+)
 from service.dynamics.verdict.exact_ring.ring import Ring
-from service.dynamics.verdict.exact_ring.work import MAX_WORK, Work
 from service.dynamics.verdict.proofs.element_text import ElementText, NoTextError
 from service.dynamics.verdict.proofs.equality import same_on_sphere
 from service.dynamics.verdict.proofs.proof import Signs, octants_of
-from service.dynamics.verdict.ring_functions.large_enough import in_large_enough_ring
-from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra
+from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, in_large_enough_ring
 from service.dynamics.verdict.sphere.switches import normalise
 
 SIMPLER_POTENTIAL = "simpler_potential"

@@ -30,7 +30,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
-from service.jobs.outcome import ChunkOutcome
+from service.jobs.records import ChunkOutcome
 
 FloatArray = NDArray[np.float64]
 

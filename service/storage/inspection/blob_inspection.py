@@ -24,7 +24,7 @@ from service.storage.tables.jobs import AtlasRow
 from service.storage.tables.operations import ExaminationRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow
 from service.storage.tables.sweeps import SweepChunkRow
-from service.verdicts.sealing import is_sound
+from service.verdicts.cache_rows import is_sound
 
 Fields = tuple[Any, ...]
 

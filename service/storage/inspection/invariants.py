@@ -23,7 +23,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import aliased
 
-from service.jobs.states import FINISHED, JobKind, JobState
+from service.jobs.records import FINISHED, JobKind, JobState
 from service.storage.database.database import Database
 from service.storage.inspection.repairs import (
     Broken,

@@ -24,7 +24,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Session
 
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, JobState
 from service.storage.database.database import Database
 from service.storage.jobs.moves import end_attempt, move
 from service.storage.tables.base import DatabaseNow

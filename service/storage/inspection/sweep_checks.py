@@ -6,7 +6,7 @@ from sqlalchemy import CTE, BigInteger, and_, cast, exists, func, not_, or_, sel
 from sqlalchemy.orm import Session
 
 from service.jobs.chunking import PILOT_POINTS, Range, cut
-from service.jobs.states import FINISHED, AttemptOutcome, JobKind, JobState
+from service.jobs.records import FINISHED, AttemptOutcome, JobKind, JobState
 from service.storage.database.database import Database
 from service.storage.inspection.invariants import Invariant, Remedy, differ
 from service.storage.inspection.repairs import Broken

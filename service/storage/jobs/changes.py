@@ -13,7 +13,7 @@ from enum import StrEnum
 from sqlalchemy import and_, literal_column, or_, select
 from sqlalchemy.orm import Session
 
-from service.jobs.job import Job
+from service.jobs.records import Job
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now
 from service.storage.jobs.records import job_of

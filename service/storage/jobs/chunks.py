@@ -12,11 +12,9 @@ from sqlalchemy import Connection, bindparam, delete, func, literal_column, sele
 from sqlalchemy.orm import Session, defer
 
 from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_rest, further, pilot
-from service.jobs.job import Claim
 from service.jobs.kernels import Kernels, Way, way_of_sweep
-from service.jobs.lanes import Lane
-from service.jobs.outcome import ChunkOutcome
-from service.jobs.states import AttemptOutcome, JobKind, JobState, sources
+from service.jobs.queue import Lane
+from service.jobs.records import AttemptOutcome, ChunkOutcome, Claim, JobKind, JobState, sources
 from service.storage.database.rows import database_now, new_id
 from service.storage.jobs.moves import end_attempt, fence, may_become, move
 from service.storage.jobs.submitting import next_turns

@@ -16,11 +16,9 @@ from sqlalchemy import (
     update,
 )
 
-from service.jobs.dispatch import Dispatcher
-from service.jobs.job import Claim, Taken
-from service.jobs.lanes import Lane
-from service.jobs.outcome import StoredSolution
-from service.jobs.states import JobKind, JobState
+from service.jobs.queue import Lane
+from service.jobs.records import Claim, JobKind, JobState, StoredSolution, Taken
+from service.jobs.store import Dispatcher
 from service.storage.database.database import is_postgres
 from service.storage.examinations import sound_content
 from service.storage.jobs import chunks
@@ -30,7 +28,7 @@ from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow
 from service.storage.tables.operations import ExaminationRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
-from service.verdicts.entries import examination_version
+from service.verdicts.cache_rows import examination_version
 
 _SOLUTIONS, _DENSE, _SAMPLES = table_of(SolutionRow), table_of(DenseOutputRow), table_of(SamplesRow)
 _STORED = (

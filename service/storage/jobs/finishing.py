@@ -24,9 +24,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import Session
 from sqlalchemy.sql import ColumnElement
 
-from service.jobs.job import Claim
-from service.jobs.outcome import Drawn, Solved
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, Claim, Drawn, JobState, Solved
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import is_postgres
 from service.storage.database.rows import new_id

@@ -11,11 +11,12 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy import ColumnElement, exists, func, or_, select, update
 from sqlalchemy.orm import Session
 
-from service.jobs.job import Attempt, Claim
-from service.jobs.states import (
+from service.jobs.records import (
     FINISHED,
     MOST_DOUBTS,
+    Attempt,
     AttemptOutcome,
+    Claim,
     JobState,
     after_loss,
     pause_after,

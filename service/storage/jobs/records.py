@@ -1,9 +1,8 @@
 """Converts rows of jobs and attempts to the records of service.jobs, and reads pages of them."""
 
-from service.jobs.dispatch import Delivery
-from service.jobs.job import Attempt, Job, JobPage
-from service.jobs.states import AttemptOutcome, JobKind, JobState
-from service.schemas.query.list_query import ListQuery
+from service.jobs.records import Attempt, AttemptOutcome, Job, JobKind, JobPage, JobState
+from service.jobs.store import Delivery
+from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, optional_instant, rows_of_page

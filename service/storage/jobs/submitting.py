@@ -7,9 +7,8 @@ from typing import Any  # of a row that the statement describes
 from sqlalchemy import Connection, Select, Text, bindparam, cast, func, insert, literal_column, select
 from sqlalchemy.orm import Session
 
-from service.jobs.lanes import Lane
-from service.jobs.states import JobKind, JobState
-from service.jobs.turns import gap_for, turns
+from service.jobs.queue import Lane, gap_for, turns
+from service.jobs.records import JobKind, JobState
 from service.schemas.query.facts import facts_of
 from service.schemas.reading.marks import Marks
 from service.storage.database.database import is_postgres
@@ -18,7 +17,7 @@ from service.storage.jobs.finishing import solved
 from service.storage.marks import insert_labels
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AuditRow, JobRow
-from service.verdicts.entries import Examination
+from service.verdicts.cache_rows import Examination
 
 _JOBS = table_of(JobRow)
 _TAKEN = JobState.RUNNING, JobState.SUCCEEDED, JobState.FAILED

@@ -5,7 +5,7 @@ from typing import Literal
 from sqlalchemy import delete, select
 
 from service.jobs.kernels import Kernels
-from service.local.hosts import OtherHostError, WorkerProcess
+from service.local.worker_process import OtherHostError, WorkerProcess
 from service.storage.database.database import Database
 from service.storage.database.revisions import refuse_unknown
 from service.storage.database.rows import database_now

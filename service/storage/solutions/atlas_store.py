@@ -4,13 +4,10 @@ from collections.abc import Mapping
 
 from sqlalchemy import Connection, select
 
-from service.jobs.dispatch import Dispatcher
-from service.jobs.errors import AtlasNotFoundError
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Job, JobPage
-from service.jobs.lanes import Lane
-from service.jobs.states import JobKind
-from service.schemas.query.list_query import ListQuery
+from service.jobs.queue import Lane
+from service.jobs.records import AtlasNotFoundError, Job, JobKind, JobPage
+from service.jobs.store import Dispatcher, Receipt
+from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED
 from service.storage.codecs.packing import Document, decode_document
 from service.storage.database.database import Database

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from service.jobs.errors import SolutionNotFoundError
-from service.jobs.job import Attempt
+from service.jobs.records import Attempt, SolutionNotFoundError
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
 from service.storage.jobs.moves import history

@@ -11,9 +11,8 @@ from datetime import datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.jobs.errors import SolutionNotFoundError
-from service.schemas.query.conditions import Value
-from service.schemas.query.list_query import ListQuery
+from service.jobs.records import SolutionNotFoundError
+from service.schemas.query.conditions import ListQuery, Value
 from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, is_id, rows_of_page

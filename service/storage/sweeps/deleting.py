@@ -3,9 +3,16 @@
 from sqlalchemy import ColumnElement, and_, delete, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from service.jobs.errors import InUseError, JobNotFoundError, SolutionNotFoundError, StillAtWorkError
-from service.jobs.states import FINISHED, SUBMITTED, JobState
-from service.jobs.sweeps import SweepNotFoundError
+from service.jobs.records import (
+    FINISHED,
+    SUBMITTED,
+    InUseError,
+    JobNotFoundError,
+    JobState,
+    SolutionNotFoundError,
+    StillAtWorkError,
+    SweepNotFoundError,
+)
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
 from service.storage.jobs import chunks

@@ -11,20 +11,18 @@ from typing import Any  # the types of the columns of a table that is not mapped
 from sqlalchemy import Connection, Select, bindparam, select
 from sqlalchemy.orm import Session, defer
 
-from service.jobs.chunking import pilot
-from service.jobs.dispatch import Dispatcher
-from service.jobs.estimates import RECENT_SECONDS, ChunkRun, remaining_seconds
-from service.jobs.idempotency import Receipt
-from service.jobs.states import JobState
-from service.jobs.sweeps import (
+from service.jobs.chunking import RECENT_SECONDS, ChunkRun, pilot, remaining_seconds
+from service.jobs.records import (
+    JobState,
     SweepFinishedError,
     SweepNotFoundError,
     SweepPage,
     SweepProgress,
     SweepRecord,
 )
+from service.jobs.store import Dispatcher, Receipt
+from service.schemas.query.conditions import ListQuery
 from service.schemas.query.facts import facts_of
-from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant, is_id, new_id, optional_instant, rows_of_page

@@ -3,8 +3,8 @@
 from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, SmallInteger, String, Uuid, desc, false, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.jobs.lanes import Lane
-from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.jobs.queue import Lane
+from service.jobs.records import AttemptOutcome, JobKind, JobState
 from service.schemas.reading.marks import LONGEST_NOTE
 from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Document, Word
 from service.storage.tables.solutions import SolutionRow
@@ -58,7 +58,7 @@ class JobRow(Base):
     priority: Mapped[int] = mapped_column(default=0, server_default="0")
     lane: Mapped[int] = mapped_column(SmallInteger, default=Lane.SINGLE.value, server_default="0")
     turn: Mapped[float] = mapped_column(default=0.0, server_default="0")
-    """Among jobs of equal priority and lane the smallest is claimed first: see :mod:`service.jobs.turns`."""
+    """Among jobs of equal priority and lane the smallest is claimed first: see :mod:`service.jobs.queue`."""
     ready_at: Mapped[float] = mapped_column(default=0.0, server_default="0")
     """Not claimed before this instant: a job that has lost several workers waits, each time longer."""
     attempt: Mapped[int] = mapped_column(default=0)

@@ -80,7 +80,7 @@ class ExaminationRow(Base):
 
     key: Mapped[str] = mapped_column(primary_key=True)
     version: Mapped[str] = mapped_column(String(128))
-    """Version of the code that found it; see :func:`service.verdicts.entries.examination_version`."""
+    """Version of the code that found it; see :func:`service.verdicts.cache_rows.examination_version`."""
     content: Mapped[bytes]
     """JSON, in UTF-8."""
     seal: Mapped[str]

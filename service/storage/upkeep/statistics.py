@@ -15,7 +15,7 @@ from sqlalchemy import ColumnElement, case, func, or_, select, text
 from sqlalchemy.orm import Session
 
 from service.jobs.kernels import Kernels, most_missing
-from service.jobs.states import FINISHED, AttemptOutcome, JobState
+from service.jobs.records import FINISHED, AttemptOutcome, JobState
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now
 from service.storage.tables.jobs import AttemptRow, JobRow

@@ -12,7 +12,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from service.jobs.kernels import Kernels
-from service.jobs.states import FINISHED, JobState
+from service.jobs.records import FINISHED, JobState
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant
 from service.storage.tables.jobs import AttemptRow, JobRow

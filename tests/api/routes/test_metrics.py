@@ -12,8 +12,8 @@ from sqlalchemy import text
 
 from service.api.prometheus import WorkerCollector
 from service.app import create_app
-from service.jobs.states import JobState
-from service.local.restarts import Restarts, WorkerStanding
+from service.jobs.records import JobState
+from service.local.workers import Restarts, WorkerStanding
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.database.rows import new_id

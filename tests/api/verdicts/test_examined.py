@@ -9,8 +9,8 @@ from service.api.verdicts.examiner import Examiner, ToExamine
 from service.api.verdicts.verdict_queue import Claimant
 from service.schemas.problem.problem import check_problem
 from service.storage.examinations import ExaminationStore
-from service.verdicts import kept
-from service.verdicts.entries import keys_of
+from service.verdicts import cached as kept
+from service.verdicts.cache_rows import keys_of
 from service.verdicts.memory import KeptExaminations
 from tests.support.api import PLANAR
 

@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 from flint import arb, ctx
 
-from service.dynamics.atlas import seen as seen_series
+from service.dynamics.atlas import sampled_atlas as seen_series
 from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.potentials.families.general import general_potential

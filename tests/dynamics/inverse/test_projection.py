@@ -10,8 +10,12 @@ from hypothesis import strategies as st
 
 from service.dynamics.errors import EqualMomentsError
 from service.dynamics.inverse.polynomials import as_polynomial, degree, on_sphere, product
-from service.dynamics.inverse.projection import MORE_DEGREES, nearest_admissible
-from service.dynamics.inverse.sphere_means import mean_of_monomial, mean_product
+from service.dynamics.inverse.projection import (
+    MORE_DEGREES,
+    mean_of_monomial,
+    mean_product,
+    nearest_admissible,
+)
 from service.dynamics.verdict.verdict import decide
 from tests.dynamics.inverse.exact_polynomials import Polynomial, residual
 from tests.dynamics.inverse.families import known_admissible

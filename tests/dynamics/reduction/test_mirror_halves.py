@@ -7,8 +7,8 @@ from flint import ctx
 
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction import arcs_of_loop
+from service.dynamics.reduction.arcs_of_loop import is_even
 from service.dynamics.reduction.geometry.loop import make_loop
-from service.dynamics.reduction.sides import is_even
 from service.dynamics.reduction.structure import proved_half
 from service.dynamics.reduction.windows import PRECISION
 from tests.support.admissible import sampled_cases

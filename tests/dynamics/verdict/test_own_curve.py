@@ -14,9 +14,10 @@ from service.dynamics.reduction.windows import PRECISION, choose_window, find_wi
 from service.dynamics.verdict.own_curve import (
     InadmissibleMotionError,
     UndecidedMotionError,
+    cells_of,
+    place_on,
     require_proof_on_arc,
 )
-from service.dynamics.verdict.sphere.cells_of_arc import cells_of, place_on
 from tests.dynamics.verdict.formulas import body, verdict_on
 
 WELL = "-g1 + 1/(20*g3^2)"

@@ -11,7 +11,7 @@ from alembic.migration import MigrationContext
 from sqlalchemy import event, insert, inspect, text
 from sqlalchemy.exc import DBAPIError
 
-from service.jobs.lanes import Lane
+from service.jobs.queue import Lane
 from service.storage.database import migration
 from service.storage.database.database import make_engine
 from service.storage.database.migration import migrate

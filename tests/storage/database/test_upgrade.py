@@ -6,9 +6,8 @@ import uuid
 import pytest
 from sqlalchemy import MetaData, inspect, text
 
-from service.jobs.states import AttemptOutcome, JobState
-from service.schemas.query.kinds import Kind
-from service.schemas.query.list_query import ListQuery, equals
+from service.jobs.records import AttemptOutcome, JobState
+from service.schemas.query.conditions import Kind, ListQuery, equals
 from service.storage.database.database import Database, make_engine
 from service.storage.database.migration import migrate
 from service.storage.database.rows import new_id

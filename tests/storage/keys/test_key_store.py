@@ -6,7 +6,7 @@ import pytest
 from sqlalchemy import event, update
 
 from service.jobs.keys import KeyNotFoundError, KeyStanding, Role, key_hash, key_prefix
-from service.jobs.sweeps import POINTS_PER_JOB, queued_as
+from service.jobs.records import POINTS_PER_JOB, queued_as
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from service.storage.database.database import Database
 from service.storage.keys.key_store import USED_SECONDS, KeyLimits, KeyStore, charge

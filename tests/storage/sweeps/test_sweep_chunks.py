@@ -8,8 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import select, update
 
-from service.jobs.job import Claim
-from service.jobs.states import JobState
+from service.jobs.records import Claim, JobState
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome, decode_points
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore

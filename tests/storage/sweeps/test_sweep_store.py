@@ -6,13 +6,11 @@ import pytest
 from sqlalchemy import func, select, update
 
 from service.api.tagged import TAGGED
-from service.jobs.errors import JobNotFoundError
-from service.jobs.estimates import RECENT_SECONDS, ChunkRun
+from service.jobs.chunking import RECENT_SECONDS, ChunkRun
 from service.jobs.kernels import Kernels
 from service.jobs.keys import Role
-from service.jobs.states import JobKind, JobState
-from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
-from service.local.hosts import WorkerProcess
+from service.jobs.records import JobKind, JobNotFoundError, JobState, SweepFinishedError, SweepNotFoundError
+from service.local.worker_process import WorkerProcess
 from service.storage.codecs.packing import decode_points
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.worker_registry import WorkerRegistry

@@ -7,7 +7,7 @@ import threading
 import pytest
 from sqlalchemy import func, inspect, select, text
 
-from service.jobs.states import JobState
+from service.jobs.records import JobState
 from service.storage.database.database import Database, make_engine
 from service.storage.database.migration import migrate
 from service.storage.database.rows import new_id

@@ -22,10 +22,10 @@ from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.api import PLANAR, STATE
 from tests.workers.chores import do_chunk
+from workers.cli.doctor import COLLISIONS, check_windows
 from workers.cli.main import main
-from workers.computation.comparison import Sameness
+from workers.computation.audit import Sameness
 from workers.computation.compute import solve_document
-from workers.computation.outdated import COLLISIONS, check_windows
 from workers.computation.reproduction import repeat_solutions
 
 pytestmark = pytest.mark.any_database

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from service.jobs.outcome import Refused, Solved
+from service.jobs.records import Refused, Solved
 from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_document
 

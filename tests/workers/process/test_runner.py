@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, JobState
 from service.local.wakeup import Doorbell
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.storage.sweeps.sweep_store import SweepStore

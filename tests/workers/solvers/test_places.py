@@ -10,7 +10,7 @@ from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
 from tests.extremes.problems import SEPARATRIX
 from tests.support.planar import body, formula
-from workers.solvers.assembly.place import Place, periodic_place
+from workers.solvers.assembly.families import Place, periodic_place
 from workers.solvers.orbits.near_rest import SlowOrbit
 from workers.solvers.orbits.orbit import Libration, Rotation
 

@@ -23,8 +23,7 @@ from workers.solvers.assembly.dense import (
     nothing_resolved,
     resolve_motion,
 )
-from workers.solvers.assembly.description import conventions_of, energy_of, evidence_of
-from workers.solvers.assembly.place import Declined, PeriodicPlace
+from workers.solvers.assembly.families import Declined, PeriodicPlace, conventions_of, energy_of, evidence_of
 from workers.solvers.evidence import shown_by, told, with_error_shown, with_samples_shown
 from workers.solvers.orbits.orbit import Orbit
 

@@ -10,11 +10,9 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.arc import Arc
-from service.dynamics.reduction.ends import require_known_ends
 from service.dynamics.reduction.geometry.loop import Loop, ball
 from service.dynamics.reduction.start import StartingPoint, starting_point
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import Arc, Window, require_known_ends
 from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.fourier_time import FourierTime, make_fourier_time

@@ -20,8 +20,8 @@ from service.dynamics.problem import PlanarMotion, Problem, TimePeriods
 from service.dynamics.reduction.windows import PRECISION
 from service.dynamics.sampling import exact_instants
 from service.dynamics.solution.dense_output import EPSILON, Period, chebyshev_coefficients, chebyshev_points
+from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place
 from workers.solvers.assembly.periodic import Sampled, make_periodic
-from workers.solvers.assembly.place import NOT_MINE, Declined, PeriodicPlace, Place
 from workers.solvers.assembly.time_map import BETWEEN, SEEN, TimeMap, sum_series
 from workers.solvers.certified.by_integral import IntegralMotion, way_from
 from workers.solvers.certified.certify import first_try
@@ -47,7 +47,7 @@ TURNED = np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 
 
 class WayFamily:
-    """See :class:`workers.solvers.planar.duties.Family`."""
+    """See :class:`workers.solvers.assembly.families.Family`."""
 
     def takes(self, problem: Problem, place: Place) -> bool:
         """Take what passes a pole and is no function of sin v of low degree, where V has a formula."""

@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 from service.dynamics.bounds import largest
 from service.dynamics.classical.cases.hess import angle_rate
 from service.dynamics.classical.loop import BITS
-from service.dynamics.classical.placed import Placed, ball
-from service.dynamics.classical.reduced import Number, value
+from service.dynamics.classical.placement import Placed, ball
+from service.dynamics.classical.protocol import Number, value
 from service.dynamics.solution.dense_output import EPSILON, chebyshev_coefficients, chebyshev_points
-from workers.solvers.classical.clock import Clock
-from workers.solvers.classical.curve import CHECKS, SAFETY, LoopInDoubles
+from workers.solvers.classical.curve import CHECKS, SAFETY, Clock, LoopInDoubles
 from workers.solvers.errors import PrecisionLostError
 
 FloatArray = NDArray[np.float64]

@@ -1,4 +1,7 @@
-"""Computes a classical motion: by the quadrature of its case, or by integration from its state at time 0."""
+"""Computes a classical motion: by the quadrature of its case, or by integration from its state at time 0.
+
+A steady rotation is a constant.
+"""
 
 from dataclasses import replace
 from fractions import Fraction
@@ -8,10 +11,9 @@ from flint import ctx
 from numpy.typing import NDArray
 
 from service.dynamics.bounds import largest
+from service.dynamics.classical.classification import relations_of
 from service.dynamics.classical.loop import BITS
-from service.dynamics.classical.place import place
-from service.dynamics.classical.placed import Placed
-from service.dynamics.classical.relations import relations_of
+from service.dynamics.classical.placement import Placed, place
 from service.dynamics.motion import COLUMNS, Asymptote, Estimate, Motion
 from service.dynamics.problem import ClassicalMotion, Problem
 from service.dynamics.sampling import SampleTimes, sample_times
@@ -19,11 +21,20 @@ from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
 from workers.solvers.assembly.dense import nothing_resolved, resolve_motion
 from workers.solvers.classical.curve import Curve
 from workers.solvers.classical.momentum import Momentum
-from workers.solvers.classical.steady import constant
 from workers.solvers.evidence import with_claim_shown
 from workers.solvers.integration.solve import integrate_state
 
 FloatArray = NDArray[np.float64]
+
+
+def constant(placed: Placed, span: tuple[float, float]) -> DenseOutput:
+    """Return the motion over a span of times; each variable is the double nearest to its value."""
+    state = np.array([float(x) for x in (*placed.start.omega, *placed.start.gamma)])
+    rounding = float(np.spacing(np.abs(state).max()))
+    first, last = span
+    breaks = np.array([first, last if last > first else first + 1.0])
+    return DenseOutput(("p", "q", "r", "g1", "g2", "g3"), breaks, state.reshape(1, 1, 6), None, rounding)
+
 
 RESOLVED = 1e-14
 """Error of the pieces of the function of time, unless the samples are known to less."""

@@ -23,10 +23,8 @@ from numpy.typing import NDArray
 from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.solution.dense_output import EPSILON, Period, reduce_time
 from workers.solvers.closed_form.amplitude import Amplitude, make_amplitude
-from workers.solvers.orbits.between_roots import RootsUndecidedError
-from workers.solvers.three_terms.intervals import MotionInterval
-from workers.solvers.three_terms.phase import moduli
-from workers.solvers.three_terms.variables import MirrorImage, Variables
+from workers.solvers.three_terms.intervals import MotionInterval, RootsUndecidedError
+from workers.solvers.three_terms.variables import MirrorImage, Variables, moduli
 
 FloatArray = NDArray[np.float64]
 

@@ -3,8 +3,8 @@
 from service.dynamics.bounds import is_within
 from service.dynamics.motion import Motion
 from service.dynamics.problem import Problem
+from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place
 from workers.solvers.assembly.periodic import Sampled, make_periodic
-from workers.solvers.assembly.place import NOT_MINE, Declined, PeriodicPlace, Place
 from workers.solvers.closed_form.solve import solve_closed_form
 
 WELL_CONDITIONED = 1e-12
@@ -12,7 +12,7 @@ WELL_CONDITIONED = 1e-12
 
 
 class ClosedFormFamily:
-    """See :class:`workers.solvers.planar.duties.Family`."""
+    """See :class:`workers.solvers.assembly.families.Family`."""
 
     def takes(self, problem: Problem, place: Place) -> bool:
         """Take periodic motions; whether V has three terms is seen when it is solved."""

@@ -9,10 +9,8 @@ from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
 from workers.solvers.closed_form.elliptic import ClosedForm, make_closed_form
-from workers.solvers.orbits.between_roots import RootsUndecidedError
-from workers.solvers.three_terms.intervals import MotionInterval, intervals, make_curve
-from workers.solvers.three_terms.phase import phase_at, primed_nu
-from workers.solvers.three_terms.variables import MirrorImage
+from workers.solvers.three_terms.intervals import MotionInterval, RootsUndecidedError, intervals, make_curve
+from workers.solvers.three_terms.variables import MirrorImage, phase_at, primed_nu
 
 PRECISIONS = (192, 768, 3072)
 """Bits, in turn: next to a separatrix the roots agree in many of them."""

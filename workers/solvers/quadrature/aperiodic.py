@@ -13,7 +13,7 @@ from service.dynamics.reduction.window import Window
 from service.dynamics.sampling import sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput
 from workers.solvers.assembly.dense import Sampler, resolve_motion
-from workers.solvers.assembly.description import conventions_of, energy_of, evidence_of
+from workers.solvers.assembly.families import conventions_of, energy_of, evidence_of
 from workers.solvers.assembly.time_map import TimeMap
 from workers.solvers.errors import EndNotKnownError, PrecisionLostError
 from workers.solvers.evidence import with_claim_shown

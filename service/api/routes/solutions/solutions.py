@@ -18,12 +18,9 @@ from service.api.replies.responses import JSON, SolutionId, json_content, refusa
 from service.api.tagged import validator_headers
 from service.dynamics.methods import SolvedBy
 from service.dynamics.problem import Tier
-from service.schemas.problem.family_names import FamilyName
-from service.schemas.query.conditions import Condition, OrderKey, Subject
-from service.schemas.query.facts import OF_SOLUTIONS
-from service.schemas.query.kinds import Kind
-from service.schemas.query.list_query import equals
-from service.schemas.reading.faults import Fault
+from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject, equals
+from service.schemas.query.facts import OF_SOLUTIONS, FamilyName
+from service.schemas.reading.documents import Fault
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
 from service.storage.database.rows import is_id

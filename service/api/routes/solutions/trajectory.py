@@ -44,12 +44,11 @@ from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.ball_columns import is_part
 from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.solution.preview import deviation, preview_times
-from service.jobs.errors import SolutionNotFoundError
-from service.schemas.problem.asked_series import asked_series
-from service.schemas.reading.faults import Fault
+from service.jobs.records import SolutionNotFoundError
+from service.schemas.problem.documents import asked_series
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
-from service.schemas.replies.function import MotionFunctionOut
-from service.schemas.replies.solution import TrajectoryOut
+from service.schemas.replies.solution import MotionFunctionOut, TrajectoryOut
 from service.settings import Settings
 from service.storage.codecs.packing import decode_arrays, decode_dense
 from service.storage.solutions.solution_store import Solution

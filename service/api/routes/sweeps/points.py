@@ -47,8 +47,8 @@ from service.api.queries.queries import Asked, asked_of, query_parameters, refus
 from service.api.replies.errors import ApiError, invalid_request
 from service.api.replies.responses import PiecedAnswer, SweepId, refusals
 from service.api.tagged import validator_headers
-from service.jobs.sweeps import SweepRecord
-from service.schemas.reading.faults import Fault
+from service.jobs.records import SweepRecord
+from service.schemas.reading.documents import Fault
 from service.schemas.replies.sweep import GridOut, PointPageOut
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep, SweepAxis

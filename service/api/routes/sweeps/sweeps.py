@@ -20,16 +20,14 @@ from service.api.queries.queries import Asked, asked_of, query_parameters, witho
 from service.api.replies.records import sweep_out, sweep_state_out
 from service.api.replies.responses import SweepId, json_response, refusals
 from service.jobs.chunking import largest_chunk
-from service.jobs.idempotency import GivenKey
-from service.jobs.job import Job
 from service.jobs.keys import ApiKey
-from service.jobs.states import JobState
-from service.jobs.sweeps import SweepRecord
-from service.schemas.query.list_query import in_state
-from service.schemas.reading.faults import Fault
+from service.jobs.records import Job, JobState, SweepRecord
+from service.jobs.store import GivenKey
+from service.schemas.query.conditions import in_state
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.marks import split_marks
 from service.schemas.replies.analysis import QueryEstimateOut
-from service.schemas.replies.overview import ChunkJobOut, ChunkJobPageOut
+from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
 from service.schemas.sweep.reading import InvalidSweepError, read_sweep
 from service.schemas.sweep.sweep import Sweep

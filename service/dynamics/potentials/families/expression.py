@@ -5,13 +5,12 @@ from fractions import Fraction
 from functools import lru_cache
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.binding import bind
 from service.dynamics.formula.errors import FormulaError
+from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import LocatedTree, parse_located
-from service.dynamics.formula.traversal import post_order
-from service.dynamics.formula.tree import Symbol
+from service.dynamics.formula.tree import Symbol, post_order
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.terms.names import require_parameter_names
+from service.dynamics.potentials.terms.bound_formula import require_parameter_names
 
 FAMILY = "expression"
 EXPRESSION_POINTER = "/potential/expression"

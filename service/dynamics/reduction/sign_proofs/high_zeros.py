@@ -27,9 +27,15 @@ from service.dynamics.formula.algebras.series import SeriesAlgebra, along_curve
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.vanishing import VanishingPart, parts_in_g2
 from service.dynamics.reduction.root_finding.gap import equator_point
-from service.dynamics.reduction.root_finding.orders import HIGHEST_ORDER, exponent_at, lowest_place
 from service.dynamics.reduction.root_finding.rest_proof import NEAR_BITS, PLACE_BITS, exact_at
-from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, enclose_zero
+from service.dynamics.reduction.root_finding.zeros import (
+    HIGHEST_ORDER,
+    LoopPlace,
+    Radicand,
+    enclose_zero,
+    exponent_at,
+    lowest_place,
+)
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
 from service.dynamics.reduction.sign_proofs.cells import Half
 from service.dynamics.reduction.sign_proofs.signs_in_balls import Side

@@ -28,7 +28,7 @@ from service.dynamics.verdict.exact_ring.products import irreducible_factors
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.proofs.energy_terms import power_text, sum_text, term_text
 from service.dynamics.verdict.proofs.proof import Signs
-from service.dynamics.verdict.ring_functions.arguments import as_vector
+from service.dynamics.verdict.ring_functions.transcendental import as_vector
 
 MAX_TERMS = 400
 """Largest number of terms of a polynomial in g1, g2, g3; a longer formula helps nobody."""

@@ -16,8 +16,7 @@ from tests.support.planar import Exact, body, formula
 from tests.support.witnesses.variational_system import jacobian_monodromy
 from workers.solvers.orbits.orbit import make_orbit, starting_state
 from workers.solvers.quadrature.squared_speed import time_map_of
-from workers.solvers.stability.assessment import Stability, assess_stability
-from workers.solvers.stability.hill import hill_monodromy
+from workers.solvers.stability.assessment import Stability, assess_stability, hill_monodromy
 from workers.solvers.stability.monodromy import Monodromy
 
 TOLERANCE = 1e-8

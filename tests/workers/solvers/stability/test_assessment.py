@@ -14,7 +14,7 @@ from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.quadrature.errors import QuadratureNotConvergedError
 from workers.solvers.stability import monodromy as turns
 from workers.solvers.stability import trusted
-from workers.solvers.stability.hill import hill_monodromy
+from workers.solvers.stability.assessment import hill_monodromy
 from workers.solvers.stability.monodromy import Monodromy, StabilityUndefinedError
 from workers.solvers.stability.trusted import (
     MAX_PERIODS,
