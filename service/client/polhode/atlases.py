@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Generic
 
 import pyarrow as pa
 
-from polhode.bands import Change, Part, columns_of, items, pair, read_change, read_part
+from polhode.bands import Change, Part, columns_of, pair, read_change, read_part
 from polhode.documents.problems import Body, Document, Given, question
-from polhode.documents.quantities import Exact, written
+from polhode.documents.quantities import Exact, items, written
 from polhode.errors import FailedError, PolhodeError
 from polhode.evaluation import optional
 from polhode.transport.carriers import CarrierT, ThreadCarrier

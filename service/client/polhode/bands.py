@@ -2,12 +2,11 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any  # what JSON may have in a list
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polhode.documents.quantities import Quantity
+from polhode.documents.quantities import Quantity, fields, items
 from polhode.evaluation import FloatArray
 
 _PAIRS = ("g1", "g1_error", "g2", "g2_error")
@@ -105,9 +104,8 @@ def read_part(document: Mapping[str, object]) -> Part:
     lower, upper = pair(document["lambda"])
     samples, reason, proof = document["samples"], document["reason"], str(document.get("proof", "proved"))
     if not isinstance(samples, Mapping):
-        assert isinstance(reason, Mapping)
         nothing: FloatArray = np.empty(0)
-        return Part(lower, upper, nothing, nothing, nothing, (), reason, proof)
+        return Part(lower, upper, nothing, nothing, nothing, (), fields(reason), proof)
     lam = _numbers(samples["lambda"])
     bands = tuple(_band(window, len(lam)) for window in items(samples["windows"]))
     return Part(
@@ -198,9 +196,3 @@ def pair(value: object) -> tuple[float, float]:
     """Return two numbers."""
     low, high = items(value)
     return float(str(low)), float(str(high))
-
-
-def items(value: object) -> list[Any]:
-    """Return a list of the document."""
-    assert isinstance(value, list)
-    return value

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from polhode import evaluation
 from polhode import showing as drawing
 from polhode.documents.problems import Document, audit_of
-from polhode.documents.quantities import Exact, Quantity
+from polhode.documents.quantities import Exact, Quantity, fields, items
 from polhode.errors import PolhodeError
 from polhode.evaluation import FloatArray, FunctionOfTime, PairOfDoubles, Samples
 from polhode.showing import sphere_svg, table_html
@@ -49,9 +49,7 @@ class Audit:
     @property
     def detail(self) -> str:
         """The result in words."""
-        comparison = self.document["comparison"]
-        assert isinstance(comparison, dict)
-        return str(comparison["detail"])
+        return str(fields(self.document["comparison"])["detail"])
 
     def __repr__(self) -> str:
         return f"<audit {self.document['id']}: {self.document['verdict']}, {self.detail}>"
@@ -96,9 +94,7 @@ class Motion(Generic[CarrierT]):
     @property
     def problem(self) -> Mapping[str, object]:
         """The document that was solved."""
-        problem = self.document["problem"]
-        assert isinstance(problem, Mapping)
-        return problem
+        return fields(self.document["problem"])
 
     @property
     def period(self) -> Quantity | None:
@@ -158,9 +154,7 @@ class Motion(Generic[CarrierT]):
     @property
     def labels(self) -> Mapping[str, str]:
         """The labels of the solution."""
-        labels = self.document["labels"]
-        assert isinstance(labels, Mapping)
-        return labels
+        return fields(self.document["labels"])
 
     @operation
     def at(self, times: ArrayLike) -> Operation[Samples]:
@@ -309,21 +303,16 @@ def _in_words(problem: Mapping[str, object]) -> str:
 
 
 def _read_function(document: Mapping[str, object]) -> FunctionOfTime:
-    columns, errors, advances = document["columns"], document["errors"], document["advances"]
-    assert isinstance(columns, list)
-    assert isinstance(errors, Mapping)
-    assert isinstance(advances, Mapping)
     return FunctionOfTime(
-        columns=tuple(map(str, columns)),
+        columns=tuple(map(str, items(document["columns"]))),
         breaks=np.array(document["breaks"], dtype=np.float64),
         coefficients=np.array(document["coefficients"], dtype=np.float64),
         period=None if document["period"] is None else _pair(document["period"]),
         error=float(str(document["error"])),
-        errors={str(name): float(error) for name, error in errors.items()},
-        advances={str(name): _pair(gained) for name, gained in advances.items()},
+        errors={str(name): float(error) for name, error in fields(document["errors"]).items()},
+        advances={str(name): _pair(gained) for name, gained in fields(document["advances"]).items()},
     )
 
 
 def _pair(document: object) -> PairOfDoubles:
-    assert isinstance(document, Mapping)
-    return PairOfDoubles(*(float(document[name]) for name in ("hi", "lo", "error")))
+    return PairOfDoubles(*(float(fields(document)[name]) for name in ("hi", "lo", "error")))

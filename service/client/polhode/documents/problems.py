@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from polhode.documents.quantities import Exact, axis_section, written
+from polhode.documents.quantities import Exact, axis_section, items, written
 from polhode.errors import WrongArgumentError
 
 Document = dict[str, object]
@@ -319,8 +319,7 @@ def sweep_document(
 
 def _with_first(base: Document, pointer: str, section: Mapping[str, object]) -> Document:
     """Return the base with the first value of an axis: it has to be a problem before the axis varies it."""
-    listed = next(value for name, value in section.items() if name != "seed")
-    assert isinstance(listed, list)
+    listed = items(next(value for name, value in section.items() if name != "seed"))
     if not listed:
         raise WrongArgumentError(f"the axis of {pointer} has no values; one or more are accepted")
     if pointer in ("/motion/lambda", "/motion/nu"):

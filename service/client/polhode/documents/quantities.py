@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from typing import Self
+from typing import Any, Self  # Any: parts of an answer
 
 import numpy as np
 
-from polhode.errors import WrongArgumentError
+from polhode.errors import PolhodeError, WrongArgumentError
 
 Exact = int | float | str | Fraction | Decimal
 """A number of a problem. Text such as ``"17/10"`` is exact; a float means its shortest decimal."""
@@ -53,6 +53,26 @@ class Quantity(float):
         return f"{float(self)!r} ± {self.error:.1e}"
 
     __str__ = __repr__
+
+
+def items(value: object) -> list[Any]:
+    """Return a list of an answer.
+
+    Raises
+    ------
+    PolhodeError
+        It is none: the answer is not as this version of the client knows it.
+    """
+    if not isinstance(value, list):
+        raise PolhodeError(f"the answer of the service has {str(value)[:60]!r} in place of a list")
+    return value
+
+
+def fields(value: object) -> dict[str, Any]:
+    """Return an object of an answer; raises as :func:`items` does."""
+    if not isinstance(value, dict):
+        raise PolhodeError(f"the answer of the service has {str(value)[:60]!r} in place of an object")
+    return value
 
 
 def written(value: object) -> object:
