@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 Given = TypeVar("Given")
 Made = TypeVar("Made")
 
-MOST = 64
+MAX_OBJECTS = 64
 """Objects of which something is kept."""
 
 
@@ -27,7 +27,7 @@ class Remembering(Generic[Given, Made]):
         known = self._known.get(id(given))
         if known is None:
             known = self._known[id(given)] = given, self._make(given)
-            while len(self._known) > MOST:
+            while len(self._known) > MAX_OBJECTS:
                 # Another thread may have taken the oldest one away.
                 self._known.pop(next(iter(tuple(self._known))), None)
         return known[1]

@@ -22,12 +22,12 @@ from workers.solvers.integration.twin import Span, Twin, run_twin
 
 FloatArray = NDArray[np.float64]
 
-MEANINGFUL = 1e-9
+WITNESS_MAX_ERROR = 1e-9
 """A witness whose own error is larger than this (and than the tolerance) has nothing to say."""
 CHECK_TIMES = 513
 """Equidistant times of the comparison, besides those asked for."""
-STEPS: dict[str, int] = {"dop853": 4_000}
-SERIES_STEPS = 20_000
+MAX_STEPS: dict[str, int] = {"dop853": 4_000}
+MAX_SERIES_STEPS = 20_000
 """Largest number of steps of a check: some seconds at most; hundreds of periods by series, tens by DOP853."""
 
 
@@ -66,13 +66,13 @@ def compare(
         _neighbour(state, quadrature.dense.error_at(np.zeros(1))),
         _span(quadrature.times, limit),
         local_tolerance=tolerances(chosen, tolerance)[-1],
-        max_steps=STEPS.get(chosen.name, SERIES_STEPS),
+        max_steps=MAX_STEPS.get(chosen.name, MAX_SERIES_STEPS),
     )
     times = np.concatenate([quadrature.times, twin.span.uniform(CHECK_TIMES), np.zeros(1)])
     times = times[(times >= twin.span.first) & (times <= twin.span.last)]
     times = times[np.argsort(np.abs(times), kind="stable")]
     witness = np.maximum.accumulate(twin.error_estimate(body, potential, times))
-    meaningful = int(np.searchsorted(witness, max(tolerance, MEANINGFUL), side="right"))
+    meaningful = int(np.searchsorted(witness, max(tolerance, WITNESS_MAX_ERROR), side="right"))
     # A NaN estimate is not below any bound: searchsorted puts it last.
     times, witness = times[: max(1, meaningful)], witness[: max(1, meaningful)]
     disagreement = float(np.abs(twin.fine(times) - quadrature.dense(times)).max())

@@ -23,9 +23,9 @@ from workers.solvers.ways import is_plain
 
 DEFECT, DRIFT, COVERED = "defect", "drift", "defect_covers"
 """Keys of the evidence: see :class:`service.dynamics.defect.evidence.Shown`."""
-PARTS = 128
+PARTS_PER_PIECE = 128
 """Number of parts of a piece, where compiled code does not settle whole ones."""
-MOST_CUT = 64
+MAX_PIECES_CUT = 64
 """Pieces that are cut so: more are short enough."""
 
 
@@ -53,7 +53,7 @@ def shown_by(
         from workers.solvers.compiled.shown.evidence import kept_claim  # noqa: PLC0415
 
         shown = kept_claim(body, potential, dense, dense.error, energy)
-        if shown is None and dense.coefficients.shape[1] > 1 and len(dense.breaks) <= MOST_CUT:
+        if shown is None and dense.coefficients.shape[1] > 1 and len(dense.breaks) <= MAX_PIECES_CUT:
             # It cuts a piece a few times only: beside a narrow feature the long ones of a draft too seldom.
             shown = kept_claim(body, potential, _cut(dense), dense.error, energy)
     if shown is None:
@@ -62,10 +62,10 @@ def shown_by(
 
 
 def _cut(dense: DenseOutput) -> DenseOutput:
-    """Return the same function of time in PARTS times as many pieces."""
+    """Return the same function of time in PARTS_PER_PIECE times as many pieces."""
     degree = dense.coefficients.shape[1] - 1
-    shares = np.arange(PARTS)[:, None] / PARTS
-    x = 2.0 * shares - 1.0 + (1.0 + chebyshev_points(degree)) / PARTS
+    shares = np.arange(PARTS_PER_PIECE)[:, None] / PARTS_PER_PIECE
+    x = 2.0 * shares - 1.0 + (1.0 + chebyshev_points(degree)) / PARTS_PER_PIECE
     values = chebyshev.chebvander(x, degree) @ dense.coefficients[:, None]
     coefficients = chebyshev_series(values.reshape(-1, degree + 1, values.shape[-1]))
     starts = dense.breaks[:-1, None] + np.diff(dense.breaks)[:, None] * shares[:, 0]
@@ -102,7 +102,7 @@ def with_samples_shown(body: RigidBody, potential: Potential, motion: Motion) ->
 
 FloatArray = NDArray[np.float64]
 
-BITS = 128
+ENERGY_BITS = 128
 """Precision of the balls for V: a double's 53 bits and room for 1e22 of cancellation."""
 
 
@@ -162,7 +162,7 @@ def _potential_energies(potential: Potential, samples: FloatArray) -> FloatArray
         found = energies_at(potential, samples)
     left = np.flatnonzero(np.isnan(found))
     if len(left):
-        with ctx.workprec(BITS):
+        with ctx.workprec(ENERGY_BITS):
             found[left] = [float(V) for V in potential.value_balls(samples[left, 3:].tolist())]
     return found
 

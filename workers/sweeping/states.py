@@ -24,7 +24,7 @@ from service.schemas.problem.motions import is_unit
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep
-from workers.solvers.choose import QUICK
+from workers.solvers.choose import QUICK_SPEED
 from workers.solvers.compiled.general.records import Models
 from workers.solvers.compiled.general.twin import COLLIDED, HELD, INACCURATE
 from workers.solvers.errors import AccuracyNotMetError
@@ -110,7 +110,7 @@ class StateSolver:
         if self._moves_gamma:
             is_usable &= [self._is_unit(points, place) for place in range(points.count)]
         # Quick motions are solved in units of their own.
-        is_usable &= np.abs(states[:, :3]).max(axis=1) < QUICK
+        is_usable &= np.abs(states[:, :3]).max(axis=1) < QUICK_SPEED
         return states, neighbours, is_usable
 
     def _is_unit(self, points: SweptPoints, place: int) -> bool:

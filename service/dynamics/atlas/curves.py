@@ -28,7 +28,7 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, Shap
 from service.dynamics.reduction.sign_proofs.cells import Curves
 from service.dynamics.reduction.sign_proofs.equators import loops_of_stretches
 
-CLOSER = 2.0
+EDGES_RATIO = 2.0
 """Ratio of the distances from a place of both ends of a part."""
 
 
@@ -48,7 +48,7 @@ class LambdaStretch:
 
     def parts_towards(self, place: float, least: float) -> "list[LambdaStretch]":
         """Return parts as wide as they are far from a place inside; the one about it is twice ``least``."""
-        steps = least * CLOSER ** np.arange(np.log(1.0 / least) / np.log(CLOSER))
+        steps = least * EDGES_RATIO ** np.arange(np.log(1.0 / least) / np.log(EDGES_RATIO))
         ends = [*(place * (1.0 - steps)).tolist(), *(place * (1.0 + steps)).tolist()]
         inner = sorted(end for end in ends if self.low < end < self.high)
         return [LambdaStretch(self.is_inverse, *pair) for pair in pairwise([self.low, *inner, self.high])]
@@ -134,9 +134,9 @@ def half_curves(body: RigidBody, potential: Potential, motion: PlanarMotion) -> 
 
 FloatArray = NDArray[np.float64]
 
-STEPS = 80
+MAX_ROOT_STEPS = 80
 """Largest number of steps: some ten are usual, where values are smooth."""
-CLOSE = 2.0**-51
+ROOT_RELATIVE_WIDTH = 2.0**-51
 
 
 def equator_of(half: PlainHalves, stretches: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
@@ -198,7 +198,10 @@ def p_squared(
 
 
 def zero_between(
-    value: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, close: float = CLOSE
+    value: Callable[[FloatArray], FloatArray],
+    low: FloatArray,
+    high: FloatArray,
+    close: float = ROOT_RELATIVE_WIDTH,
 ) -> FloatArray:
     """Return about where ``value`` changes its sign between ``low`` and ``high``, arrays of one shape.
 
@@ -209,7 +212,7 @@ def zero_between(
     place, far = low, high
     f_place, f_far = value(low), value(high)
     share = np.full(np.shape(low), 0.5)
-    for _ in range(STEPS):
+    for _ in range(MAX_ROOT_STEPS):
         x = place + share * (far - place)
         f = value(x)
         # Of the last two places one keeps the bracket; the other is the third point.

@@ -35,15 +35,15 @@ from service.dynamics.reduction.windows import find_windows
 FloatArray = NDArray[np.float64]
 Signatures = tuple[Signature, ...]
 
-NARROW = 1e-10
+CHANGE_LOG_WIDTH = 1e-10
 """Width in log λ down to which a stretch with different ends is halved."""
-ROUNDS = 60
-"""Halvings: from a range of 1e18 to NARROW."""
-MOST_ROUNDS = 4
+MAX_HALVINGS = 60
+"""Halvings: from a range of 1e18 to CHANGE_LOG_WIDTH."""
+MAX_RESAMPLINGS = 4
 """So often the λ that parts are followed at may show something new."""
-WIDTHS = [2.0**k for k in range(-49, -18, 3)]
+ZERO_RELATIVE_WIDTHS = [2.0**k for k in range(-49, -18, 3)]
 """Relative widths to both sides of a guessed zero that are tried."""
-ENERGY_AT = (1.0, 0.4, 2.2)
+ENERGY_ANGLES = (1.0, 0.4, 2.2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +98,11 @@ class Watcher:
 
     def halve(self, is_late: Callable[[], bool]) -> None:
         """Halve the stretches between neighbours that differ until they are narrow, or it is late."""
-        for _ in range(ROUNDS):
+        for _ in range(MAX_HALVINGS):
             wide = [
                 0.5 * (one.logarithm + other.logarithm)
                 for one, other in pairwise(self.in_order())
-                if one.signatures != other.signatures and other.logarithm - one.logarithm > NARROW
+                if one.signatures != other.signatures and other.logarithm - one.logarithm > CHANGE_LOG_WIDTH
             ]
             if not wide or is_late():
                 return
@@ -116,7 +116,7 @@ class Watcher:
                 runs[-1].append(sight)
             else:
                 runs.append([sight])
-        kept = [run for run in runs if run[-1].logarithm - run[0].logarithm > 4.0 * NARROW]
+        kept = [run for run in runs if run[-1].logarithm - run[0].logarithm > 4.0 * CHANGE_LOG_WIDTH]
         return [SeenPart(tuple(run)) for run in kept or runs[:1]]
 
 
@@ -132,7 +132,7 @@ def seen_parts(
     """Return the parts between these logarithms of the primed λ, each seen at ``fewest`` λ or more."""
     watcher.look(np.linspace(low, high, samples).tolist())
     parts: list[SeenPart] = []
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_RESAMPLINGS):
         watcher.halve(is_late)
         found = watcher.parts()
         if is_late() or [part.signatures for part in found] == [part.signatures for part in parts]:
@@ -221,7 +221,7 @@ def _enclosed(half: PlainHalves, loop: Loop, side: float, guess: float) -> list[
     """Return bounds of the distance from the pole, of |g1| and of g2 at a zero, in doubles."""
     if not guess > 0.0:
         return [np.nan] * 6
-    for width in WIDTHS:
+    for width in ZERO_RELATIVE_WIDTHS:
         ends = arb(guess * (1.0 - width)), arb(guess * (1.0 + width))
         one, other = (radicand_ball(half, loop, side, x) for x in ends)
         if not ((one < 0 and other > 0) or (one > 0 and other < 0)):
@@ -250,16 +250,16 @@ def _energies(half: PlainHalves, single: Sequence[LambdaStretch]) -> Measured:
     found = []
     for each in single:
         loop = make_loop(half.body, half.potential, motion_at(half, each))
-        values = (loop.energy(arb(v * half.shape.third_sign)) for v in ENERGY_AT)
+        values = (loop.energy(arb(v * half.shape.third_sign)) for v in ENERGY_ANGLES)
         value = next((value for value in values if value.is_finite()), None)
         found.append((np.nan, np.nan) if value is None else _between(value, value))
     low, high = np.array(found).T
     return Measured.between(low, high)
 
 
-AWAY = 1e-6
+PROBE_LOG_DISTANCE = 1e-6
 """Distance in log λ from a change, where it is looked at which zeros meet."""
-WIDEST = 16.0 * NARROW
+MAX_CHANGE_LOG_WIDTH = 16.0 * CHANGE_LOG_WIDTH
 """Width in log λ of what is told as a change."""
 
 
@@ -284,7 +284,7 @@ def seen_atlas(
     for before, after in pairwise(parts):
         one, other = before.sights[end], after.sights[start]
         between = over.ends(halves[0], one.single, other.single)
-        is_narrow = abs(other.logarithm - one.logarithm) < WIDEST
+        is_narrow = abs(other.logarithm - one.logarithm) < MAX_CHANGE_LOG_WIDTH
         if not is_narrow or before.signatures == after.signatures or is_late():
             undecided.append(between)
         else:
@@ -328,7 +328,7 @@ def _told(
 def _beside(watcher: Watcher, part: SeenPart, place: int) -> Beside:
     """Return the part as it is next to a change, and far enough from it that the zeros are apart."""
     end = part.sights[place]
-    away = end.logarithm + (AWAY if place == 0 else -AWAY)
+    away = end.logarithm + (PROBE_LOG_DISTANCE if place == 0 else -PROBE_LOG_DISTANCE)
     watcher.look([away])
     sight = watcher.sights[away]
     nearest = sight if sight.signatures == part.signatures else end

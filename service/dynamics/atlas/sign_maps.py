@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
 from service.dynamics.formula.vanishing import vanishing_parts
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
-    NARROWEST,
-    QUARTER,
+    CELL_MIN_RELATIVE_WIDTH,
+    QUARTER_TURN,
     Cells,
     Loops,
     axes,
@@ -35,8 +35,8 @@ BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-ROUNDS = 6
-MOST_CUT = 192
+CUT_ROUNDS = 6
+MAX_CELLS_CUT = 192
 """Open cells of one stretch of λ that are cut; if there are more, its halves are looked at instead."""
 
 Signature = tuple[int, ...]
@@ -68,7 +68,7 @@ class Finest:
     anywhere: float = 0.0
     at_equator: float = 0.0
     """Width for the cell next to the equator, where a zero may cross it."""
-    rounds: int = ROUNDS
+    rounds: int = CUT_ROUNDS
 
 
 def pictures_of(curves: Curves, starts: Sequence[Picture | None], finest: Sequence[Finest]) -> list[Picture]:
@@ -78,10 +78,10 @@ def pictures_of(curves: Curves, starts: Sequence[Picture | None], finest: Sequen
     """
     found = _first(curves, starts)
     active = list(range(len(found)))
-    for round_ in range(ROUNDS):
+    for round_ in range(CUT_ROUNDS):
         # What is not cut stays as it is.
         cuts = {k: _cut(found[k], finest[k]) for k in active if round_ < finest[k].rounds}
-        active = [k for k, cut in cuts.items() if 0 < np.count_nonzero(cut) <= MOST_CUT]
+        active = [k for k, cut in cuts.items() if 0 < np.count_nonzero(cut) <= MAX_CELLS_CUT]
         if not active:
             break
         parts = _together([parts_of(found[k].cells.at(cuts[k])) for k in active], active)
@@ -94,12 +94,12 @@ def pictures_of(curves: Curves, starts: Sequence[Picture | None], finest: Sequen
 def _cut(picture: Picture, least: Finest) -> BoolArray:
     widths = _widths(picture.cells)
     is_cut: BoolArray = cells_to_cut(picture) & (widths > least.anywhere)
-    return is_cut | (_open_at_equator(picture) & (widths > max(least.at_equator, NARROWEST)))
+    return is_cut | (_open_at_equator(picture) & (widths > max(least.at_equator, CELL_MIN_RELATIVE_WIDTH)))
 
 
 def _open_at_equator(picture: Picture) -> BoolArray:
     """Tell which of the two cells next to the equator are without a sign."""
-    is_open: BoolArray = (picture.cells.high >= QUARTER) & ~picture.is_settled & (picture.most_zeros < 0)
+    is_open: BoolArray = (picture.cells.high >= QUARTER_TURN) & ~picture.is_settled & (picture.most_zeros < 0)
     return is_open
 
 

@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, d_on_curves, equator_of, zero_between
 from service.dynamics.atlas.sign_maps import Finest, Signature, compact, signature_of
 from service.dynamics.atlas.turns import settled_pictures, turning_gaps, turning_places
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.reduction.sign_proofs.signs import Picture
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-WIDEST, NARROWEST = 3e-3, 1e-7
+MAX_ESTIMATE_RELATIVE_WIDTH, MIN_ESTIMATE_RELATIVE_WIDTH = 3e-3, 1e-7
 """Relative widths of the stretches in which a change is guessed."""
-CLOSE = 1e-11
+ESTIMATE_RELATIVE_ERROR = 1e-11
 """Relative error of a guess, less than stretches are cut to."""
 
 
@@ -39,7 +39,9 @@ def guessed_changes(
             chosen = [
                 k
                 for k, (stretch, _) in enumerate(waiting)
-                if stretch.is_inverse == inverse and NARROWEST < stretch.width < WIDEST and found[k] is None
+                if stretch.is_inverse == inverse
+                and MIN_ESTIMATE_RELATIVE_WIDTH < stretch.width < MAX_ESTIMATE_RELATIVE_WIDTH
+                and found[k] is None
             ]
             if chosen:
                 stretches = [waiting[k][0] for k in chosen]
@@ -85,7 +87,7 @@ def _single(stretches: Sequence[LambdaStretch], owners: IntArray, k: FloatArray)
 
 def _at_equator(half: HalfCurves, single: Sequence[LambdaStretch]) -> FloatArray:
     Z, G = equator_of(half, single)
-    return d_on_curves(half, Z, G, np.ones((len(single), 1)), np.full((len(single), 1), QUARTER))[:, 0]
+    return d_on_curves(half, Z, G, np.ones((len(single), 1)), np.full((len(single), 1), QUARTER_TURN))[:, 0]
 
 
 def _zeros(
@@ -101,22 +103,24 @@ def _zeros(
     if not changing.size:
         return found
     owners = everyone[changing]
-    found[changing] = zero_between(lambda k: value(owners, k), low[changing], high[changing], CLOSE)
+    found[changing] = zero_between(
+        lambda k: value(owners, k), low[changing], high[changing], ESTIMATE_RELATIVE_ERROR
+    )
     return found
 
 
-NARROW, STRAY = 1e-9, 1e-11
+STRETCH_MIN_RELATIVE_WIDTH, STRAY_MIN_RELATIVE_WIDTH = 1e-9, 1e-11
 """Relative width of a stretch that is not cut any more; and of one between two parts that are alike."""
-RATIO = 1.3
+FIRST_STRETCH_RATIO = 1.3
 """Largest ratio of the two ends of a first stretch."""
-FINEST, WIDE = 1 / 8, 1e-3
+CELL_WIDTH_SHARE, UNLIMITED_RELATIVE_WIDTH = 1 / 8, 1e-3
 """Cells are cut to this share of the root of a stretch's width; of one as wide as this without a limit, but
 for those next to the equator."""
-AT_ONCE, MOST_PARTS = 16, 8
+STRETCHES_TOGETHER, MAX_CUT_PARTS = 16, 8
 """About so many stretches are looked at together; into so many one is cut."""
-FEW_ROUNDS = 2
+WIDE_CUT_ROUNDS = 2
 """Cells of a wide stretch are cut so often; then it is cheaper to cut the stretch."""
-MOST_OPEN = 256
+MAX_STRETCHES_HALVED = 256
 """Stretches that are halved at a time: with more of them nothing is gained."""
 
 Signatures = tuple[Signature, ...]
@@ -151,7 +155,7 @@ class LambdaPart:
     @property
     def is_narrow(self) -> bool:
         """No stretch of it is cut any more."""
-        return all(each.stretch.width <= NARROW for each in self.seen)
+        return all(each.stretch.width <= STRETCH_MIN_RELATIVE_WIDTH for each in self.seen)
 
     def pictures_at(self, single: LambdaStretch, half: int) -> Picture | None:
         """Return what is known of a half curve at a single λ; None outside of the stretches."""
@@ -166,7 +170,11 @@ def parts_of_range(
     halves: Sequence[HalfCurves], first: Sequence[LambdaStretch], is_late: Callable[[], bool]
 ) -> list[LambdaPart]:
     """Return the parts in the order of growing primed λ; what is open when it ``is_late`` stays open."""
-    parts = _joined(_settled(halves, [Seen(each, (None,) * len(halves)) for each in first], NARROW, is_late))
+    parts = _joined(
+        _settled(
+            halves, [Seen(each, (None,) * len(halves)) for each in first], STRETCH_MIN_RELATIVE_WIDTH, is_late
+        )
+    )
     stray = [
         part
         for before, part, after in zip(parts, parts[1:], parts[2:], strict=False)
@@ -174,12 +182,12 @@ def parts_of_range(
     ]
     if not stray:
         return parts
-    again = [small for part in stray for each in part.seen for small in each.parts(MOST_PARTS)]
+    again = [small for part in stray for each in part.seen for small in each.parts(MAX_CUT_PARTS)]
     known = {part.seen[0].stretch for part in stray}
     rest = [
         (each, part.signatures) for part in parts if part.seen[0].stretch not in known for each in part.seen
     ]
-    return _joined([*rest, *_settled(halves, again, STRAY, is_late)])
+    return _joined([*rest, *_settled(halves, again, STRAY_MIN_RELATIVE_WIDTH, is_late)])
 
 
 def _settled(
@@ -198,7 +206,7 @@ def _settled(
                     following.append(known)
                 else:
                     done.append((known, signatures))
-        if len(following) > MOST_OPEN or is_late():
+        if len(following) > MAX_STRETCHES_HALVED or is_late():
             done.extend((each, None) for each in following)
             break
         waiting = _cut(halves, following)
@@ -207,12 +215,16 @@ def _settled(
 
 def _cut(halves: Sequence[HalfCurves], following: Sequence[Seen]) -> list[Seen]:
     """Return parts of open stretches, the finer the nearer a guessed change is, else equal ones."""
-    count = min(max(AT_ONCE // max(len(following), 1), 2), MOST_PARTS)
+    count = min(max(STRETCHES_TOGETHER // max(len(following), 1), 2), MAX_CUT_PARTS)
     guessed = guessed_changes(halves, [(each.stretch, each.pictures) for each in following])
     cut = list[Seen]()
     for each, place in zip(following, guessed, strict=True):
         stretch = each.stretch
-        parts = stretch.parts(count) if place is None else stretch.parts_towards(place, 2.0 * NARROW)
+        parts = (
+            stretch.parts(count)
+            if place is None
+            else stretch.parts_towards(place, 2.0 * STRETCH_MIN_RELATIVE_WIDTH)
+        )
         cut.extend(Seen(part, each.pictures) for part in parts)
     return cut
 
@@ -224,9 +236,9 @@ def _look_again(
     stretches = [each.stretch for each in waiting]
     # Next to a double zero p² changes by the width of the stretch over the root of it along the curve.
     finest = [
-        Finest(float(np.sqrt(each.width)) * FINEST, each.width * FINEST)
-        if each.width < WIDE
-        else Finest(0.0, each.width * FINEST, FEW_ROUNDS)
+        Finest(float(np.sqrt(each.width)) * CELL_WIDTH_SHARE, each.width * CELL_WIDTH_SHARE)
+        if each.width < UNLIMITED_RELATIVE_WIDTH
+        else Finest(0.0, each.width * CELL_WIDTH_SHARE, WIDE_CUT_ROUNDS)
         for each in stretches
     ]
     columns = [
@@ -244,7 +256,7 @@ def _look_again(
 
 
 def first_stretches(low: float, high: float) -> list[LambdaStretch]:
-    """Return stretches with ends of the ratio RATIO or less that cover ``low`` ≤ primed λ ≤ ``high``."""
+    """Return stretches that cover ``low`` ≤ primed λ ≤ ``high``, with ends of FIRST_STRETCH_RATIO or less."""
     found: list[LambdaStretch] = []
     if low < 1.0:
         top = min(high, 1.0)
@@ -266,7 +278,7 @@ def whole_range(first: Sequence[LambdaStretch], halves: int) -> LambdaPart:
 
 
 def _geometric(low: float, high: float) -> list[float]:
-    count = max(int(np.ceil(np.log(high / low) / np.log(RATIO))), 1) if high > low else 1
+    count = max(int(np.ceil(np.log(high / low) / np.log(FIRST_STRETCH_RATIO))), 1) if high > low else 1
     inner: list[float] = np.geomspace(low, high, count + 1)[1:-1].tolist()
     return [low, *inner, high]
 

@@ -18,22 +18,22 @@ from numpy.typing import NDArray
 
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, d_on_curves, equator_of
 from service.dynamics.atlas.sign_maps import Finest, pictures_of, with_infinities
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER, Cells
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN, Cells
 from service.dynamics.reduction.sign_proofs.cells import Curves, Found, derivative_values
 from service.dynamics.reduction.sign_proofs.signs import Picture, chosen, joined
 
 FloatArray = NDArray[np.float64]
 
-WIDEST = 0.3
+MAX_GAP_RELATIVE_WIDTH = 0.3
 """Relative width of a gap in which a single turn is looked for."""
-MOST_GAPS = 4
-BENDS = 4
+MAX_GAPS = 4
+BEND_CELLS = 4
 """Cells on which X² D is bounded."""
 BENT = 2
 """Marks a cell on which X² D has one sign: it is not cut."""
-THIN = 1e-13
+TURN_CELL_RELATIVE_WIDTH = 1e-13
 """Relative width of the cell about a place."""
-GRID, GRIDS, STEP, NEWTON = 33, 3, 1e-5, 3
+GRID_POINTS, GRID_REFINEMENTS, DIFFERENCE_RELATIVE_STEP, NEWTON_STEPS = 33, 3, 1e-5, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def _with_turns(
 def turning_gaps(owner: int, picture: Picture) -> list[TurningGap]:
     """Return the open gaps of a picture, if they are few and narrow, in which D may turn once."""
     gaps = [gap for gap in picture.open_gaps() if not picture.is_infinite(gap)]
-    found = [_candidate(owner, picture, gap) for gap in gaps] if len(gaps) <= MOST_GAPS else []
+    found = [_candidate(owner, picture, gap) for gap in gaps] if len(gaps) <= MAX_GAPS else []
     return [gap for gap in found if gap is not None]
 
 
@@ -112,16 +112,21 @@ def _candidate(owner: int, picture: Picture, gap: tuple[int, int]) -> TurningGap
         here = slice(start, stop)
         low, high = float(picture.cells.low[here].min()), float(picture.cells.high[here].max())
         side = picture.cells.hemisphere[here]
-        if (side == side[0]).all() and low > 0.0 and high < QUARTER and high - low < WIDEST * high:
+        if (
+            (side == side[0]).all()
+            and low > 0.0
+            and high < QUARTER_TURN
+            and high - low < MAX_GAP_RELATIVE_WIDTH * high
+        ):
             return TurningGap(owner, start, stop, float(side[0]), low, high, before, after)
     return None
 
 
 def _least_bends(curves: Curves, gaps: Sequence[TurningGap]) -> FloatArray:
     """Return for each gap the smallest |X² D| with the sign that X² D has all over it; 0 without one."""
-    ends = np.array([np.linspace(gap.low, gap.high, BENDS + 1) for gap in gaps])
+    ends = np.array([np.linspace(gap.low, gap.high, BEND_CELLS + 1) for gap in gaps])
     *_, (low, high) = derivative_values(curves, _cells(gaps, ends[:, :-1], ends[:, 1:]), 2)
-    least, most = (side.reshape(len(gaps), BENDS) for side in (low, high))
+    least, most = (side.reshape(len(gaps), BEND_CELLS) for side in (low, high))
     # Written so that NaN is no bound.
     is_up, is_down = (least > 0.0).all(axis=1), (most < 0.0).all(axis=1)
     found: FloatArray = np.where(is_up, least.min(axis=1), np.where(is_down, most.max(axis=1), 0.0))
@@ -140,17 +145,17 @@ def turning_places(
         return d_on_curves(half, Z, G, side, x)
 
     left, right = low, high
-    shares = np.linspace(0.0, 1.0, GRID)
-    for _ in range(GRIDS):
+    shares = np.linspace(0.0, 1.0, GRID_POINTS)
+    for _ in range(GRID_REFINEMENTS):
         x = left + (right - left) * shares
         values = D(x)
         # The chord is taken off: D turns where it is farthest from it.
         middle = np.abs(values - (values[:, :1] + (values[:, -1:] - values[:, :1]) * shares))
-        best = np.clip(np.argmax(middle, axis=1), 1, GRID - 2)[:, None]
+        best = np.clip(np.argmax(middle, axis=1), 1, GRID_POINTS - 2)[:, None]
         left, right = np.take_along_axis(x, best - 1, axis=1), np.take_along_axis(x, best + 1, axis=1)
     x = 0.5 * (left + right)
-    step = STEP * high
-    for _ in range(NEWTON):
+    step = DIFFERENCE_RELATIVE_STEP * high
+    for _ in range(NEWTON_STEPS):
         below, here, above = np.split(D(np.concatenate([x - step, x, x + step], axis=1)), 3, axis=1)
         with np.errstate(all="ignore"):
             move = 0.5 * step * (above - below) / (above - 2.0 * here + below)
@@ -163,7 +168,10 @@ def _settled(
     curves: Curves, gaps: Sequence[TurningGap], least: FloatArray, centres: FloatArray
 ) -> list[Picture]:
     """Return the cells that take the place of each gap."""
-    low, high = centres[:, None] * (1.0 - THIN), centres[:, None] * (1.0 + THIN)
+    low, high = (
+        centres[:, None] * (1.0 - TURN_CELL_RELATIVE_WIDTH),
+        centres[:, None] * (1.0 + TURN_CELL_RELATIVE_WIDTH),
+    )
     (value, slope) = derivative_values(curves, _cells(gaps, low, high), 1)
     found = []
     for k, gap in enumerate(gaps):

@@ -32,9 +32,9 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-WIDTHS = np.array([8.0**-k for k in range(16, 4, -1)])
+ZERO_RELATIVE_WIDTHS = np.array([8.0**-k for k in range(16, 4, -1)])
 """Relative widths to both sides of a guess that are tried, from 3.6e-15 to 3e-5."""
-THIN = 1e-15
+CELL_RELATIVE_WIDTH = 1e-15
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,22 +136,28 @@ def _enclosed(curves: Curves, hemisphere: IntArray, guesses: FloatArray) -> tupl
     low, high = (np.full(guesses.shape, np.nan) for _ in range(2))
     if not guesses.size:
         return low, high
-    below, above = (guesses[:, :, None] * (1.0 + sign * WIDTHS) for sign in (-1.0, 1.0))
+    below, above = (guesses[:, :, None] * (1.0 + sign * ZERO_RELATIVE_WIDTHS) for sign in (-1.0, 1.0))
     signs = []
     for place in (below, above):
-        cells = _cells(np.repeat(hemisphere, len(WIDTHS)), *_about(place.reshape(len(guesses), -1)))
+        cells = _cells(
+            np.repeat(hemisphere, len(ZERO_RELATIVE_WIDTHS)), *_about(place.reshape(len(guesses), -1))
+        )
         signs.append(look_at(curves, cells, with_slope=False).sign.reshape(below.shape))
     is_proved = signs[0] * signs[1] < 0
     best = np.argmax(is_proved, axis=2)[:, :, None]
     found = np.take_along_axis(is_proved, best, axis=2)[:, :, 0]
     # The cells about the places are part of the enclosure.
-    low = np.where(found, np.take_along_axis(below, best, axis=2)[:, :, 0] * (1.0 - THIN), np.nan)
-    high = np.where(found, np.take_along_axis(above, best, axis=2)[:, :, 0] * (1.0 + THIN), np.nan)
+    low = np.where(
+        found, np.take_along_axis(below, best, axis=2)[:, :, 0] * (1.0 - CELL_RELATIVE_WIDTH), np.nan
+    )
+    high = np.where(
+        found, np.take_along_axis(above, best, axis=2)[:, :, 0] * (1.0 + CELL_RELATIVE_WIDTH), np.nan
+    )
     return low, high
 
 
 def _about(place: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return place * (1.0 - THIN), place * (1.0 + THIN)
+    return place * (1.0 - CELL_RELATIVE_WIDTH), place * (1.0 + CELL_RELATIVE_WIDTH)
 
 
 def _cells(hemisphere: IntArray, low: FloatArray, high: FloatArray) -> Cells:
@@ -164,13 +170,16 @@ def _cells(hemisphere: IntArray, low: FloatArray, high: FloatArray) -> Cells:
 def _sizes(curves: Curves, cells: Cells) -> tuple[FloatArray, FloatArray]:
     """Return bounds of the client's |g1| on cells."""
     shape, loops = curves.loops.shape, curves.loops
-    low, high = np.sin(cells.low) * (1.0 - 4.0 * THIN), np.sin(cells.high) * (1.0 + 4.0 * THIN)
+    low, high = (
+        np.sin(cells.low) * (1.0 - 4.0 * CELL_RELATIVE_WIDTH),
+        np.sin(cells.high) * (1.0 + 4.0 * CELL_RELATIVE_WIDTH),
+    )
     if shape.is_mirrored:
         return loops.Z[0][cells.owner] * low, loops.Z[1][cells.owner] * high
     alpha = float(shape.alpha)
     with np.errstate(all="ignore"):
         # sin x to the power alpha: its logarithm is at most 60, and is known to 16 digits.
-        spread = 1.0 + 64.0 * alpha * THIN
+        spread = 1.0 + 64.0 * alpha * CELL_RELATIVE_WIDTH
         return (
             loops.G[0][cells.owner] * low**alpha / spread,
             loops.G[1][cells.owner] * high**alpha * spread,

@@ -17,7 +17,7 @@ from service.dynamics.potentials.potential import NoClosedFormError, Potential
 
 FloatArray = NDArray[np.float64]
 
-POLE = 1e-12
+POLE_DISTANCE = 1e-12
 """|g1| and |g3| up to which a potential without a formula has no slope for doubles."""
 
 
@@ -50,7 +50,7 @@ class Equations:
         if self.tape is None:
             gamma = states[:, 3:]
             # Doubles do not tell in which direction from the pole such a place is.
-            at_pole = np.maximum(np.abs(gamma[:, 0]), np.abs(gamma[:, 2])) < POLE
+            at_pole = np.maximum(np.abs(gamma[:, 0]), np.abs(gamma[:, 2])) < POLE_DISTANCE
             slopes = np.where(at_pole[:, None], np.nan, self.potential.gradient(gamma))
             value, gradient = self.potential.value(gamma), list(slopes.T)
         else:

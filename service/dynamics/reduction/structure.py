@@ -36,7 +36,7 @@ from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.lows import Lows, lows_of
 from service.dynamics.reduction.root_finding.radicand import (
-    DOUBLE_SHARE,
+    DOUBLE_ZERO_BITS_SHARE,
     HalfLoop,
     half_between,
     in_order,
@@ -63,7 +63,7 @@ from service.dynamics.reduction.sign_proofs.infinities import (
     is_essential,
 )
 from service.dynamics.reduction.sign_proofs.sign_maps import (
-    MOST_GAPS,
+    MAX_GAPS,
     ends_of,
     halved,
     pictures_together,
@@ -83,16 +83,16 @@ IntArray = NDArray[np.int64]
 Ends = tuple[Side, Side]
 """The two ends of a gap."""
 
-ROUNDS = 6
+CUT_ROUNDS = 6
 """Rounds of cuts in doubles before anything else is tried."""
-NARROW = 1e-5
+STRETCH_RELATIVE_WIDTH = 1e-5
 """Width, against the distance to the pole, that a stretch about a zero of higher order, or of none, or about
 an edge may have."""
 MOST_ZEROS = 4
 """In no more open gaps than these zeros of high order are looked for before cells are halved."""
-AROUND = 1 / 16
+SIZE_RELATIVE_DISTANCE = 1 / 16
 """Relative distance from it at which P has its size."""
-NEXT = 1e-14
+NEXT_RELATIVE_DISTANCE = 1e-14
 
 
 class SignsUnsettledError(DynamicsError):
@@ -129,7 +129,7 @@ def see_together(loops: Sequence[Loop], g3_sign: int) -> list[HalfInDoubles | No
     None where the picture has so many cells that it is better made alone.
     """
     halves = [half_of(loop, loop.potential.tape, g3_sign) for loop in loops]
-    pictures, lows = pictures_together(halves, ROUNDS), lows_of(loops, g3_sign)
+    pictures, lows = pictures_together(halves, CUT_ROUNDS), lows_of(loops, g3_sign)
     return [
         None if picture is None else HalfInDoubles(half, picture, low)
         for half, picture, low in zip(halves, pictures, lows, strict=True)
@@ -152,7 +152,7 @@ def proved_half(loop: Loop, g3_sign: int, seen: HalfInDoubles | None = None) -> 
         return with_near_rests(loop, _seen_half(loop, g3_sign), g3_sign, ())
     radicand = precise_radicand(loop, g3_sign)
     half = half_of(loop, tape, g3_sign) if seen is None else seen.half
-    picture = refined(half, first_picture(half), ROUNDS) if seen is None else seen.picture
+    picture = refined(half, first_picture(half), CUT_ROUNDS) if seen is None else seen.picture
     if (picture.found.sign == 0).all() and vanishes(radicand):
         return HalfLoop((), (-1,), "blocked", "blocked")
     infinities, zeros = list[Infinity](), dict[Ends, HighZero]()
@@ -162,7 +162,7 @@ def proved_half(loop: Loop, g3_sign: int, seen: HalfInDoubles | None = None) -> 
         picture = halved(half, _with_high_zeros(half, picture, zeros, radicand))
         picture = _with_infinities(half, picture, infinities)
     cuts, gaps = _cuts(picture), picture.open_gaps()
-    if len(gaps) > MOST_GAPS:
+    if len(gaps) > MAX_GAPS:
         raise _unsettled(half, *ends_of(picture, gaps[0]))
     turns = [
         place
@@ -217,7 +217,7 @@ def _seen_half(loop: Loop, g3_sign: int) -> HalfLoop:
 def _with_infinities(half: Half, picture: Picture, found: list[Infinity]) -> Picture:
     """Return the picture with the gaps in which P is proved to be infinite, appended to ``found``."""
     gaps = [gap for gap in picture.open_gaps() if not (picture.is_bounded(gap) or picture.is_known(gap))]
-    if not gaps or len(gaps) > MOST_GAPS or not vanishing_parts(half.tape):
+    if not gaps or len(gaps) > MAX_GAPS or not vanishing_parts(half.tape):
         return picture
     most = picture.most_zeros.copy()
     for gap in gaps:
@@ -236,7 +236,9 @@ def _with_high_zeros(
     most, open_gaps = picture.most_zeros.copy(), list[tuple[Gap, Ends, tuple[int, int]]]()
     for gap in picture.open_gaps():
         signs, ends = _labels_around(picture, gap), ends_of(picture, gap)
-        is_open = not (picture.is_bounded(gap) or picture.is_known(gap) or width_of(*ends) < NARROW)
+        is_open = not (
+            picture.is_bounded(gap) or picture.is_known(gap) or width_of(*ends) < STRETCH_RELATIVE_WIDTH
+        )
         if is_open and not {0, UNDEFINED} & set(signs):
             open_gaps.append((gap, ends, signs))
     # A look for one takes as long as some hundred cells.
@@ -269,7 +271,9 @@ def _labels_around(picture: Picture, gap: Gap) -> tuple[int, int]:
 def _is_between(v: arb, start: Side, stop: Side) -> bool:
     """Tell whether a zero, on either half, lies on the stretch, as far as doubles resolve."""
     low, high = (x if side > 0 else np.pi - x for side, x in (start, stop))
-    return bool(low * (1.0 - NEXT) <= abs(float(v)) <= high * (1.0 + NEXT))
+    return bool(
+        low * (1.0 - NEXT_RELATIVE_DISTANCE) <= abs(float(v)) <= high * (1.0 + NEXT_RELATIVE_DISTANCE)
+    )
 
 
 def _cuts(picture: Picture) -> list[LoopPlace]:
@@ -307,7 +311,7 @@ def _cuts_inside(
     if 0 in (before, after):
         raise _unsettled(half, start, stop)
     if UNDEFINED in (before, after):
-        if before == after or not width_of(start, stop) < NARROW:
+        if before == after or not width_of(start, stop) < STRETCH_RELATIVE_WIDTH:
             raise _unsettled(half, start, stop)
         return []
     if (start, stop) in zeros:
@@ -318,9 +322,9 @@ def _cuts_inside(
     sign = continuous_sign(half, start, stop)
     if sign and before == after:
         return []
-    if not width_of(start, stop) < NARROW:
+    if not width_of(start, stop) < STRETCH_RELATIVE_WIDTH:
         zero = high_zero(half, start, stop, (before, after), radicand)
-        if zero is None or not zero.is_settled(NARROW):
+        if zero is None or not zero.is_settled(STRETCH_RELATIVE_WIDTH):
             raise _unsettled(half, *((start, stop) if zero is None else zero.rest))
         return _cut_at(zero, before, after)
     if sign is not None:
@@ -350,9 +354,12 @@ def _touch(start: Side, stop: Side, radicand: Radicand) -> LoopPlace | None:
 
     middle = (left + right) / 2
     # As balls: beside a flat zero P is below all doubles.
-    one, other = (abs(value(middle * (1 + share))).mid() for share in (arb(AROUND), -arb(AROUND)))
+    one, other = (
+        abs(value(middle * (1 + share))).mid()
+        for share in (arb(SIZE_RELATIVE_DISTANCE), -arb(SIZE_RELATIVE_DISTANCE))
+    )
     size = one.max(other)
-    nothing = size * arb(2) ** -int(DOUBLE_SHARE * ctx.prec)
+    nothing = size * arb(2) ** -int(DOUBLE_ZERO_BITS_SHARE * ctx.prec)
     x = lowest_place(value, left, right, nothing)
     at_x = value(x)
     if at_x.is_finite():

@@ -10,7 +10,7 @@ from flint import arb, ctx
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.lows import are_apart, lows_of
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from tests.support.planar import body, formula
 
 BODY = body("17/10", 1)
@@ -18,7 +18,7 @@ Q = "(A*g1^2+C*g3^2)"
 
 
 def loops_of(text, *lambdas):
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         return [make_loop(BODY, formula(text, BODY), PlanarMotion(Fraction(each))) for each in lambdas]
 
 
@@ -70,7 +70,7 @@ def test_places_are_apart_unless_two_are_close():
 
 
 def test_p_squared_is_that_of_the_point_to_the_last_bit():
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         for loop in loops_of(f"{Q}*(g2^2-1/2+g2^3/5)", "1/3", "3"):
             for v in ("1/10", "1", "3/2", "3"):
                 sine, cosine = (arb(1) * Fraction(v).numerator / Fraction(v).denominator).sin_cos()

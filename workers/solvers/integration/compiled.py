@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.evidence import FINEST, GOAL
+from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
+from service.dynamics.solution.dense_output import UNIT_ROUNDOFF
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.lanes import LANES
@@ -32,11 +33,14 @@ from workers.solvers.integration.errors import (
     UndefinedStartError,
     UnsupportedFormulaError,
 )
-from workers.solvers.integration.followed import BEFORE_THE_END, SLACK
-from workers.solvers.integration.followed import ROUNDING as STEP_ROUNDING
+from workers.solvers.integration.followed import (
+    MAX_DEFECT_TOLERANCES,
+    STEP_RELATIVE_ROUNDING,
+    UNCHECKED_TIME_SHARE,
+)
 from workers.solvers.integration.interface import (
-    COLLAPSED_STEP,
-    SINGULAR_GRADIENT,
+    COLLAPSED_STEP_RATIO,
+    COLLISION_GRADIENT_GROWTH,
     Rounding,
     Run,
     Steps,
@@ -45,7 +49,12 @@ from workers.solvers.integration.interface import (
     too_many_steps,
 )
 from workers.solvers.integration.programs import gradient_program
-from workers.solvers.integration.twin import LOOSER, ROUNDING, SAFETY, UNIT, Span
+from workers.solvers.integration.twin import (
+    COARSE_DEFECT_RATIO,
+    DIFFERENCE_FACTOR,
+    SHARED_RELATIVE_ROUNDING,
+    Span,
+)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -171,7 +180,7 @@ class CompiledIntegrator:
             np.array([local_tolerance]),
             max_steps,
             longest,
-            COLLAPSED_STEP,
+            COLLAPSED_STEP_RATIO,
             new_pieces(1),
         )
         count = int(counts[0])
@@ -277,18 +286,20 @@ def asked_of_twin(
         fine=finer,
         coarse=local_tolerance,
         max_steps=max_steps,
-        collapsed=COLLAPSED_STEP,
-        singular=SINGULAR_GRADIENT,
-        before_the_end=BEFORE_THE_END,
+        collapsed=COLLAPSED_STEP_RATIO,
+        singular=COLLISION_GRADIENT_GROWTH,
+        before_the_end=UNCHECKED_TIME_SHARE,
         tolerance=tolerance,
-        safety=SAFETY,
-        rounding=ROUNDING,
-        noise=UNIT,
+        safety=DIFFERENCE_FACTOR,
+        rounding=SHARED_RELATIVE_ROUNDING,
+        noise=UNIT_ROUNDOFF,
         tail=_tail_of(finer),
-        fine_defect=max(SLACK * finer, STEP_ROUNDING),
-        coarse_defect=max(SLACK * local_tolerance, LOOSER * STEP_ROUNDING),
-        goal=GOAL,
-        finest=FINEST,
+        fine_defect=max(MAX_DEFECT_TOLERANCES * finer, STEP_RELATIVE_ROUNDING),
+        coarse_defect=max(
+            MAX_DEFECT_TOLERANCES * local_tolerance, COARSE_DEFECT_RATIO * STEP_RELATIVE_ROUNDING
+        ),
+        goal=TRUNCATION_SHARE,
+        finest=MIN_TRUNCATION,
         is_last=is_last,
     )
 

@@ -22,7 +22,7 @@ from workers.solvers.integration.errors import (
     UnsupportedFormulaError,
 )
 from workers.solvers.integration.interface import Integrator, Steps, neighbour_of
-from workers.solvers.integration.twin import ROUNDING, Span, Twin, run_twin
+from workers.solvers.integration.twin import SHARED_RELATIVE_ROUNDING, Span, Twin, run_twin
 from workers.solvers.ways import is_plain
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ CHECK_TIMES = 257
 asked the difference may vanish there by chance."""
 GROWTH = "grown_errors"
 """Key of the evidence: what errors that a run makes on its way have grown to, a part of the claim."""
-FIRST_TRY = 0.01
+FIRST_TOLERANCE_SHARE = 0.01
 """Local tolerance of the first try in parts of the tolerance: errors of some hundred steps add up."""
 
 
@@ -191,7 +191,7 @@ def _by_scipy(body: RigidBody, potential: Potential) -> Integrator:
 def tolerances(integrator: Steps, tolerance: float) -> list[float]:
     """Return the local tolerances to try, of the coarser run: by the tolerance, then the finest."""
     finest = integrator.finest * integrator.tightening
-    first = FIRST_TRY * tolerance
+    first = FIRST_TOLERANCE_SHARE * tolerance
     # What is hardly looser than the finest would take the same steps.
     has_other_steps = first > integrator.tightening * finest
     return [min(first, integrator.coarsest), finest] if has_other_steps else [finest]
@@ -263,4 +263,4 @@ def _energy(twin: Twin, body: RigidBody, potential: Potential, check: FloatArray
     """Return the energy at t = 0; its error is how far it strays along the motion, which rounds it anew."""
     states = twin.fine(np.concatenate([np.zeros(1), check]))
     h = energy_integral(body, potential, states[:, :3], states[:, 3:])
-    return Estimate(float(h[0]), float(np.abs(h - h[0]).max() + ROUNDING * abs(h[0])))
+    return Estimate(float(h[0]), float(np.abs(h - h[0]).max() + SHARED_RELATIVE_ROUNDING * abs(h[0])))

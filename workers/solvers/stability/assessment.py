@@ -38,7 +38,7 @@ from workers.solvers.stability.trusted import trusted_time
 
 FloatArray = NDArray[np.float64]
 
-KNOWN_BITS = 56
+COEFFICIENT_BITS = 56
 """Bits to which c is known, in parts of the larger of itself and of B ω²."""
 
 
@@ -58,8 +58,8 @@ class HillSystem:
         """Return A(θ) of dy/dθ = A(θ) y; raises PrecisionLostError."""
         c = self.coefficient(self.orbit.state(theta))
         scale = self.B * self.frequency
-        if not c.rad() * arb(2) ** KNOWN_BITS <= abs(c.mid()) + scale * self.frequency:
-            raise PrecisionLostError(f"Hill's coefficient is known to fewer than {KNOWN_BITS} bits")
+        if not c.rad() * arb(2) ** COEFFICIENT_BITS <= abs(c.mid()) + scale * self.frequency:
+            raise PrecisionLostError(f"Hill's coefficient is known to fewer than {COEFFICIENT_BITS} bits")
         rate = self.orbit.rate(theta)
         return np.array([[0.0, -float(rate * self.frequency)], [float(rate * c / scale), 0.0]])
 

@@ -6,24 +6,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.solution.dense_output import EPSILON, Period
+from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, Period
 from workers.solvers.stability.monodromy import Monodromy
 
 FloatArray = NDArray[np.float64]
 
-UNIT_ROUNDOFF = EPSILON / 2.0
 MAX_PERIODS = 1_000_000
 """A motion that can be trusted for as many periods is not limited by its transverse perturbations."""
-TOGETHER = 1024
+PERIODS_TOGETHER = 1024
 """Periods that are looked at together."""
-LARGEST_GROWTH = 60.0
+MAX_LOG_GROWTH = 60.0
 """Natural logarithm beyond which no tolerance matters: 26 decimal digits."""
-ROUNDEST = 128.0
+MAX_AXES_RATIO = 128.0
 """Ratio of the axes up to which harmonics are summed: for rounder ones a thousand and fewer do."""
-FEWEST = 16
-LEFT_OUT = 32.0
+MIN_HARMONICS = 16
+TRUNCATION_LOG = 32.0
 """Natural logarithm of what is left out of the harmonics: 1e-14 of the first one."""
-MOST_STEPS = 64
+MAX_STEPS = 64
 """Steps, at most, by the mean growth to the period asked for; after more, all periods are gone through."""
 
 
@@ -58,14 +57,14 @@ def trusted_time(
 def _periods(matrix: FloatArray, size: float, tolerance: float) -> tuple[int, float, float] | None:
     """Return the first n with E_n ≥ ``tolerance``, E before it, and E_n; None if it is above MAX_PERIODS."""
     rotating = rotating_norms(matrix)
-    if rotating is not None and size * rotating.largest * TOGETHER < tolerance:
+    if rotating is not None and size * rotating.largest * PERIODS_TOGETHER < tolerance:
         found = _late(rotating, size, tolerance)
         if found is not None:
             return found if found[0] <= MAX_PERIODS else None
     first, total, before = 0, 0.0, 0.0
     while True:
         # Some at a time: the sum often gets there soon, and a million of them do not fit into a cache.
-        norms = power_norms(matrix, MAX_PERIODS, first=first, most=TOGETHER)
+        norms = power_norms(matrix, MAX_PERIODS, first=first, most=PERIODS_TOGETHER)
         if not len(norms):
             return None
         sums = np.cumsum(np.append(total, norms))[1:] if first else np.cumsum(norms)
@@ -82,7 +81,7 @@ def _periods(matrix: FloatArray, size: float, tolerance: float) -> tuple[int, fl
 
 def _late(rotating: "RotatingNorms", size: float, tolerance: float) -> tuple[int, float, float] | None:
     """Return what :func:`_periods` does if it is known not to be among the first; None if it is not found."""
-    found = rotating.reach(tolerance / size, TOGETHER)
+    found = rotating.reach(tolerance / size, PERIODS_TOGETHER)
     return None if found is None else (found[0], size * found[1], size * found[2])
 
 
@@ -95,7 +94,7 @@ def power_norms(matrix: FloatArray, count: int, *, first: int = 0, most: int | N
 
     .. math:: \pm M^k = \cosh(k\chi)\,1 + \frac{\sinh k\chi}{\sinh\chi}\,N ,
 
-    and 1 and N are orthogonal. Powers beyond the growth exp(LARGEST_GROWTH) are left out.
+    and 1 and N are orthogonal. Powers beyond the growth exp(MAX_LOG_GROWTH) are left out.
     """
     last = count if most is None else min(count, first + most - 1)
     half = 0.5 * float(np.trace(matrix))
@@ -103,7 +102,7 @@ def power_norms(matrix: FloatArray, count: int, *, first: int = 0, most: int | N
     size = abs(half)
     if size > 1.0:
         chi = math.acosh(size)
-        k = np.arange(first, min(last, int(LARGEST_GROWTH / chi) + 2) + 1)
+        k = np.arange(first, min(last, int(MAX_LOG_GROWTH / chi) + 2) + 1)
         even, odd = np.cosh(k * chi), np.sinh(k * chi) / math.sinh(chi)
     elif size < 1.0:
         phi = math.acos(size)
@@ -148,7 +147,7 @@ class RotatingNorms:
         if last < goal:
             return MAX_PERIODS + 1, last, math.inf
         mean, n = float(self.harmonics[0]), least
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             here = self.total(n)
             missing = goal - here
             step = math.floor(missing / mean)
@@ -171,7 +170,7 @@ def rotating_norms(matrix: FloatArray) -> RotatingNorms | None:
     phi = math.acos(half)
     rest = float(np.linalg.norm(matrix - 0.5 * float(np.trace(matrix)) * np.eye(2))) / math.sin(phi)
     ratio = rest / math.sqrt(2.0)
-    if not 1.0 / ROUNDEST <= ratio <= ROUNDEST:
+    if not 1.0 / MAX_AXES_RATIO <= ratio <= MAX_AXES_RATIO:
         return None
     count = _harmonics_of(max(ratio, 1.0 / ratio))
     x = np.arange(2 * count) * (np.pi / (2 * count))
@@ -185,5 +184,5 @@ def _harmonics_of(ratio: float) -> int:
 
     f² is 0 where exp(2ix) = ±(ratio + 1)/(ratio − 1): the a_m fall by that much each.
     """
-    needed = LEFT_OUT / math.log((ratio + 1.0) / (ratio - 1.0)) if ratio > 1.0 else 0.0
-    return max(FEWEST, 1 << math.ceil(math.log2(max(needed, 1.0))))
+    needed = TRUNCATION_LOG / math.log((ratio + 1.0) / (ratio - 1.0)) if ratio > 1.0 else 0.0
+    return max(MIN_HARMONICS, 1 << math.ceil(math.log2(max(needed, 1.0))))

@@ -17,7 +17,7 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.potentials.families.general_solution import Quadrant
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.verdict.verdict import Verdict
 from workers.sweeping.parameters.family import SweepFamily
 
@@ -50,7 +50,7 @@ class Energies:
         """Return the energy of each point and the bound of its error as a job has them; NaN if in doubt."""
         known: dict[tuple[int, int], tuple[arb, ...]] = {}
         found: list[tuple[float, float]] = []
-        with ctx.workprec(PRECISION):
+        with ctx.workprec(REDUCTION_BITS):
             for row, square in zip(parameters, lambdas_squared, strict=True):
                 key = int(square.p), int(square.q)
                 terms = known.get(key)

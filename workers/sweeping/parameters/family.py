@@ -22,7 +22,7 @@ from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree, 
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.potentials import MODELS
 from service.schemas.reading.pointers import with_values
@@ -109,7 +109,7 @@ class Poles:
 
 def smooth_poles(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> Poles | None:
     """Return the second derivatives at the poles if every member is smooth there, else None."""
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         for member in family.members:
             if not make_loop(body, member.potential, motion).is_smooth_at_poles():
                 return None

@@ -29,7 +29,7 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-FAINT = 1e-300
+FAINT_VALUE = 1e-300
 """Below it a double is next to 0, and smaller cells do not help."""
 
 
@@ -155,7 +155,7 @@ def _signs(element: Interval | None, shape: tuple[int, ...], at_pole: BoolArray)
 def _are_faint(element: Interval | None, shape: tuple[int, ...]) -> BoolArray:
     if element is None:
         return np.zeros(shape, dtype=np.bool_)
-    return np.broadcast_to((element.lo > -FAINT) & (element.hi < FAINT), shape)
+    return np.broadcast_to((element.lo > -FAINT_VALUE) & (element.hi < FAINT_VALUE), shape)
 
 
 def _bounds(ball: arb) -> Bounds:

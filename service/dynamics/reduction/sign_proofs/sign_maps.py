@@ -36,34 +36,34 @@ from service.dynamics.reduction.sign_proofs.signs_in_balls import (
     width_of,
 )
 
-ROUNDS = 4
+CUT_ROUNDS = 4
 """Rounds of cuts in doubles, between two looks in balls."""
-STAGES = 8
-MOST_GAPS = 1000
+BALL_STAGES = 8
+MAX_GAPS = 1000
 """Open ones: beyond, nothing is settled in balls."""
-WIDE = 0.05
+MAX_GAP_RELATIVE_WIDTH = 0.05
 """Largest width of a gap, against its distance to the pole: a wider one is cut first."""
-MOST_LOOKS, LOOKS_AT_POLES = 600, 100
+MAX_BALL_CELLS, MAX_BALL_CELLS_AT_POLES = 600, 100
 """At cells where doubles fail, of one half."""
-NARROW = 1e-6
+CELL_MIN_RELATIVE_WIDTH = 1e-6
 """Relative width of a cell that is not halved any more."""
-HALVINGS = 12
+MIN_HALVINGS = 12
 """Least number of halvings that a cell has had before its relative width counts as small."""
 
 
 def settled(half: Half, picture: Picture) -> Picture:
     """Return the picture with its open gaps closed, or the number of their zeros bounded, where possible."""
     at_poles = [gap for gap in picture.open_gaps() if _is_at_pole(picture, gap)]
-    picture = _halved(half, picture, at_poles, LOOKS_AT_POLES)
-    for _ in range(STAGES):
+    picture = _halved(half, picture, at_poles, MAX_BALL_CELLS_AT_POLES)
+    for _ in range(BALL_STAGES):
         gaps = _unbounded(picture)
         if not gaps:
             return picture
-        if len(gaps) > MOST_GAPS or is_crowded(picture):
+        if len(gaps) > MAX_GAPS or is_crowded(picture):
             return picture
         picture = _bounded(half, picture, gaps)
         before = len(picture.cells.low)
-        picture = refined(half, picture, ROUNDS)
+        picture = refined(half, picture, CUT_ROUNDS)
         if len(picture.cells.low) == before:
             break
     return picture
@@ -72,8 +72,8 @@ def settled(half: Half, picture: Picture) -> Picture:
 def halved(half: Half, picture: Picture) -> Picture:
     """Return the picture with the cells of what is open still halved in balls."""
     gaps = _unbounded(picture)
-    is_too_much = len(gaps) > MOST_GAPS or is_crowded(picture)
-    return picture if is_too_much else _halved(half, picture, gaps, MOST_LOOKS)
+    is_too_much = len(gaps) > MAX_GAPS or is_crowded(picture)
+    return picture if is_too_much else _halved(half, picture, gaps, MAX_BALL_CELLS)
 
 
 def _is_at_pole(picture: Picture, gap: Gap) -> bool:
@@ -102,7 +102,7 @@ def _bounded(half: Half, picture: Picture, gaps: list[Gap]) -> Picture:
     turns = [turn for gap in gaps for turn in picture.turns(gap)]
     for first, last in turns:
         start, stop = ends_of(picture, (first, last))
-        if most[first] >= 0 or not width_of(start, stop) < WIDE:
+        if most[first] >= 0 or not width_of(start, stop) < MAX_GAP_RELATIVE_WIDTH:
             continue
         order, its_sign = _known(half, start, stop)
         here = slice(first, last)
@@ -172,8 +172,8 @@ class _Cell:
     @property
     def is_small(self) -> bool:
         if self.low == 0.0:
-            return self.halvings >= HALVINGS
-        return self.high - self.low < NARROW * self.high and self.halvings >= HALVINGS
+            return self.halvings >= MIN_HALVINGS
+        return self.high - self.low < CELL_MIN_RELATIVE_WIDTH * self.high and self.halvings >= MIN_HALVINGS
 
     def halves(self) -> "tuple[_Cell, _Cell]":
         """Return both parts; next to a pole the nearer one is much the smaller."""
@@ -194,7 +194,7 @@ def _picture_of(done: list[_Cell]) -> Picture:
     return Picture(cells, found, np.full(len(done), -1))
 
 
-MOST_CUT = 256
+MAX_CELLS_CUT = 256
 """Open cells of one half that are cut together with those of others: one with more has a picture alone."""
 
 
@@ -216,7 +216,7 @@ def pictures_together(halves: Sequence[Half], most_rounds: int) -> list[Picture 
             assert picture is not None
             is_cut = cells_to_cut(picture)
             count = int(is_cut.sum())
-            if count > MOST_CUT:
+            if count > MAX_CELLS_CUT:
                 pictures[k] = None
             elif count:
                 cut.append((k, picture, is_cut))

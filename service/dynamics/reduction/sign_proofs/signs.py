@@ -11,20 +11,24 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import NARROWEST, QUARTER, Cells
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
+    CELL_MIN_RELATIVE_WIDTH,
+    QUARTER_TURN,
+    Cells,
+)
 from service.dynamics.reduction.sign_proofs.cells import Found, Half, look_at
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-FIRST = np.concatenate([[0.0], np.geomspace(1e-3, 0.128, 8), np.linspace(0.2, QUARTER, 12)])
+FIRST = np.concatenate([[0.0], np.geomspace(1e-3, 0.128, 8), np.linspace(0.2, QUARTER_TURN, 12)])
 """Ends of the first cells, from a pole to the equator."""
-PARTS = 4
+CUT_PARTS = 4
 """Number of parts into which an open cell is cut."""
-NEAREST = 1e-100
+NEAREST_POLE_DISTANCE = 1e-100
 """An open cell at a pole that ends here is not cut again."""
-MOST_CELLS = 8192
+MAX_OPEN_CELLS = 8192
 """Open ones at a time."""
 
 CELLS, FOUND = ("owner", "hemisphere", "low", "high"), ("sign", "slope", "is_undefined", "is_faint")
@@ -128,11 +132,11 @@ def first_cells() -> Cells:
 def refined(half: Half, picture: Picture, most_rounds: int) -> Picture:
     """Return the picture with its open cells cut until all gaps are closed, or so many times.
 
-    A cell that cannot be cut, and one among more than MOST_CELLS, is left as it is.
+    A cell that cannot be cut, and one among more than MAX_OPEN_CELLS, is left as it is.
     """
     for _ in range(most_rounds):
         is_cut = cells_to_cut(picture)
-        if not is_cut.any() or is_cut.sum() > MOST_CELLS:
+        if not is_cut.any() or is_cut.sum() > MAX_OPEN_CELLS:
             break
         parts = parts_of(picture.cells.at(is_cut))
         found = look_at(half, parts, with_slope=True)
@@ -142,14 +146,16 @@ def refined(half: Half, picture: Picture, most_rounds: int) -> Picture:
 
 def is_crowded(picture: Picture) -> bool:
     """Tell whether more cells are open than are cut."""
-    return bool(cells_to_cut(picture).sum() > MOST_CELLS)
+    return bool(cells_to_cut(picture).sum() > MAX_OPEN_CELLS)
 
 
 def cells_to_cut(picture: Picture) -> BoolArray:
     """Tell which cells to cut: those of open gaps on which P may turn."""
     is_cut = np.zeros(len(picture.found.sign), dtype=np.bool_)
     low, high = picture.cells.low, picture.cells.high
-    can_be_cut = np.where(low > 0.0, high - low > NARROWEST * high, high > NEAREST)
+    can_be_cut = np.where(
+        low > 0.0, high - low > CELL_MIN_RELATIVE_WIDTH * high, high > NEAREST_POLE_DISTANCE
+    )
     can_be_cut &= (picture.most_zeros < 0) & ~picture.found.is_faint
     for gap in picture.open_gaps():
         for first, last in picture.turns(gap):
@@ -160,15 +166,15 @@ def cells_to_cut(picture: Picture) -> BoolArray:
 def parts_of(cells: Cells) -> Cells:
     """Return the parts of each cell; next to a pole the nearer ones are much the smaller."""
     low, high = cells.low[:, None], cells.high[:, None]
-    shares = np.arange(PARTS + 1) / PARTS
+    shares = np.arange(CUT_PARTS + 1) / CUT_PARTS
     with np.errstate(all="ignore"):
         steps = np.where(high > 2.0 * low, low * (high / low) ** shares, low + (high - low) * shares)
-        at_pole = high * np.minimum(1.0 / 16.0, high) ** np.arange(PARTS, -1.0, -1.0)
+        at_pole = high * np.minimum(1.0 / 16.0, high) ** np.arange(CUT_PARTS, -1.0, -1.0)
     ends = np.where(low == 0.0, at_pole, steps)
     ends[:, 0], ends[:, -1] = cells.low, cells.high
     return Cells(
-        np.repeat(cells.owner, PARTS),
-        np.repeat(cells.hemisphere, PARTS),
+        np.repeat(cells.owner, CUT_PARTS),
+        np.repeat(cells.hemisphere, CUT_PARTS),
         ends[:, :-1].ravel(),
         ends[:, 1:].ravel(),
     )

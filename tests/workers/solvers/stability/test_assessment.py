@@ -133,7 +133,7 @@ def test_next_to_a_separatrix_panels_follow_the_motion():
 def test_trusted_time_is_the_same_however_many_periods_are_looked_at_together(trace, tolerance, monkeypatch):
     M = monodromy(trace, -1.0, 1.0, 0.0)
     in_parts = trusted_time(M, 1.0, PERIOD, tolerance)
-    monkeypatch.setattr(trusted, "TOGETHER", MAX_PERIODS + 1)
+    monkeypatch.setattr(trusted, "PERIODS_TOGETHER", MAX_PERIODS + 1)
     # Roundings of sums of a million norms, in another order where harmonics were summed.
     assert trusted_time(M, 1.0, PERIOD, tolerance) == (
         in_parts if in_parts is None else pytest.approx(in_parts, rel=1e-11)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
-from service.dynamics.defect.evidence import FINEST, GOAL, Shown
+from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE, Shown
 from service.dynamics.keeping import Remembering
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
@@ -36,7 +36,7 @@ def kept_claim(
         return None
     program, constants = found
     coefficients = np.ascontiguousarray(dense.coefficients)
-    goal = max(GOAL * claim, FINEST * float(np.abs(coefficients).max(initial=1.0)))
+    goal = max(TRUNCATION_SHARE * claim, MIN_TRUNCATION * float(np.abs(coefficients).max(initial=1.0)))
     defect, drift = defect_and_drift(
         program.code,
         constants,
