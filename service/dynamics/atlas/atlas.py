@@ -26,7 +26,7 @@ from service.dynamics.atlas.curves import (
 )
 from service.dynamics.atlas.latitudes import formula_of, stays_at_latitudes, zeros_at_latitudes
 from service.dynamics.atlas.parts import Atlas, AtlasPart, Beside, Change, LambdaRange, change_between
-from service.dynamics.atlas.sampled_atlas import seen_atlas, single_at
+from service.dynamics.atlas.sampled_atlas import sampled_atlas, single_at
 from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range, whole_range
 from service.dynamics.atlas.zeros import CELL_RELATIVE_WIDTH, zeros_of
 from service.dynamics.body import RigidBody
@@ -129,7 +129,7 @@ def make_atlas(
     if not potential.has_formula:
         with ctx.workprec(ENERGY_BITS):
             plain = _plain_halves(body, potential, over)
-            return seen_atlas(plain, over, samples, MIN_SAMPLES_PER_PART, is_late, has_periods=has_periods)
+            return sampled_atlas(plain, over, samples, MIN_SAMPLES_PER_PART, is_late, has_periods=has_periods)
     with ctx.workprec(ENERGY_BITS):
         halves = _halves(body, potential, over)
         if stays_at_latitudes(halves):

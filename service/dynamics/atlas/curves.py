@@ -228,10 +228,10 @@ def zero_between(
                 break
             xi, phi = (place - far) / (third - far), (f_place - f_far) / (f_third - f_far)
             is_quadratic = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
-            guess = f_place / (f_far - f_place) * f_third / (f_far - f_third) + (third - place) / (
+            estimate = f_place / (f_far - f_place) * f_third / (f_far - f_third) + (third - place) / (
                 far - place
             ) * f_place / (f_third - f_place) * f_far / (f_third - f_far)
-            share = np.where(is_quadratic & np.isfinite(guess), guess, 0.5)
+            share = np.where(is_quadratic & np.isfinite(estimate), estimate, 0.5)
             share = np.clip(share, np.minimum(least, 0.5), np.maximum(1.0 - least, 0.5))
             share = np.where(f_place == 0.0, 0.0, share)
     return best

@@ -33,8 +33,8 @@ GOLDEN_RATIO = 0.5 * (5.0**0.5 - 1.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
-    """The signs of p² seen along one half curve at one λ."""
+class GridSigns:
+    """The signs of p² along one half curve at one λ, in doubles."""
 
     signature: Signature
     low: FloatArray
@@ -68,8 +68,8 @@ def radicand_ball(half: PlainHalves, loop: Loop, side: float, x: arb) -> arb:
     return loop.point_from(sine * half.shape.third_sign, cosine if side > 0 else -cosine).P
 
 
-def looks_at(half: PlainHalves, places: FloatArray, single: Sequence[LambdaStretch]) -> list[Look]:
-    """Return what is seen of a half curve at each λ."""
+def grid_signs_at(half: PlainHalves, places: FloatArray, single: Sequence[LambdaStretch]) -> list[GridSigns]:
+    """Return the signs along a half curve at each λ."""
     Z, G = equator_of(half, single)
     north, south = (_values(half, Z, G, side, places) for side in (1.0, -1.0))
     # In the order of growing v; the equator is the last place of the north.
@@ -82,7 +82,7 @@ def looks_at(half: PlainHalves, places: FloatArray, single: Sequence[LambdaStret
         signed = sorted([*zip(v.tolist(), _signs(values[row]).tolist(), strict=True), *more])
         loop = make_loop(half.body, half.potential, motion_at(half, each))
         ends = [_sign_next_to(half, loop, side) for side in (1.0, -1.0)]
-        found.append(_look([(POLE_DISTANCE, ends[0]), *signed, (np.pi - POLE_DISTANCE, ends[1])]))
+        found.append(_grid_signs([(POLE_DISTANCE, ends[0]), *signed, (np.pi - POLE_DISTANCE, ends[1])]))
     return found
 
 
@@ -151,7 +151,7 @@ def _least(function: Function, low: FloatArray, high: FloatArray) -> tuple[Float
     return np.where(is_left, one, other), np.where(is_left, f_one, f_other)
 
 
-def _look(signed: Sequence[tuple[float, int]]) -> Look:
+def _grid_signs(signed: Sequence[tuple[float, int]]) -> GridSigns:
     """Return the stretches of one sign, and where they meet."""
     known = [(v, sign) for v, sign in signed if sign != 0]
     at_equator = [sign for v, sign in known if v == QUARTER_TURN]
@@ -165,7 +165,7 @@ def _look(signed: Sequence[tuple[float, int]]) -> Look:
     hemisphere = np.array([1 if two <= QUARTER_TURN else -1 for _, two in meeting], dtype=np.int64)
     ends = np.array(meeting).reshape(-1, 2)
     in_north = hemisphere > 0
-    return Look(
+    return GridSigns(
         (*runs[0], EQUATOR, *runs[1]),
         np.where(in_north, ends[:, 0], np.pi - ends[:, 1]),
         np.where(in_north, ends[:, 1], np.pi - ends[:, 0]),

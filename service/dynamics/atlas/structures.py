@@ -16,21 +16,21 @@ from numpy.typing import NDArray
 
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, d_on_curves, equator_of, zero_between
 from service.dynamics.atlas.sign_maps import Finest, Signature, compact, signature_of
-from service.dynamics.atlas.turns import settled_pictures, turning_gaps, turning_places
+from service.dynamics.atlas.turns import settled_sign_maps, turning_gaps, turning_places
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
-from service.dynamics.reduction.sign_proofs.signs import Picture
+from service.dynamics.reduction.sign_proofs.signs import SignMap
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MAX_ESTIMATE_RELATIVE_WIDTH, MIN_ESTIMATE_RELATIVE_WIDTH = 3e-3, 1e-7
-"""Relative widths of the stretches in which a change is guessed."""
+"""Relative widths of the stretches in which a change is estimated."""
 ESTIMATE_RELATIVE_ERROR = 1e-11
-"""Relative error of a guess, less than stretches are cut to."""
+"""Relative error of a estimate, less than stretches are cut to."""
 
 
-def guessed_changes(
-    halves: Sequence[HalfCurves], waiting: Sequence[tuple[LambdaStretch, Sequence[Picture | None]]]
+def estimated_changes(
+    halves: Sequence[HalfCurves], waiting: Sequence[tuple[LambdaStretch, Sequence[SignMap | None]]]
 ) -> list[float | None]:
     """Return for each stretch the k at which two zeros seem to meet, or one to cross the equator, or None."""
     found: list[float | None] = [None] * len(waiting)
@@ -45,22 +45,22 @@ def guessed_changes(
             ]
             if chosen:
                 stretches = [waiting[k][0] for k in chosen]
-                pictures = [waiting[k][1][number] for k in chosen]
-                for k, place in zip(chosen, _guessed(half, stretches, pictures), strict=True):
+                sign_maps = [waiting[k][1][number] for k in chosen]
+                for k, place in zip(chosen, _estimated(half, stretches, sign_maps), strict=True):
                     found[k] = place
     return found
 
 
-def _guessed(
-    half: HalfCurves, stretches: Sequence[LambdaStretch], pictures: Sequence[Picture | None]
+def _estimated(
+    half: HalfCurves, stretches: Sequence[LambdaStretch], sign_maps: Sequence[SignMap | None]
 ) -> list[float | None]:
     at_equator = _zeros(lambda owners, k: _at_equator(half, _single(stretches, owners, k)), stretches)
     found = [None if np.isnan(place) else float(place) for place in at_equator]
     gaps = [
         gap
-        for k, picture in enumerate(pictures)
-        if picture is not None and found[k] is None
-        for gap in turning_gaps(k, picture)
+        for k, sign_map in enumerate(sign_maps)
+        if sign_map is not None and found[k] is None
+        for gap in turning_gaps(k, sign_map)
     ]
     if gaps:
         owned = [stretches[gap.owner] for gap in gaps]
@@ -128,41 +128,41 @@ Signatures = tuple[Signature, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class MappedStretch:
     """A stretch, and what is known of each half curve for all its λ."""
 
     stretch: LambdaStretch
-    pictures: tuple[Picture | None, ...]
+    sign_maps: tuple[SignMap | None, ...]
 
-    def parts(self, count: int) -> "list[Seen]":
+    def parts(self, count: int) -> "list[MappedStretch]":
         """Return so many parts, of which as much is known."""
-        return [Seen(part, self.pictures) for part in self.stretch.parts(count)]
+        return [MappedStretch(part, self.sign_maps) for part in self.stretch.parts(count)]
 
 
 @dataclass(frozen=True, slots=True)
 class LambdaPart:
     """Neighbouring stretches with one signature for each half curve; None where that is not proved."""
 
-    seen: tuple[Seen, ...]
+    mapped: tuple[MappedStretch, ...]
     """In the order of growing primed λ."""
     signatures: Signatures | None
 
     @property
     def stretches(self) -> tuple[LambdaStretch, ...]:
         """The stretches alone."""
-        return tuple(each.stretch for each in self.seen)
+        return tuple(each.stretch for each in self.mapped)
 
     @property
     def is_narrow(self) -> bool:
         """No stretch of it is cut any more."""
-        return all(each.stretch.width <= STRETCH_MIN_RELATIVE_WIDTH for each in self.seen)
+        return all(each.stretch.width <= STRETCH_MIN_RELATIVE_WIDTH for each in self.mapped)
 
-    def pictures_at(self, single: LambdaStretch, half: int) -> Picture | None:
+    def sign_maps_at(self, single: LambdaStretch, half: int) -> SignMap | None:
         """Return what is known of a half curve at a single λ; None outside of the stretches."""
-        for each in self.seen:
+        for each in self.mapped:
             stretch = each.stretch
             if stretch.is_inverse == single.is_inverse and stretch.low <= single.low <= stretch.high:
-                return each.pictures[half]
+                return each.sign_maps[half]
         return None
 
 
@@ -172,7 +172,10 @@ def parts_of_range(
     """Return the parts in the order of growing primed λ; what is open when it ``is_late`` stays open."""
     parts = _joined(
         _settled(
-            halves, [Seen(each, (None,) * len(halves)) for each in first], STRETCH_MIN_RELATIVE_WIDTH, is_late
+            halves,
+            [MappedStretch(each, (None,) * len(halves)) for each in first],
+            STRETCH_MIN_RELATIVE_WIDTH,
+            is_late,
         )
     )
     stray = [
@@ -182,21 +185,24 @@ def parts_of_range(
     ]
     if not stray:
         return parts
-    again = [small for part in stray for each in part.seen for small in each.parts(MAX_CUT_PARTS)]
-    known = {part.seen[0].stretch for part in stray}
+    again = [small for part in stray for each in part.mapped for small in each.parts(MAX_CUT_PARTS)]
+    known = {part.mapped[0].stretch for part in stray}
     rest = [
-        (each, part.signatures) for part in parts if part.seen[0].stretch not in known for each in part.seen
+        (each, part.signatures)
+        for part in parts
+        if part.mapped[0].stretch not in known
+        for each in part.mapped
     ]
     return _joined([*rest, *_settled(halves, again, STRAY_MIN_RELATIVE_WIDTH, is_late)])
 
 
 def _settled(
-    halves: Sequence[HalfCurves], waiting: Sequence[Seen], narrow: float, is_late: Callable[[], bool]
-) -> list[tuple[Seen, Signatures | None]]:
+    halves: Sequence[HalfCurves], waiting: Sequence[MappedStretch], narrow: float, is_late: Callable[[], bool]
+) -> list[tuple[MappedStretch, Signatures | None]]:
     """Return stretches with their signatures; those without are at most ``narrow``, or it was late."""
-    done: list[tuple[Seen, Signatures | None]] = []
+    done: list[tuple[MappedStretch, Signatures | None]] = []
     while waiting:
-        following: list[Seen] = []
+        following: list[MappedStretch] = []
         for inverse in (False, True):
             chosen = [each for each in waiting if each.stretch.is_inverse == inverse]
             if not chosen:
@@ -213,25 +219,25 @@ def _settled(
     return done
 
 
-def _cut(halves: Sequence[HalfCurves], following: Sequence[Seen]) -> list[Seen]:
-    """Return parts of open stretches, the finer the nearer a guessed change is, else equal ones."""
+def _cut(halves: Sequence[HalfCurves], following: Sequence[MappedStretch]) -> list[MappedStretch]:
+    """Return parts of open stretches, the finer the nearer a estimated change is, else equal ones."""
     count = min(max(STRETCHES_TOGETHER // max(len(following), 1), 2), MAX_CUT_PARTS)
-    guessed = guessed_changes(halves, [(each.stretch, each.pictures) for each in following])
-    cut = list[Seen]()
-    for each, place in zip(following, guessed, strict=True):
+    estimated = estimated_changes(halves, [(each.stretch, each.sign_maps) for each in following])
+    cut = list[MappedStretch]()
+    for each, place in zip(following, estimated, strict=True):
         stretch = each.stretch
         parts = (
             stretch.parts(count)
             if place is None
             else stretch.parts_towards(place, 2.0 * STRETCH_MIN_RELATIVE_WIDTH)
         )
-        cut.extend(Seen(part, each.pictures) for part in parts)
+        cut.extend(MappedStretch(part, each.sign_maps) for part in parts)
     return cut
 
 
 def _look_again(
-    halves: Sequence[HalfCurves], waiting: Sequence[Seen]
-) -> list[tuple[Seen, Signatures | None]]:
+    halves: Sequence[HalfCurves], waiting: Sequence[MappedStretch]
+) -> list[tuple[MappedStretch, Signatures | None]]:
     """Return each stretch with what is known of it now, and its signatures."""
     stretches = [each.stretch for each in waiting]
     # Next to a double zero p² changes by the width of the stretch over the root of it along the curve.
@@ -242,16 +248,16 @@ def _look_again(
         for each in stretches
     ]
     columns = [
-        settled_pictures(half, stretches, [each.pictures[k] for each in waiting], finest)
+        settled_sign_maps(half, stretches, [each.sign_maps[k] for each in waiting], finest)
         for k, half in enumerate(halves)
     ]
-    found: list[tuple[Seen, Signatures | None]] = []
+    found: list[tuple[MappedStretch, Signatures | None]] = []
     for place, stretch in enumerate(stretches):
-        pictures = [column[place] for column in columns]
-        signatures = [signature_of(picture) for picture in pictures]
+        sign_maps = [column[place] for column in columns]
+        signatures = [signature_of(sign_map) for sign_map in sign_maps]
         known = tuple(signature for signature in signatures if signature is not None)
-        seen = Seen(stretch, tuple(compact(picture) for picture in pictures))
-        found.append((seen, known if len(known) == len(halves) else None))
+        mapped = MappedStretch(stretch, tuple(compact(sign_map) for sign_map in sign_maps))
+        found.append((mapped, known if len(known) == len(halves) else None))
     return found
 
 
@@ -274,7 +280,7 @@ def first_stretches(low: float, high: float) -> list[LambdaStretch]:
 def whole_range(first: Sequence[LambdaStretch], halves: int) -> LambdaPart:
     """Return all stretches as one part of which nothing is known along the curves."""
     ordered = sorted(first, key=_place)
-    return LambdaPart(tuple(Seen(each, (None,) * halves) for each in ordered), None)
+    return LambdaPart(tuple(MappedStretch(each, (None,) * halves) for each in ordered), None)
 
 
 def _geometric(low: float, high: float) -> list[float]:
@@ -287,9 +293,9 @@ def _place(stretch: LambdaStretch) -> tuple[bool, float]:
     return stretch.is_inverse, -stretch.high if stretch.is_inverse else stretch.low
 
 
-def _joined(pieces: Sequence[tuple[Seen, Signatures | None]]) -> list[LambdaPart]:
+def _joined(pieces: Sequence[tuple[MappedStretch, Signatures | None]]) -> list[LambdaPart]:
     ordered = sorted(pieces, key=lambda each: _place(each[0].stretch))
     parts: list[LambdaPart] = []
     for signatures, group in groupby(ordered, key=lambda each: each[1]):
-        parts.append(LambdaPart(tuple(seen for seen, _ in group), signatures))
+        parts.append(LambdaPart(tuple(mapped for mapped, _ in group), signatures))
     return parts

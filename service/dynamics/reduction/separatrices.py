@@ -6,7 +6,13 @@ from dataclasses import replace
 from flint import arb, ctx
 
 from service.dynamics.reduction.geometry.loop import Loop, ball
-from service.dynamics.reduction.lows import SAME_MINIMUM_DISTANCE, Lows, are_apart, is_at_one_of, lows_of
+from service.dynamics.reduction.grid_minima import (
+    SAME_MINIMUM_DISTANCE,
+    GridMinima,
+    are_apart,
+    grid_minima_of,
+    is_at_one_of,
+)
 from service.dynamics.reduction.root_finding.gap import (
     KNOWN_BITS,
     NearRest,
@@ -32,14 +38,14 @@ NEAR_REST_RELATIVE_REACH = 2.0**-12
 
 
 def with_near_rests(
-    loop: Loop, half: HalfLoop, g3_sign: int, turns: Iterable[arb], seen: Lows | None = None
+    loop: Loop, half: HalfLoop, g3_sign: int, turns: Iterable[arb], minima: GridMinima | None = None
 ) -> HalfLoop:
     """Return the half with the places where P nearly touches 0 and is proved not to.
 
-    They are looked for next to the zeros, the equator and the ``turns`` of P, 0 < v < π, and where ``seen``,
-    which says what a grid shows of P, does not exclude them.
+    They are looked for next to the zeros, the equator and the ``turns`` of P, 0 < v < π, and where
+    ``minima``, which says what a grid shows of P, does not exclude them.
     """
-    seen = lows_of([loop], g3_sign)[0] if seen is None else seen
+    minima = grid_minima_of([loop], g3_sign)[0] if minima is None else minima
     zeros = [zero for zero in half.zeros if zero.kind != "infinite"]
     # Next to another place P is no simple zero's, however straight it looks.
     turned = [v * g3_sign for v in turns]
@@ -47,13 +53,13 @@ def with_near_rests(
     plain = [
         abs(float(zero.v))
         for zero in zeros
-        if apart and zero.kind == "simple" and seen.passes_plainly(loop, zero.v)
+        if apart and zero.kind == "simple" and minima.passes_plainly(loop, zero.v)
     ]
     places = [zero.v for zero in zeros if abs(float(zero.v)) not in plain]
-    if not seen.is_far_at_equator:
+    if not minima.is_far_at_equator:
         places.append(arb.pi() / 2 * g3_sign)
     places.extend(turned)
-    places.extend(arb(x) * g3_sign for x in seen.lowest() if not is_at_one_of(x, plain))
+    places.extend(arb(x) * g3_sign for x in minima.lowest() if not is_at_one_of(x, plain))
     found: list[NearRest] = []
     for v in places:
         near = _known(loop, v)

@@ -19,7 +19,7 @@ from service.dynamics.reduction.arcs_of_loop import arcs_of
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.root_finding.radicand import HalfLoop
 from service.dynamics.reduction.separatrices import resolved
-from service.dynamics.reduction.structure import HalfInDoubles, proved_half, see_together
+from service.dynamics.reduction.structure import HalfInDoubles, halves_in_doubles, proved_half
 from service.dynamics.reduction.window import Arc, EndKind, Window, WindowKind, height
 
 
@@ -266,17 +266,17 @@ def find_windows_together(
     What doubles say is found for all of them at once, which takes a fraction of the time. Balls prove the
     same of each; the last bits of a ball may depend on the other motions.
     """
-    seen: list[_Loop | None] = [None] * len(motions)
+    in_doubles: list[_Loop | None] = [None] * len(motions)
     groups: dict[tuple[int, int], list[int]] = {}
     with ctx.workprec(REDUCTION_BITS), suppress(DynamicsError):
         loops = [make_loop(body, potential, motion) for motion in motions]
         for k, (loop, motion) in enumerate(zip(loops, motions, strict=True)):
             groups.setdefault((loop.g1_sign, start_g3_sign(loop, motion)), []).append(k)
         for (_, g3_sign), places in groups.items() if potential.has_formula else ():
-            for k, half in zip(places, see_together([loops[k] for k in places], g3_sign), strict=True):
-                seen[k] = None if half is None else _Loop(loops[k], half)
+            for k, half in zip(places, halves_in_doubles([loops[k] for k in places], g3_sign), strict=True):
+                in_doubles[k] = None if half is None else _Loop(loops[k], half)
     found: list[tuple[Window, ...] | DynamicsError] = []
-    for motion, known in zip(motions, seen, strict=True):
+    for motion, known in zip(motions, in_doubles, strict=True):
         try:
             found.append(_all_windows(body, potential, motion, REDUCTION_BITS, known))
         except DynamicsError as refusal:
@@ -289,7 +289,7 @@ class _Loop:
     """A loop, and what doubles say of the half that is asked."""
 
     loop: Loop
-    seen: HalfInDoubles
+    in_doubles: HalfInDoubles
 
 
 def _all_windows(
@@ -309,7 +309,7 @@ def _all_windows(
 
 def _proved_by(asked: int, known: _Loop | None) -> Callable[[Loop, int], HalfLoop]:
     """Return what proves the halves of a loop; of the half that is ``asked`` there may be something known."""
-    return lambda loop, sign: proved_half(loop, sign, known.seen if known and sign == asked else None)
+    return lambda loop, sign: proved_half(loop, sign, known.in_doubles if known and sign == asked else None)
 
 
 def _resolved_half(loop: Loop, g3_sign: int) -> HalfLoop:

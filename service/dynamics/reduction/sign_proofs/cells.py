@@ -80,7 +80,7 @@ class Half(Curves):
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class CellSigns:
     """The results for each cell, as arrays."""
 
     sign: IntArray
@@ -109,7 +109,7 @@ def half_of(loop: Loop, tape: Tape, g3_sign: int) -> Half:
     )
 
 
-def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
+def signs_on_cells(curves: Curves, cells: Cells, *, with_slope: bool) -> CellSigns:
     """Return what bounds say of the cells."""
     algebra = _DomainIntervals(scales(curves.loops, cells))
     g = _places(algebra, curves.loops, cells)
@@ -119,7 +119,7 @@ def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
     at_pole = cells.low == 0.0
     slope = _signs(slopes[0], shape, at_pole) * curves.turn if slopes else np.zeros(shape, dtype=np.int64)
     is_undefined = np.broadcast_to(algebra.is_undefined, shape)
-    return Found(_signs(D, shape, at_pole) * curves.turn, slope, is_undefined, _are_faint(D, shape))
+    return CellSigns(_signs(D, shape, at_pole) * curves.turn, slope, is_undefined, _are_faint(D, shape))
 
 
 def derivative_values(curves: Curves, cells: Cells, order: int) -> list[Bounds]:

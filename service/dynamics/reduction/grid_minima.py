@@ -33,7 +33,7 @@ EQUATOR_STEPS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Lows:
+class GridMinima:
     """The grid's places of one half loop, 0 < |v| < π."""
 
     is_low: BoolArray
@@ -75,7 +75,7 @@ def _places() -> FloatArray:
     return np.linspace(0.0, np.pi, GRID_POINTS + 1)[1:-1]
 
 
-def lows_of(loops: Sequence[Loop], g3_sign: int) -> list[Lows]:
+def grid_minima_of(loops: Sequence[Loop], g3_sign: int) -> list[GridMinima]:
     """Return what the grid shows of each loop; they differ in λ alone."""
     v = _places()
     Z, G = (np.array([float(getattr(loop, name)) for loop in loops])[:, None] for name in "ZG")
@@ -98,7 +98,7 @@ def lows_of(loops: Sequence[Loop], g3_sign: int) -> list[Lows]:
         # Written so that NaN is not far.
         is_far = beside.min(axis=1) > MINIMUM_RELATIVE_DEPTH * wider.max(axis=1)
         slopes = _slopes(P)
-    return [Lows(low, slope, bool(far)) for low, slope, far in zip(is_low, slopes, is_far, strict=True)]
+    return [GridMinima(low, slope, bool(far)) for low, slope, far in zip(is_low, slopes, is_far, strict=True)]
 
 
 def _slopes(P: FloatArray) -> FloatArray:
