@@ -18,7 +18,7 @@ from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.choose import choose_enclosures, enclose
 from workers.solvers.errors import AccuracyNotMetError, is_known, require_period_known
-from workers.solvers.evidence import with_samples_shown
+from workers.solvers.evidence import with_samples_raised
 
 FloatArray = NDArray[np.float64]
 
@@ -117,7 +117,7 @@ def _with_samples(problem: Problem, motion: Motion, found: Certified, samples: F
         ),
     )
     proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error)
-    return with_samples_shown(problem.body, problem.potential, proven)
+    return with_samples_raised(problem.body, problem.potential, proven)
 
 
 def _columns(rows: list[list[tuple[list[float], float]]], parts: int) -> dict[str, FloatArray]:

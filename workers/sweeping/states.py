@@ -26,12 +26,12 @@ from service.schemas.reading.faults import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.choose import QUICK_SPEED
 from workers.solvers.compiled.general.records import Models
-from workers.solvers.compiled.general.twin import COLLIDED, HELD, INACCURATE
+from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, VERIFIED
 from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.integration.compiled import CompiledIntegrator, held_twins, integrator_of, models_of
+from workers.solvers.integration.compiled import CompiledIntegrator, integrator_of, models_of, verified_runs
 from workers.solvers.integration.errors import CollisionError
 from workers.solvers.integration.interface import neighbour_of
-from workers.solvers.integration.solve import quest_of, tolerances
+from workers.solvers.integration.solve import run_request_of, tolerances
 from workers.sweeping.moving.state_models import PointConstants, SharedModels
 from workers.sweeping.parameters.family import has_symbol
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
@@ -74,7 +74,7 @@ class StateSolver:
         """Whether the potential of a point is read from its document."""
         self._shared = SharedModels.of(sweep, problem)
         self._settings: dict[tuple[Fraction, ...], CompiledIntegrator | None] = {}
-        self._quest = quest_of(self._times.doubles, problem.tolerance)
+        self._run_request = run_request_of(self._times.doubles, problem.tolerance)
 
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
@@ -161,18 +161,18 @@ class StateSolver:
         times = self._times.doubles if series else np.empty(0)
         left = np.arange(len(group.places))
         for local_tolerance in tolerances(CompiledIntegrator, self._problem.tolerance):
-            asked = self._quest.asked(CompiledIntegrator, local_tolerance)
-            found = held_twins(
+            asked = self._run_request.asked(CompiledIntegrator, local_tolerance)
+            found = verified_runs(
                 group.models,
                 group.which[left],
                 states[left],
                 neighbours[left],
-                self._quest.check,
+                self._run_request.check,
                 asked,
                 times,
                 self._times.rests,
             )
-            is_held = found.endings == HELD
+            is_held = found.endings == VERIFIED
             places = group.places[left[is_held]]
             block.solved[places] = True
             numbers = {name: found.numbers[is_held, column] for name, column in _TOLD.items()}

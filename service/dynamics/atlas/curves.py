@@ -28,6 +28,8 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, Shap
 from service.dynamics.reduction.sign_proofs.cells import Curves
 from service.dynamics.reduction.sign_proofs.equators import loops_of_stretches
 
+FloatArray = NDArray[np.float64]
+
 EDGES_RATIO = 2.0
 """Ratio of the distances from a place of both ends of a part."""
 
@@ -131,8 +133,6 @@ def half_curves(body: RigidBody, potential: Potential, motion: PlanarMotion) -> 
     """
     return HalfCurves(body, potential, motion, shape_of(body, motion), tight_form(potential.tape))
 
-
-FloatArray = NDArray[np.float64]
 
 MAX_ROOT_STEPS = 80
 """Largest number of steps: some ten are usual, where values are smooth."""

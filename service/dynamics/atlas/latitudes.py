@@ -37,6 +37,8 @@ from service.dynamics.reduction.sign_proofs.equators import equators
 from service.dynamics.reduction.window import Arc, ArcEnd, Window
 from service.dynamics.reduction.windows import REDUCTION_BITS
 
+FloatArray = NDArray[np.float64]
+
 MAX_ATOMS = 24
 MAX_POWER = 16
 MAX_TERMS = 200
@@ -172,7 +174,6 @@ def _is_constant(F: Tree) -> bool:
     return tape.result != 0 and all(0 not in (made.left, made.right) for made in tape.instructions)
 
 
-FloatArray = NDArray[np.float64]
 _Latitude = tuple[int, arb, arb]
 """The sign of g2 by which it is looked up, g2, and 1 − g2²."""
 

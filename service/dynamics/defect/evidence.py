@@ -50,7 +50,7 @@ ERROR_QUARTER_POWERS = np.arange(1.0, 31.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ResidualEvidence:
     """The evidence that a function of time gives of its own error."""
 
     defect: float
@@ -63,7 +63,7 @@ class Shown:
     """The claim, raised as far as the above shows that it is too small."""
 
 
-def hold_against_equations(
+def check_residual(
     body: RigidBody,
     potential: Potential,
     dense: DenseOutput,
@@ -71,13 +71,13 @@ def hold_against_equations(
     energy: Estimate,
     *,
     is_planar: bool,
-) -> Shown:
+) -> ResidualEvidence:
     """Hold the six variables of ``dense``, claimed to be within ``claim``, against equations and integrals.
 
     The integrals of a planar motion are its energy, 0 and 1; of another those at t = 0.
     """
     if not (np.isfinite(dense.coefficients).all() and np.isfinite(dense.breaks).all() and isfinite(claim)):
-        return Shown(nan, nan, 0.0, nan)
+        return ResidualEvidence(nan, nan, 0.0, nan)
     equations = Equations.of(body, potential)
     has_formula = equations.tape is not None
     goal = max(TRUNCATION_SHARE * claim, MIN_TRUNCATION * float(np.abs(dense.coefficients).max(initial=1.0)))
@@ -99,10 +99,10 @@ def hold_against_equations(
     if has_formula and any(hides_something(equations, block, is_planar=is_planar).any() for block in blocks):
         error = inf
     drift, raised = _by_integrals(equations, dense, blocks, error, energy, is_planar=is_planar)
-    return Shown(defect, drift, found.settled_share if has_formula else 0.0, raised)
+    return ResidualEvidence(defect, drift, found.settled_share if has_formula else 0.0, raised)
 
 
-def hold_samples(
+def check_samples(
     body: RigidBody, potential: Potential, samples: FloatArray, claim: float, energy: Estimate
 ) -> float:
     """Return the claim of planar ``samples``, shape (n, 6), raised as far as their integrals show."""

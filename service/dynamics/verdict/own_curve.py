@@ -52,6 +52,8 @@ from service.dynamics.verdict.sphere.boxes import DomainIntervals, bounds_of
 from service.dynamics.verdict.sphere.pieces import Crossing, TooManyPiecesError, combinations, crossings_of
 from service.dynamics.verdict.sphere.switches import Signs, Switches, find_switches
 
+FloatArray = NDArray[np.float64]
+
 Axes = tuple[arb, arb, arb]
 
 CELLS_PER_QUARTER = 16
@@ -187,8 +189,6 @@ def _raised(ring: Ring, element: Element) -> Element:
             numerator = numerator * ring.context.gen(index) ** exponent
     return ring.polynomial(numerator)
 
-
-FloatArray = NDArray[np.float64]
 
 MAX_HALVINGS = 24
 MAX_CELLS = 400

@@ -24,7 +24,7 @@ from workers.solvers.assembly.dense import (
     resolve_motion,
 )
 from workers.solvers.assembly.families import Declined, PeriodicPlace, conventions_of, energy_of, evidence_of
-from workers.solvers.evidence import shown_by, told, with_error_shown, with_samples_shown
+from workers.solvers.evidence import evidence_items, residual_evidence, with_error_raised, with_samples_raised
 from workers.solvers.orbits.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -105,7 +105,7 @@ def make_periodic(problem: Problem, place: PeriodicPlace, found: Sampled) -> Mot
         # Between the samples finer pieces keep what the tier promises.
         motion, claimed = _with_claim(problem, place, found, is_draft=False)
     if found.late is not None and len(motion.times):
-        motion = with_samples_shown(problem.body, problem.potential, motion)
+        motion = with_samples_raised(problem.body, problem.potential, motion)
     if is_within(motion.error, claimed) or is_within(motion.error, problem.tolerance):
         return motion
     return Declined(motion.error, motion)
@@ -136,16 +136,16 @@ def _with_claim(
         reached = dense.error_at(times) if late is None else late.error_at(times)
     energy = energy_of(start.arc.loop, place.somewhere())
     evidence, claimed = {**found.evidence, **evidence_of(resolved)}, reached
-    shown = shown_by(problem.body, problem.potential, dense, energy, is_planar=True)
-    if shown is not None:
-        evidence |= told(shown)
-        keeps_claim = shown.error == dense.error and shown.settled >= THEOREM_TIME_SHARE
-        dense, reached = with_error_shown(dense, reached, shown)
+    residual = residual_evidence(problem.body, problem.potential, dense, energy, is_planar=True)
+    if residual is not None:
+        evidence |= evidence_items(residual)
+        keeps_claim = residual.error == dense.error and residual.settled >= THEOREM_TIME_SHARE
+        dense, reached = with_error_raised(dense, reached, residual)
         if left_out and keeps_claim:
             # The tails that are there are less than those that are allowed.
             dense = replace(dense, error=min(dense.error, error + TRUNCATION_TAILS * _tail(resolved)))
         if left_out:
-            dense = replace(dense, error=largest((dense.error, DRAFT_DEFECT_FACTOR * shown.defect)))
+            dense = replace(dense, error=largest((dense.error, DRAFT_DEFECT_FACTOR * residual.defect)))
     conventions = conventions_of(start)
     motion = Motion(
         method="quadrature",

@@ -21,7 +21,7 @@ from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
 from workers.solvers.assembly.dense import nothing_resolved, resolve_motion
 from workers.solvers.classical.curve import Curve
 from workers.solvers.classical.momentum import Momentum
-from workers.solvers.evidence import with_claim_shown
+from workers.solvers.evidence import with_claim_raised
 from workers.solvers.integration.solve import integrate_state
 
 FloatArray = NDArray[np.float64]
@@ -168,7 +168,7 @@ def _motion(problem: Problem, placed: Placed, dense: DenseOutput, asked: SampleT
         evidence={"case": placed.case.name},
         rests=rests,
     )
-    return with_claim_shown(problem.body, problem.potential, motion)
+    return with_claim_raised(problem.body, problem.potential, motion)
 
 
 def _energy(problem: Problem, placed: Placed) -> Estimate:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
-from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE, Shown
+from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE, ResidualEvidence
 from service.dynamics.keeping import Remembering
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 
 def kept_claim(
     body: RigidBody, potential: Potential, dense: DenseOutput, claim: float, energy: Estimate
-) -> Shown | None:
+) -> ResidualEvidence | None:
     """Return what a planar ``dense`` shows if that is within ``claim``; None if it is not settled."""
     degree = dense.coefficients.shape[1] - 1
     found = _program(potential)
@@ -49,7 +49,7 @@ def kept_claim(
         _reference(energy),
         energy.error,
     )
-    return Shown(defect, drift, 1.0, claim) if is_within(defect, 2.0 * claim) else None
+    return ResidualEvidence(defect, drift, 1.0, claim) if is_within(defect, 2.0 * claim) else None
 
 
 def samples_keep_claim(

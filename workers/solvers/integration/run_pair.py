@@ -55,7 +55,7 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
-class Twin:
+class RunPair:
     """Two runs from t = 0 in both directions."""
 
     fine: DenseOutput
@@ -95,7 +95,7 @@ class Twin:
         return estimate
 
 
-def run_twin(
+def run_pair(
     integrator: Integrator,
     equations: Equations,
     state: FloatArray,
@@ -104,7 +104,7 @@ def run_twin(
     *,
     local_tolerance: float,
     max_steps: int,
-) -> Twin:
+) -> RunPair:
     """Integrate over ``span`` from ``state`` finely, and from ``neighbour`` less so.
 
     Every step of both is held against the ``equations``, which are those of ``integrator``.
@@ -138,7 +138,7 @@ def run_twin(
     pairs = list(zip(moving, coarse, deviations, strict=True))
     endings = [_ending(*pair) for pair in pairs] + [run.ending for run in fine if run.reached == 0.0]
     reached = [min(one.reached, two.reached, key=abs) for one, two, _ in pairs]
-    return Twin(
+    return RunPair(
         fine=_both_sides(fine, state),
         coarse=_both_sides(coarse, neighbour),
         span=Span(min([0.0, *reached]), max([0.0, *reached])),
@@ -154,7 +154,7 @@ def run_twin(
 
 def _claimed(pairs: list[tuple[Run, Run, FloatArray]]) -> FloatArray:
     """Return the part of the claim in each piece of both sides."""
-    from workers.solvers.compiled.general.twin import beyond_first_order  # noqa: PLC0415
+    from workers.solvers.compiled.general.run_pair import beyond_first_order  # noqa: PLC0415
 
     parts = [np.zeros(0)]
     for run, _, deviations in pairs:
@@ -169,7 +169,7 @@ def _ending(fine: Run, coarse: Run, deviations: FloatArray) -> IntegrationError 
     found = [run.ending for run in (fine, coarse) if run.ending is not None]
     if not (len(found) == 2 and all(isinstance(ending, CollisionError) for ending in found)):
         return min(found, key=lambda ending: abs(ending.time), default=None)
-    from workers.solvers.compiled.general.twin import time_left  # noqa: PLC0415
+    from workers.solvers.compiled.general.run_pair import time_left  # noqa: PLC0415
 
     ending = found[0]
     assert isinstance(ending, CollisionError)
