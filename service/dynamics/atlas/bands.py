@@ -198,14 +198,14 @@ def _band(
 
 def _end(half: PlainHalves, zeros: Sequence[Zeros], v: arb, row: int, count: int) -> _End:
     """Return an end of an arc at every λ; it is known at the λ of one row."""
-    place = float(v)
-    turns = round(place / np.pi)
-    x = place - turns * np.pi
+    point = float(v)
+    turns = round(point / np.pi)
+    x = point - turns * np.pi
     pole = 1.0 if turns % 2 == 0 else -1.0
     if abs(x) < 1e-300 or v.contains(arb.pi() * turns):
         nothing, flat = np.zeros(count), np.full(count, pole)
         return _End(np.full((count, 1), turns * np.pi), (nothing, nothing), (flat, flat))
-    on_other = (np.sin(place) > 0.0) != (half.shape.third_sign > 0)
+    on_other = (np.sin(point) > 0.0) != (half.shape.third_sign > 0)
     found = zeros[1 if on_other and len(zeros) > 1 else 0]
     column = _column(found, row, abs(x), pole)
     if column is None:

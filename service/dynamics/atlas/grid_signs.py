@@ -44,7 +44,7 @@ class GridSigns:
     """The sign of g2 there."""
 
 
-def trusted_places(halves: Sequence[PlainHalves], single: Sequence[LambdaStretch]) -> FloatArray:
+def trusted_points(halves: Sequence[PlainHalves], single: Sequence[LambdaStretch]) -> FloatArray:
     """Return distances from a pole that grow to the equator, from the nearest one where balls agree."""
     near: FloatArray = 0.125 * np.exp2(np.arange(-POLE_POINTS, 0, dtype=np.float64))
     first = 0
@@ -68,14 +68,14 @@ def radicand_ball(half: PlainHalves, loop: Loop, side: float, x: arb) -> arb:
     return loop.point_from(sine * half.shape.third_sign, cosine if side > 0 else -cosine).P
 
 
-def grid_signs_at(half: PlainHalves, places: FloatArray, single: Sequence[LambdaStretch]) -> list[GridSigns]:
+def grid_signs_at(half: PlainHalves, points: FloatArray, single: Sequence[LambdaStretch]) -> list[GridSigns]:
     """Return the signs along a half curve at each λ."""
     Z, G = equator_of(half, single)
-    north, south = (_values(half, Z, G, side, places) for side in (1.0, -1.0))
+    north, south = (_values(half, Z, G, side, points) for side in (1.0, -1.0))
     # In the order of growing v; the equator is the last place of the north.
     values = np.concatenate([north, south[:, -2::-1]], axis=1)
-    v = np.concatenate([places, np.pi - places[-2::-1]])
-    owner, at, sign = _extrema(half, Z, G, places, values)
+    v = np.concatenate([points, np.pi - points[-2::-1]])
+    owner, at, sign = _extrema(half, Z, G, points, values)
     found = []
     for row, each in enumerate(single):
         more = [(float(x), int(s)) for x, s in zip(at[owner == row], sign[owner == row], strict=True)]
@@ -103,7 +103,7 @@ def _sign_next_to(half: PlainHalves, loop: Loop, side: float) -> int:
 
 
 def _extrema(
-    half: PlainHalves, Z: FloatArray, G: FloatArray, places: FloatArray, values: FloatArray
+    half: PlainHalves, Z: FloatArray, G: FloatArray, points: FloatArray, values: FloatArray
 ) -> tuple[IntArray, FloatArray, IntArray]:
     """Return λ (as rows), v and sign of extrema that have another sign than the places around them."""
     left, middle, right = values[:, :-2], values[:, 1:-1], values[:, 2:]
@@ -114,14 +114,14 @@ def _extrema(
     row, k = np.nonzero(is_near)
     if not row.size:
         return row, np.zeros(0), row
-    n, count = len(places), values.shape[1]
+    n, count = len(points), values.shape[1]
     # The distance from the north pole, or from the south pole, in whose hemisphere all three places are.
     side = np.where(k + 1 < n, 1.0, -1.0)
     index = np.arange(count)
     north = np.where(
-        index < n, places[np.minimum(index, n - 1)], np.pi - places[np.minimum(count - 1 - index, n - 1)]
+        index < n, points[np.minimum(index, n - 1)], np.pi - points[np.minimum(count - 1 - index, n - 1)]
     )
-    south = places[np.minimum(count - 1 - index, n - 1)]
+    south = points[np.minimum(count - 1 - index, n - 1)]
     low = np.where(side > 0.0, north[k], south[k + 2])
     high = np.where(side > 0.0, north[k + 2], south[k])
     signs = sign[row, k]

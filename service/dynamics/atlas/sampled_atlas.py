@@ -23,7 +23,7 @@ from service.dynamics.atlas.curves import (
     motion_at,
     zero_between,
 )
-from service.dynamics.atlas.grid_signs import GridSigns, grid_signs_at, radicand_ball, trusted_places
+from service.dynamics.atlas.grid_signs import GridSigns, grid_signs_at, radicand_ball, trusted_points
 from service.dynamics.atlas.parts import Atlas, AtlasPart, Beside, Change, LambdaRange, change_between
 from service.dynamics.atlas.sign_maps import EQUATOR, Signature
 from service.dynamics.atlas.zeros import Zeros
@@ -79,7 +79,7 @@ class Sampler:
     def __init__(self, halves: Sequence[PlainHalves], low: float, high: float) -> None:
         self.halves = halves
         ends = [single_at(t) for t in (low, 0.5 * (low + high), high)]
-        self._places = trusted_places(halves, ends)
+        self._points = trusted_points(halves, ends)
         self.sampled: dict[float, SampledLambda] = {}
 
     def sample(self, logarithms: Sequence[float]) -> None:
@@ -88,7 +88,7 @@ class Sampler:
         if not fresh:
             return
         single = [single_at(t) for t in fresh]
-        columns = [grid_signs_at(half, self._places, single) for half in self.halves]
+        columns = [grid_signs_at(half, self._points, single) for half in self.halves]
         for t, each, *grids in zip(fresh, single, *columns, strict=True):
             self.sampled[t] = SampledLambda(t, each, tuple(grids))
 
@@ -226,14 +226,14 @@ def _enclosed(half: PlainHalves, loop: Loop, side: float, estimate: float) -> li
         one, other = (radicand_ball(half, loop, side, x) for x in ends)
         if not ((one < 0 and other > 0) or (one > 0 and other < 0)):
             continue
-        places = [_place(half, loop, side, x) for x in ends]
+        points = [_point(half, loop, side, x) for x in ends]
         return [float(x) for x in ends] + [
-            bound for k in (0, 1) for bound in _between(places[0][k], places[1][k])
+            bound for k in (0, 1) for bound in _between(points[0][k], points[1][k])
         ]
     return [np.nan] * 6
 
 
-def _place(half: PlainHalves, loop: Loop, side: float, x: arb) -> tuple[arb, arb]:
+def _point(half: PlainHalves, loop: Loop, side: float, x: arb) -> tuple[arb, arb]:
     """Return |g1| and g2, the first in the client's axes; both are monotone from a pole to the equator."""
     sine, cosine = x.sin_cos()
     at = loop.point_from(sine, cosine if side > 0 else -cosine)
@@ -325,10 +325,10 @@ def _series(
     return sampled_series(sampler.halves, sampled, is_late, has_periods=has_periods)
 
 
-def _beside(sampler: Sampler, part: SampledPart, place: int) -> Beside:
+def _beside(sampler: Sampler, part: SampledPart, end_index: int) -> Beside:
     """Return the part as it is next to a change, and far enough from it that the zeros are apart."""
-    end = part.sampled[place]
-    away = end.logarithm + (PROBE_LOG_DISTANCE if place == 0 else -PROBE_LOG_DISTANCE)
+    end = part.sampled[end_index]
+    away = end.logarithm + (PROBE_LOG_DISTANCE if end_index == 0 else -PROBE_LOG_DISTANCE)
     sampler.sample([away])
     sampled = sampler.sampled[away]
     nearest = sampled if sampled.signatures == part.signatures else end

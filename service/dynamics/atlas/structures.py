@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, d_on_curves, equator_of, zero_between
 from service.dynamics.atlas.sign_maps import Finest, Signature, compact, signature_of
-from service.dynamics.atlas.turns import settled_sign_maps, turning_gaps, turning_places
+from service.dynamics.atlas.turns import settled_sign_maps, turning_gaps, turning_points
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.reduction.sign_proofs.signs import SignMap
 
@@ -46,8 +46,8 @@ def estimated_changes(
             if chosen:
                 stretches = [waiting[k][0] for k in chosen]
                 sign_maps = [waiting[k][1][number] for k in chosen]
-                for k, place in zip(chosen, _estimated(half, stretches, sign_maps), strict=True):
-                    found[k] = place
+                for k, point in zip(chosen, _estimated(half, stretches, sign_maps), strict=True):
+                    found[k] = point
     return found
 
 
@@ -55,7 +55,7 @@ def _estimated(
     half: HalfCurves, stretches: Sequence[LambdaStretch], sign_maps: Sequence[SignMap | None]
 ) -> list[float | None]:
     at_equator = _zeros(lambda owners, k: _at_equator(half, _single(stretches, owners, k)), stretches)
-    found = [None if np.isnan(place) else float(place) for place in at_equator]
+    found = [None if np.isnan(point) else float(point) for point in at_equator]
     gaps = [
         gap
         for k, sign_map in enumerate(sign_maps)
@@ -68,13 +68,13 @@ def _estimated(
         def turning_value(owners: IntArray, k: FloatArray) -> FloatArray:
             single, own = _single(owned, owners, k), [gaps[int(n)] for n in owners]
             side = np.array([gap.hemisphere for gap in own])[:, None]
-            places = turning_places(half, single, own)
+            points = turning_points(half, single, own)
             Z, G = equator_of(half, single)
-            return d_on_curves(half, Z, G, side, places[:, None])[:, 0]
+            return d_on_curves(half, Z, G, side, points[:, None])[:, 0]
 
-        for gap, place in zip(gaps, _zeros(turning_value, owned), strict=True):
-            if not np.isnan(place):
-                found[gap.owner] = float(place)
+        for gap, point in zip(gaps, _zeros(turning_value, owned), strict=True):
+            if not np.isnan(point):
+                found[gap.owner] = float(point)
     return found
 
 
@@ -224,12 +224,12 @@ def _cut(halves: Sequence[HalfCurves], following: Sequence[MappedStretch]) -> li
     count = min(max(STRETCHES_TOGETHER // max(len(following), 1), 2), MAX_CUT_PARTS)
     estimated = estimated_changes(halves, [(each.stretch, each.sign_maps) for each in following])
     cut = list[MappedStretch]()
-    for each, place in zip(following, estimated, strict=True):
+    for each, point in zip(following, estimated, strict=True):
         stretch = each.stretch
         parts = (
             stretch.parts(count)
-            if place is None
-            else stretch.parts_towards(place, 2.0 * STRETCH_MIN_RELATIVE_WIDTH)
+            if point is None
+            else stretch.parts_towards(point, 2.0 * STRETCH_MIN_RELATIVE_WIDTH)
         )
         cut.extend(MappedStretch(part, each.sign_maps) for part in parts)
     return cut
@@ -252,8 +252,8 @@ def _look_again(
         for k, half in enumerate(halves)
     ]
     found: list[tuple[MappedStretch, Signatures | None]] = []
-    for place, stretch in enumerate(stretches):
-        sign_maps = [column[place] for column in columns]
+    for index, stretch in enumerate(stretches):
+        sign_maps = [column[index] for column in columns]
         signatures = [signature_of(sign_map) for sign_map in sign_maps]
         known = tuple(signature for signature in signatures if signature is not None)
         mapped = MappedStretch(stretch, tuple(compact(sign_map) for sign_map in sign_maps))
@@ -279,7 +279,7 @@ def first_stretches(low: float, high: float) -> list[LambdaStretch]:
 
 def whole_range(first: Sequence[LambdaStretch], halves: int) -> LambdaPart:
     """Return all stretches as one part of which nothing is known along the curves."""
-    ordered = sorted(first, key=_place)
+    ordered = sorted(first, key=_order_key)
     return LambdaPart(tuple(MappedStretch(each, (None,) * halves) for each in ordered), None)
 
 
@@ -289,12 +289,12 @@ def _geometric(low: float, high: float) -> list[float]:
     return [low, *inner, high]
 
 
-def _place(stretch: LambdaStretch) -> tuple[bool, float]:
+def _order_key(stretch: LambdaStretch) -> tuple[bool, float]:
     return stretch.is_inverse, -stretch.high if stretch.is_inverse else stretch.low
 
 
 def _joined(pieces: Sequence[tuple[MappedStretch, Signatures | None]]) -> list[LambdaPart]:
-    ordered = sorted(pieces, key=lambda each: _place(each[0].stretch))
+    ordered = sorted(pieces, key=lambda each: _order_key(each[0].stretch))
     parts: list[LambdaPart] = []
     for signatures, group in groupby(ordered, key=lambda each: each[1]):
         parts.append(LambdaPart(tuple(mapped for mapped, _ in group), signatures))

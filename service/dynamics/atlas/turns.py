@@ -77,7 +77,7 @@ def _with_turns(
     gaps, least = [gaps[k] for k in bent], least[bent]
     if not gaps:
         return found
-    centres = turning_places(half, [stretches[gap.owner] for gap in gaps], gaps)
+    centres = turning_points(half, [stretches[gap.owner] for gap in gaps], gaps)
     settled = _settled(curves, gaps, least, centres)
     # The later gap of a sign map first: the numbers of the other cells stay.
     for gap, cells in sorted(zip(gaps, settled, strict=True), key=lambda each: -each[0].first):
@@ -133,7 +133,7 @@ def _least_bends(curves: Curves, gaps: Sequence[TurningGap]) -> FloatArray:
     return found
 
 
-def turning_places(
+def turning_points(
     half: HalfCurves, stretches: Sequence[LambdaStretch], gaps: Sequence[TurningGap]
 ) -> FloatArray:
     """Return where D turns in each gap for a λ inside the stretch, in doubles: a estimate."""

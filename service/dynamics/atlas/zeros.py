@@ -138,9 +138,9 @@ def _enclosed(curves: Curves, hemisphere: IntArray, estimates: FloatArray) -> tu
         return low, high
     below, above = (estimates[:, :, None] * (1.0 + sign * ZERO_RELATIVE_WIDTHS) for sign in (-1.0, 1.0))
     signs = []
-    for place in (below, above):
+    for point in (below, above):
         cells = _cells(
-            np.repeat(hemisphere, len(ZERO_RELATIVE_WIDTHS)), *_about(place.reshape(len(estimates), -1))
+            np.repeat(hemisphere, len(ZERO_RELATIVE_WIDTHS)), *_about(point.reshape(len(estimates), -1))
         )
         signs.append(signs_on_cells(curves, cells, with_slope=False).sign.reshape(below.shape))
     is_proved = signs[0] * signs[1] < 0
@@ -156,8 +156,8 @@ def _enclosed(curves: Curves, hemisphere: IntArray, estimates: FloatArray) -> tu
     return low, high
 
 
-def _about(place: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return place * (1.0 - CELL_RELATIVE_WIDTH), place * (1.0 + CELL_RELATIVE_WIDTH)
+def _about(point: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return point * (1.0 - CELL_RELATIVE_WIDTH), point * (1.0 + CELL_RELATIVE_WIDTH)
 
 
 def _cells(hemisphere: IntArray, low: FloatArray, high: FloatArray) -> Cells:

@@ -272,8 +272,8 @@ def find_windows_together(
         loops = [make_loop(body, potential, motion) for motion in motions]
         for k, (loop, motion) in enumerate(zip(loops, motions, strict=True)):
             groups.setdefault((loop.g1_sign, start_g3_sign(loop, motion)), []).append(k)
-        for (_, g3_sign), places in groups.items() if potential.has_formula else ():
-            for k, half in zip(places, halves_in_doubles([loops[k] for k in places], g3_sign), strict=True):
+        for (_, g3_sign), indices in groups.items() if potential.has_formula else ():
+            for k, half in zip(indices, halves_in_doubles([loops[k] for k in indices], g3_sign), strict=True):
                 in_doubles[k] = None if half is None else _Loop(loops[k], half)
     found: list[tuple[Window, ...] | DynamicsError] = []
     for motion, known in zip(motions, in_doubles, strict=True):

@@ -132,8 +132,8 @@ class Momentum:
         cosine, sine = 0.6, 0.8
         apart = list[float]()
         with ctx.workprec(CASE_BITS):
-            for place in range(CHECKED_POINTS):
-                theta = TURN * place / CHECKED_POINTS
+            for index in range(CHECKED_POINTS):
+                theta = TURN * index / CHECKED_POINTS
                 x, (_, v) = loop.x(arb(theta)), loop.factors(arb(theta))
                 m = x if k["areas"] == 0 else x.sqrt()
                 exact = [float(each) for part in _state(k, m, v, arb(cosine), arb(sine)) for each in part]

@@ -144,8 +144,8 @@ class ElementText:
         if any(n != number or [k for _, k in each] != powers for n, each in found.values()):
             return Fraction(1), []
         return number, [
-            ({signs: each[place][0] for signs, (_, each) in found.items()}, k)
-            for place, k in enumerate(powers)
+            ({signs: each[index][0] for signs, (_, each) in found.items()}, k)
+            for index, k in enumerate(powers)
         ]
 
     def _polynomial(self, signs: Signs, piece: fmpq_mpoly) -> _Polynomial:

@@ -103,8 +103,8 @@ class PowerReader:
             return [(c, a, b, d, one * odd, two * odd, three * odd, constants)]
         if c != 1 or constants or one + two + three > 1:
             raise NotAPowerSumError
-        for place, sign in enumerate((one, two, three)):
-            self.is_positive[place] |= bool(sign)
+        for index, sign in enumerate((one, two, three)):
+            self.is_positive[index] |= bool(sign)
         return [(c, a, b, d, 0, 0, 0, ())]
 
 
