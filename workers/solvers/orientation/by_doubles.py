@@ -1,4 +1,6 @@
-"""The precession per period in compiled doubles; what they do not decide is left to balls.
+"""The precession per period in compiled doubles; apart, since it loads the compiler.
+
+Motions that doubles do not decide are left to balls.
 
 Single jobs and sweeps call this same function.
 """

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
 from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE, ResidualEvidence
-from service.dynamics.keeping import Remembering
+from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.solution.dense_output import DenseOutput
@@ -87,7 +87,7 @@ def _moments(body: RigidBody) -> FloatArray:
     return np.array(moments)
 
 
-_moments_of = Remembering(_moments)
+_moments_of = IdentityCache(_moments)
 
 
 def _reference(energy: Estimate) -> FloatArray:
