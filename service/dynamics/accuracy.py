@@ -1,4 +1,7 @@
-"""The tiers: promised errors, measured cost on a machine, and the choice of a tier by tolerance or budget."""
+"""The tiers: promised errors, measured cost on a machine, and the choice of a tier by tolerance or budget.
+
+The costs are measured for families of potentials; :func:`family_of` tells which one a potential is of.
+"""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -7,8 +10,11 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import Literal, Self, get_args
 
+from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within, largest
 from service.dynamics.errors import BudgetTooSmallError, InvalidNumberError
+from service.dynamics.potentials.potential import NoClosedFormError, Potential
+from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.problem import (
     Accuracy,
 )
@@ -255,3 +261,22 @@ def _alike(table: AccuracyTable, kind: MotionKind, family: Family | None) -> tup
     if family in BY_FORMULA and kind in PERIODIC:
         functions = tuple(row for row in table.rows if row.family == family and row.kind in PERIODIC)
     return of_family or functions or of_kind or table.rows
+
+
+MAX_PRODUCTS_RECOGNISED = 500
+"""Usual three-term formulas need some ten products; the limit protects against costly formulas."""
+FUNCTIONS = frozenset({"exp", "log", "sin", "cos", "tan"})
+"""Functions that are no powers: their series have no end."""
+
+
+def family_of(body: RigidBody, potential: Potential) -> Family:
+    """Return the family of a potential, however its formula is written."""
+    try:
+        instructions = potential.tape.instructions
+    except NoClosedFormError:
+        return "integral"
+    if recognise(body, potential, most_products=MAX_PRODUCTS_RECOGNISED) is not None:
+        return "three-term"
+    if any(each.operation == "general_power" or each.name in FUNCTIONS for each in instructions):
+        return "function"
+    return "rational" if body.A == 2 * body.C else "general alpha"

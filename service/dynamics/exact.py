@@ -1,9 +1,16 @@
-"""Reads numbers as exact rationals, which are kept exact as long as possible."""
+"""Exact numbers: how they are read from text, and sums of terms with exact coefficients.
+
+Numbers stay exact as long as possible.
+
+A sum has a coefficient for each key, such as the exponents of a monomial; its users know what the
+keys mean, what their products are and how large a sum may grow.
+"""
 
 import math
 import re
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
-from typing import Self
+from typing import Self, TypeVar
 
 from service.dynamics.errors import InvalidNumberError
 
@@ -51,16 +58,18 @@ def exact_number(value: int | float | str | Fraction) -> Fraction:
     InvalidNumberError
         Not finite, not a number, too many digits or too large an exponent.
     """
-    if isinstance(value, Fraction):
-        return value
-    if isinstance(value, bool):
-        raise InvalidNumberError(f'{value} is not a number; write a number or a string such as "17/10"')
-    if isinstance(value, NumberBeyondDoubles):
-        value = value.text
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise InvalidNumberError(f"{value} is not finite; finite numbers are accepted")
-        value = float.__repr__(value)  # numpy has its own repr for its doubles
+    # A text first: a check of Fraction, an abstract class's, takes a fifth of reading one.
+    if not isinstance(value, str):
+        if isinstance(value, Fraction):
+            return value
+        if isinstance(value, bool):
+            raise InvalidNumberError(f'{value} is not a number; write a number or a string such as "17/10"')
+        if isinstance(value, NumberBeyondDoubles):
+            value = value.text
+        elif isinstance(value, float):
+            if not math.isfinite(value):
+                raise InvalidNumberError(f"{value} is not finite; finite numbers are accepted")
+            value = float.__repr__(value)  # numpy has its own repr for its doubles
     text = str(value).strip() if not isinstance(value, int) else _integer_text(value)
     if len(text) > 2 * MAX_INTEGER_DIGITS + 2:
         raise InvalidNumberError(f"a number of {len(text)} characters, more than any accepted number has")
@@ -93,9 +102,10 @@ def _ratio(numerator: str, denominator: str) -> Fraction:
     digits = max(len(numerator.lstrip("+-")), len(denominator))
     if digits > MAX_INTEGER_DIGITS:
         raise InvalidNumberError(f"an integer of {digits} digits; at most {MAX_INTEGER_DIGITS} are accepted")
-    if int(denominator) == 0:
+    divisor = int(denominator)
+    if divisor == 0:
         raise InvalidNumberError(f"{numerator[:40]}/{denominator[:40]} divides by zero")
-    return Fraction(int(numerator), int(denominator))
+    return Fraction(int(numerator), divisor)
 
 
 def _integer_text(value: int) -> str:
@@ -105,3 +115,26 @@ def _integer_text(value: int) -> str:
             f"an integer of {value.bit_length()} bits; at most {MAX_INTEGER_DIGITS} digits are accepted"
         )
     return str(value)
+
+
+Key = TypeVar("Key")
+
+_ZERO = Fraction(0)
+
+
+def added_up(terms: Iterable[tuple[Key, Fraction]]) -> dict[Key, Fraction]:
+    """Return the sum of the terms in the order in which their keys first come; it may have zeros."""
+    total: dict[Key, Fraction] = {}
+    for key, coefficient in terms:
+        total[key] = total.get(key, _ZERO) + coefficient
+    return total
+
+
+def without_zeros(total: Mapping[Key, Fraction]) -> dict[Key, Fraction]:
+    """Return the terms that are not zero."""
+    return {key: coefficient for key, coefficient in total.items() if coefficient}
+
+
+def scaled_terms(total: Mapping[Key, Fraction], factor: Fraction) -> Iterable[tuple[Key, Fraction]]:
+    """Return the terms of factor · total."""
+    return ((key, factor * coefficient) for key, coefficient in total.items())

@@ -36,7 +36,7 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
-from service.dynamics.potentials.terms.monomials import Exponents
+from service.dynamics.potentials.terms.powers import Exponents
 from service.dynamics.verdict.exact_ring.generators import Coordinate, Element
 from service.dynamics.verdict.exact_ring.layout import (
     Layout,
@@ -44,14 +44,13 @@ from service.dynamics.verdict.exact_ring.layout import (
     UndefinedInOctantError,
 )
 from service.dynamics.verdict.exact_ring.ring import Ring
-from service.dynamics.verdict.ring_functions.large_enough import in_large_enough_ring
-from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra
+from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, in_large_enough_ring
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T", FloatArray, arb)
 N = TypeVar("N")
 
-BITS = 128
+DRIFT_BITS = 128
 """Precision of the balls for a drift: near a collision the terms of W cancel like those of the energy."""
 
 
@@ -149,7 +148,7 @@ def integral_drift(integral: FurtherIntegral, samples: FloatArray) -> tuple[floa
     K is taken from balls: what is found is in the samples, not in the sum. A
     sample at a pole of V, where K has no value, is left out.
     """
-    with ctx.workprec(BITS):
+    with ctx.workprec(DRIFT_BITS):
         values = np.array([float(K) for K in integral.balls(np.asarray(samples).tolist())])
     departures = np.abs(values - values[0])
     return float(values[0]), float(departures[np.isfinite(departures)].max(initial=0.0))

@@ -14,10 +14,19 @@ from fractions import Fraction
 import sympy
 
 from service.dynamics.formula.algebras.symbolic import sympy_expression
-from service.dynamics.formula.binding import PI
+from service.dynamics.formula.parameters import PI
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.formula.traversal import fold_tree, post_order
-from service.dynamics.formula.tree import Binary, Call, FunctionName, Negation, Number, Symbol, Tree
+from service.dynamics.formula.tree import (
+    Binary,
+    Call,
+    FunctionName,
+    Negation,
+    Number,
+    Symbol,
+    Tree,
+    fold_tree,
+    post_order,
+)
 from service.dynamics.verdict.proofs.equality import is_same_function
 from service.typesetting.layout import symbols_of
 

@@ -13,7 +13,7 @@ from tests.benchmarks.measuring import Effort, Result, Row, Table, clock, faster
 from tests.benchmarks.motions import Measured, elliptic
 from tests.support.planar import body, formula
 from workers.solvers.certified.certify import Certified
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 DIGITS = 38
 """Precision of mpmath: what 128 bits hold."""

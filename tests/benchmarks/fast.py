@@ -13,8 +13,8 @@ from tests.benchmarks.motions import (
     near_separatrix,
     taylor_of_elliptic,
 )
+from workers.solvers.choose import enclose
 from workers.solvers.compiled.solve import Tier
-from workers.solvers.planar.choose import enclose
 
 STEPS = (1e-7, 1e-8, 1e-9, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, 1e-13, 3e-14)
 WANTED = 1e-10

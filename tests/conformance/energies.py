@@ -7,7 +7,7 @@ from math import comb
 from flint import arb
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.binding import bind
+from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from tests.conformance.specimens import Specimen

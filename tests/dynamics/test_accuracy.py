@@ -16,9 +16,9 @@ from service.dynamics.accuracy import (
     best_tier,
     cheapest_tier,
     expected,
+    family_of,
     motion_kind,
 )
-from service.dynamics.cost_family import family_of
 from service.dynamics.errors import BudgetTooSmallError, InvalidNumberError
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows

@@ -5,7 +5,7 @@ from fractions import Fraction
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.dynamics.term_sums import added_up, scaled_terms, without_zeros
+from service.dynamics.exact import added_up, scaled_terms, without_zeros
 
 FRACTIONS = st.fractions(-3, 3, max_denominator=7)
 TERMS = st.lists(st.tuples(st.integers(0, 4), FRACTIONS))

@@ -1,6 +1,7 @@
 """The worker process beside a service is back at once when it was killed; if it cannot live, that is told."""
 
 import errno
+import json
 import subprocess
 import sys
 import threading
@@ -8,10 +9,9 @@ import threading
 import pytest
 
 from service.app import create_app
-from service.local.hosts import WorkerProcess
-from service.local.restarts import Restarts, WorkerStanding
 from service.local.wakeup import Doorbell
-from service.local.workers import LocalWorkers
+from service.local.worker_process import WorkerProcess
+from service.local.workers import LocalWorkers, Restarts, WorkerStanding
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.jobs.worker_registry import WorkerRegistry
@@ -20,8 +20,8 @@ from tests.workers.processes import wait_until
 
 FOREVER = [sys.executable, "-S", "-c", "import signal; signal.pause()"]
 WARM_AT_ONCE = """
-import os, signal, sys
-os.write(int(sys.argv[sys.argv.index("--wake-fd") + 1]), b"warm\\n")
+import json, os, signal, sys
+os.write(json.loads(sys.argv[-1])["wake_fd"], b"warm\\n")
 signal.pause()
 """
 ENDS_AT_THE_SECOND = f"""
@@ -43,7 +43,10 @@ def keep(monkeypatch):
     started = []
 
     def begin(command):
-        monkeypatch.setattr("service.local.workers.worker_command", lambda *given: [*command, *given])
+        def with_options(name, **options):
+            return [*command, name, json.dumps(options)]
+
+        monkeypatch.setattr("service.local.workers.worker_command", with_options)
         bell = Doorbell()
         started.append((LocalWorkers(Settings(workers=1, grace_seconds=0.0), bell), bell))
         return started[-1][0]
@@ -72,7 +75,7 @@ def pauses_of(workers, monkeypatch):
 
 
 def test_a_worker_that_ran_for_a_while_is_back_without_a_pause(keep, monkeypatch):
-    monkeypatch.setattr("service.local.restarts.EARLY_SECONDS", 0.0)
+    monkeypatch.setattr("service.local.workers.EARLY_SECONDS", 0.0)
     workers = keep(FOREVER)
     waits, first = pauses_of(workers, monkeypatch), workers._process
     first.kill()

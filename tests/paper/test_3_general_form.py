@@ -12,7 +12,7 @@ import sympy
 from mpmath import mp, mpf, quad
 
 from service.dynamics.equations.compatibility import along_curves, energy_on_curve, pde_residual
-from service.dynamics.potentials.angular_part.doubles import curve_parameter
+from service.dynamics.potentials.angular_part.field import curve_parameter
 from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.potentials.families.homogeneous import homogeneous_potential
 from tests.paper.forms import (

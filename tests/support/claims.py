@@ -13,7 +13,7 @@ from service.schemas.problem.problem import read_problem
 from tests.support.random_documents import Document, Drawn, Family, draw_problem, with_times
 from workers.computation.compute import solve
 from workers.solvers.certified.certify import Certified
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 CLAIMS = {
     "samples": "the asked samples",

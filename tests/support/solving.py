@@ -2,8 +2,8 @@
 
 from service.dynamics.motion import Motion
 from service.dynamics.problem import Problem
+from workers.solvers.choose import find_motion
 from workers.solvers.errors import require_error_within
-from workers.solvers.planar.choose import find_motion
 
 
 def solve_planar(problem: Problem) -> Motion:

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from service.jobs.kernels import KERNELS, Kernels
-from service.local.worker_command import worker_command
+from service.local.worker_process import worker_command
 from service.terminal import answer, say
 from workers.computation.compiled_code import (
     GROUPS,
@@ -135,7 +135,7 @@ def _alongside() -> Iterator["subprocess.Popen[bytes] | None"]:
     if len(os.sched_getaffinity(0)) < 2:
         yield None
         return
-    second = subprocess.Popen(worker_command("compile", "--is-second"), stdin=subprocess.DEVNULL)
+    second = subprocess.Popen(worker_command("compile", is_second=True), stdin=subprocess.DEVNULL)
     try:
         yield second
     finally:

@@ -1,25 +1,53 @@
-"""``python -m workers doctor``: checks the database, repairs it if asked, and solves samples again."""
+"""``python -m workers doctor``: checks the database, repairs it if asked, and solves samples again.
+
+One check is of stored solutions of earlier versions in windows next to a place where p² is infinite: versions
+before COLLISIONS took some such places for zeros of p², or passed them, so that what they said of a window
+that ends there is not to be believed. Whether a solution is in such a window is found anew.
+"""
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from random import Random
 
+from sqlalchemy import func, select
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.escaping import one_line
-from service.sandbox import Sandbox
+from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.vanishing import vanishing_parts
+from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.reduction.geometry.tight_form import tight_form
+from service.dynamics.reduction.windows import choose_window, find_windows
+from service.jobs.records import Refused, StoredSolution
+from service.logs import one_line
+from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.schemas.problem.problem import read_problem
+from service.schemas.reading.documents import InvalidProblemError
 from service.settings import Settings, read_settings
 from service.storage.database.database import Database
 from service.storage.inspection.blob_inspection import check_blobs, repair_examinations
-from service.storage.inspection.inspect import Finding, check_schema, inspect, repair
+from service.storage.inspection.inspect import EXAMPLES, Finding, check_schema, inspect, repair
+from service.storage.jobs.claiming import stored_solutions
+from service.storage.tables.solutions import SolutionRow
 from service.terminal import answer, say
-from workers.computation.comparison import Sameness
-from workers.computation.outdated import check_windows
-from workers.computation.reproduction import Repetition, repeat_solutions
+from workers.computation.audit import Sameness, audit_document
 
 PACKETS = 100
 """Packets of each kind that are read without --all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repetition:
+    """The result of solving one solution again."""
+
+    solution: str
+    sameness: Sameness
+    detail: str
+
+    @property
+    def is_clean(self) -> bool:
+        """The stored numbers are confirmed."""
+        return self.sameness in (Sameness.IDENTICAL, Sameness.WITHIN_ERRORS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +105,44 @@ def _mend(database: Database) -> Iterator[Finding]:
 def _repeat(database: Database, settings: Settings, count: int, random: Random) -> list[Repetition]:
     if count == 0:
         return []
-    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=["workers.computation.compute"])
+    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=[audit_document.__module__])
     try:
         seconds = settings.job_seconds
         return list(repeat_solutions(database, sandbox, count=count, seconds=seconds, random=random))
     finally:
         sandbox.close()
+
+
+def repeat_solutions(
+    database: Database, sandbox: Sandbox, *, count: int, seconds: float, random: Random
+) -> Iterator[Repetition]:
+    """Solve ``count`` of the stored problems, chosen by ``random``, in ``seconds`` each at most; compare."""
+    with database.read() as session:
+        total = session.scalar(select(func.count()).select_from(SolutionRow)) or 0
+    for position in random.sample(range(total), min(count, total)):
+        one = select(SolutionRow.id).order_by(SolutionRow.id).offset(position).limit(1)
+        with database.read() as session:
+            stored = stored_solutions(session.connection(), session.scalars(one).all())
+        for solution_id, solution in stored.items():
+            yield _audited(solution_id, solution, sandbox, seconds)
+
+
+def _audited(solution_id: str, stored: StoredSolution, sandbox: Sandbox, seconds: float) -> Repetition:
+    """Return what an audit of a solution finds."""
+    try:
+        outcome = sandbox.run(audit_document, json.dumps(stored.problem), "", stored, seconds=seconds)
+    except (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError) as fault:
+        return Repetition(solution_id, Sameness.FAILED, f"it cannot be solved again: {fault}")
+    if isinstance(outcome, Refused):
+        detail = "it cannot be solved again: {code}: {detail}".format(**outcome.error)
+        return Repetition(solution_id, Sameness.FAILED, detail)
+    comparison = outcome.comparison
+    assert comparison is not None
+    if comparison["identical"]:
+        sameness = Sameness.IDENTICAL
+    else:
+        sameness = Sameness.WITHIN_ERRORS if comparison["verdict"] == "agrees" else Sameness.DIFFERENT
+    return Repetition(solution_id, sameness, str(comparison["detail"]))
 
 
 def _document(report: Report) -> dict[str, object]:
@@ -124,3 +184,65 @@ def _describe_repetitions(repetitions: Iterable[Repetition]) -> Iterator[str]:
             word = "note" if repetition.is_clean else "BROKEN"
             yield f"{word:<9}solution {repetition.solution}: {repetition.detail}"
     yield f"{same} solutions were solved again with the same bits"
+
+
+COLLISIONS = 10
+"""The first numerics version that proves where p² is infinite."""
+_PAGE = 500
+
+
+def check_windows(database: Database) -> Finding:
+    """Return the finding about solutions of earlier versions in windows that end where p² is infinite."""
+    broken, examples = 0, list[str]()
+    for solution, problem in _earlier(database):
+        doubt = _doubt_of(problem)
+        if doubt is not None:
+            broken += 1
+            if len(examples) < EXAMPLES:
+                examples.append(f"{solution}: {doubt}")
+    says = f"no solution of numerics before {COLLISIONS} is in a window next to a place where p² is infinite"
+    return Finding("windows_at_infinities", says, broken, tuple(examples), is_warning=True)
+
+
+def _earlier(database: Database) -> Iterator[tuple[str, Problem]]:
+    """Yield the planar motions that earlier versions solved, with the ids of their solutions."""
+    columns = SolutionRow.id, SolutionRow.problem, SolutionRow.summary
+    last = ""
+    while True:
+        page = select(*columns).order_by(SolutionRow.id).limit(_PAGE)
+        with database.read() as session:
+            rows = session.execute(page.where(SolutionRow.id > last) if last else page).all()
+        if not rows:
+            return
+        last = rows[-1][0]
+        for solution, document, summary in rows:
+            provenance = summary.get("provenance")
+            if isinstance(provenance, Mapping) and provenance.get("numerics", 0) >= COLLISIONS:
+                continue
+            try:
+                problem = read_problem(document)
+            except InvalidProblemError:
+                # A problem of another version of documents is another check's.
+                continue
+            if isinstance(problem.motion, PlanarMotion):
+                yield solution, problem
+
+
+def _doubt_of(problem: Problem) -> str | None:
+    """Return what is the matter with the window of a motion, None if nothing is."""
+    motion, potential = problem.motion, problem.potential
+    assert isinstance(motion, PlanarMotion)
+    part = potential if potential.has_formula else potential.formula_part(motion.sign_of_g1, motion.g3_sign)
+    if part is None or not vanishing_parts(tight_form(part.tape)):
+        return None
+    try:
+        window = choose_window(find_windows(problem.body, potential, motion), motion)
+    except DynamicsError as refusal:
+        return refusal.code
+    ends = {
+        end
+        for arc in window.arcs
+        for v, end in ((arc.lower, arc.lower_end), (arc.upper, arc.upper_end))
+        if not v.sin().contains(0)
+    }
+    return f"window {window.index} ends in a collision" if "collision" in ends else None

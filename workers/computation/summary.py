@@ -12,14 +12,14 @@ from service.dynamics.bounds import printed_error
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.motion import Asymptote, CrossCheck, Estimate, Motion
 from service.dynamics.numerics import NUMERICS
-from service.dynamics.potentials.warning import Notice
+from service.dynamics.potentials.potential import Notice
 from service.dynamics.problem import Problem
 from service.dynamics.solution.ball_columns import as_decimals
 from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL, is_simplified
 from service.storage.codecs.summary import FIRST_PASSAGE, PROVEN_SAMPLES
 from service.versions import version_of
+from workers.computation.compiled_code import libraries, processor, threads
 from workers.computation.outputs import Findings
-from workers.computation.processor import libraries, processor, threads
 from workers.solvers.certified.certify import Certified
 from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability

@@ -6,29 +6,32 @@ may have happened. No transaction is open while a child computes.
 
 import json
 import logging
+import random
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from typing import Any  # Any: an outcome, or those of a batch
 
-from service.jobs.batching import BATCH_SECONDS, BatchSize
-from service.jobs.job import Claim, Taken
 from service.jobs.kernels import Outlook
-from service.jobs.lanes import Lane, LaneShares
-from service.jobs.outcome import Outcome, SolveOutcome
-from service.jobs.states import JobKind
+from service.jobs.queue import BATCH_SECONDS, BatchSize, Lane, LaneShares
+from service.jobs.records import Claim, JobKind, Outcome, SolveOutcome, Taken
 from service.jobs.store import JobStore
 from service.logs import about, call_about
 from service.sandbox import Sandbox, SandboxCrashError, SandboxTimeoutError, result_of
-from workers.process.batches import Call, Ledger, compute_in_turn
-from workers.process.leases import Leases
-from workers.process.limits import JobLimits
-from workers.process.portions import Portions
-from workers.process.results import Results, extra_of, fields_of
-from workers.process.runs import ChildRun, may_share, shared_out
-from workers.process.waiting import Waiting
+from workers.process.batches import (
+    Call,
+    ChildRun,
+    Ledger,
+    Portions,
+    Waiting,
+    compute_in_turn,
+    may_share,
+    shared_out,
+)
+from workers.process.results import JobLimits, Leases, Results, extra_of, fields_of
 
 logger = logging.getLogger(__name__)
+
 
 Computation = Callable[..., Outcome]
 """A module-level function from :attr:`Claim.payload`, as JSON text, to the outcome of the job.
@@ -90,7 +93,7 @@ class Runner:
         self._leases = Leases(store, limits.lease_seconds)
         self._results = Results(store, limits, outlook)
         self._portions = Portions(BatchSize(), slots, limits.lease_seconds)
-        self._shares = LaneShares()
+        self._shares = LaneShares(random.random())
         self._is_dry = False
         """Nothing was left in the queue when results were stored, a moment ago."""
         self._reconcile_at = self._watch_at = 0.0

@@ -12,8 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from service.api.formats.columns import ColumnKind, Sink
-from service.api.formats.metadata import units_of
+from service.api.formats.columns import ColumnKind, Sink, units_of
 
 POINTS, DOCUMENT, DESCRIPTOR = "points.parquet", "sweep.json", "datapackage.json"
 PROFILE = "https://datapackage.org/profiles/2.0/datapackage.json"
@@ -123,5 +122,5 @@ def _fields(about: Package) -> Iterator[dict[str, object]]:
         yield described
 
 
-def _json(thing: Mapping[str, object]) -> bytes:
-    return json.dumps(thing, indent=2, ensure_ascii=False, allow_nan=False).encode() + b"\n"
+def _json(document: Mapping[str, object]) -> bytes:
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False).encode() + b"\n"

@@ -12,7 +12,7 @@ from starlette.requests import ClientDisconnect
 from service.api.middleware.observing import id_of, standing_headers
 from service.api.replies.errors import ApiError, invalid_request
 from service.dynamics.errors import DynamicsError
-from service.jobs.errors import (
+from service.jobs.records import (
     AtlasNotFoundError,
     AuditNotFoundError,
     InUseError,
@@ -20,11 +20,12 @@ from service.jobs.errors import (
     JobNotFoundError,
     SolutionNotFoundError,
     StillAtWorkError,
+    SweepFinishedError,
+    SweepNotFoundError,
 )
-from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
 from service.logs import Complaints, about, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.reading.faults import Fault, InvalidProblemError
+from service.schemas.reading.documents import Fault, InvalidProblemError
 from service.schemas.sweep.reading import InvalidSweepError
 from service.storage.database.availability import is_away
 from service.storage.database.database import SearchTimeError
@@ -96,7 +97,7 @@ async def respond(request: Request, error: Exception) -> Response:
 
 
 def refusal_of(error: Exception) -> ApiError:
-    """Return what a client is told about ``error``, without internal details."""
+    """Return what the answer says about ``error``, without internal details."""
     unprocessable = HTTPStatus.UNPROCESSABLE_ENTITY
     match error:
         case ApiError():
@@ -164,8 +165,8 @@ def _of_http(error: HTTPException) -> ApiError:
 def _query_faults(error: RequestValidationError) -> list[Fault]:
     faults = []
     for entry in error.errors():
-        place, *names = entry["loc"]
-        pointer = ("?" if place == "query" else f"{place} ") + ".".join(map(str, names))
+        part, *names = entry["loc"]
+        pointer = ("?" if part == "query" else f"{part} ") + ".".join(map(str, names))
         code, message = entry["type"], entry["msg"]
         if code == "extra_forbidden":
             code, message = "unknown_parameter", "this endpoint has no such parameter"

@@ -1,20 +1,52 @@
-"""Has the answers of some endpoints made in the places of heavy reads, and counted until they are sent."""
+"""Has the answers of some endpoints made within the limits of heavy reads, and counted until they are sent.
 
-from collections.abc import Awaitable, Callable
+The work of a request ends when its client disconnects. Files that everybody may read are light, but a
+thousand clients may ask for one in the same moment: few of these answers begin at once.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine
 from functools import partial, wraps
-from typing import ParamSpec
+from typing import Any, ParamSpec, TypeVar  # Any: the send type of a coroutine, which is not used
 
 from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
-from starlette.types import Receive, Scope, Send
+from starlette.requests import ClientDisconnect
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.dependencies import Resources
 from service.api.heavy_reads import Reader
-from service.api.middleware.disconnects import while_connected
-from service.api.middleware.methods import is_head
+from service.api.middleware.caching import is_head
 from service.api.middleware.security import holder_of
 from service.api.queries.lists import Listing
-from service.api.replies.pieces import PART_BYTES, PiecedAnswer, size_of
+from service.api.replies.responses import PART_BYTES, PiecedAnswer, size_of
+
+T = TypeVar("T")
+
+
+async def while_connected(request: Request, work: Coroutine[Any, Any, T]) -> T:
+    """Return the result of ``work``; its body must have been read.
+
+    Raises
+    ------
+    ClientDisconnect
+        The client disconnected first; ``work`` was cancelled.
+    """
+    working, leaving = asyncio.create_task(work), asyncio.create_task(_until_gone(request))
+    try:
+        await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)
+        if not working.done():
+            raise ClientDisconnect
+        return working.result()
+    finally:
+        unfinished = [task for task in (working, leaving) if task.cancel()]
+        await asyncio.gather(*unfinished, return_exceptions=True)
+
+
+async def _until_gone(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+
 
 P = ParamSpec("P")
 
@@ -26,22 +58,22 @@ _NEAR = 1000
 
 
 def heavy(endpoint: Callable[P, Response]) -> Callable[P, Awaitable[Response]]:
-    """Return an endpoint that computes or builds much, made to wait for its place.
+    """Return an endpoint that computes or builds much, made to wait for a slot.
 
     It needs the parameters ``request`` and ``inside``.
     """
 
     @wraps(endpoint)
-    async def in_its_place(*args: P.args, **kwargs: P.kwargs) -> Response:
+    async def in_a_slot(*args: P.args, **kwargs: P.kwargs) -> Response:
         request, inside = kwargs["request"], kwargs["inside"]
         assert isinstance(request, Request)
         assert isinstance(inside, Resources)
-        return await made_in_a_place(request, inside, partial(endpoint, *args, **kwargs))
+        return await made_in_a_slot(request, inside, partial(endpoint, *args, **kwargs))
 
-    return in_its_place
+    return in_a_slot
 
 
-async def made_in_a_place(request: Request, inside: Resources, make: Callable[[], Response]) -> Response:
+async def made_in_a_slot(request: Request, inside: Resources, make: Callable[[], Response]) -> Response:
     """Return the answer that ``make`` makes, once it is its turn.
 
     Raises
@@ -66,15 +98,16 @@ async def made_in_a_place(request: Request, inside: Resources, make: Callable[[]
 async def listed(
     request: Request, inside: Resources, listing: Listing, make: Callable[[], Response]
 ) -> Response:
-    """Return a page of a list: in a place of heavy reads if its conditions or its order may take long."""
+    """Return a page of a list: in a slot of heavy reads if its conditions or its order may take long."""
     query = listing.query
     if query.is_estimated:
         return listing.estimate()
     is_quick = all(each.subject.name in _INDEXED for each in query.conditions)
     is_by_age = all(key.subject.name in _AGE for key in query.order)
-    if is_quick and is_by_age and query.offset <= _NEAR:
+    is_bounded = not query.is_counted or query.count_limit is not None
+    if is_quick and is_by_age and is_bounded and query.offset <= _NEAR:
         return await run_in_threadpool(make)
-    return await made_in_a_place(request, inside, make)
+    return await made_in_a_slot(request, inside, make)
 
 
 class _Counted(Response):
@@ -99,3 +132,39 @@ def _head_of(answer: PiecedAnswer) -> Response:
     head = Response(status_code=answer.status_code)
     head.raw_headers = answer.raw_headers
     return head
+
+
+_FILES = ("/static/", "/docs", "/openapi.json")
+_BEGINNING = 4
+"""Answers with files that may begin at once."""
+
+
+class FilesInTurns:
+    """Lets other requests in between those for files, which wait until few of them have not begun."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._places = asyncio.Semaphore(_BEGINNING)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, if it is for a file once it is its turn."""
+        path = scope.get("path", "").removeprefix(scope.get("root_path", ""))
+        if scope["type"] != "http" or not path.startswith(_FILES):
+            await self._app(scope, receive, send)
+            return
+        await self._places.acquire()
+        has_begun = False
+
+        async def send_begun(message: Message) -> None:
+            nonlocal has_begun
+            if not has_begun:
+                # How long the client reads concerns nobody else.
+                has_begun = True
+                self._places.release()
+            await send(message)
+
+        try:
+            await self._app(scope, receive, send_begun)
+        finally:
+            if not has_begun:
+                self._places.release()

@@ -12,13 +12,10 @@ from pydantic import Field
 from service.api.queries.cursors import InvalidCursorError, cursor_of, place_of
 from service.api.queries.queries import Asked, QueryModel, refuse_if_any
 from service.api.replies.responses import json_response
-from service.jobs.states import JobState
-from service.schemas.query.conditions import Condition, OrderKey, Subject, Value
-from service.schemas.query.kinds import Kind
-from service.schemas.query.list_query import ID, ListQuery
-from service.schemas.query.order import read_columns, read_order
-from service.schemas.query.where import read_where
-from service.schemas.reading.faults import Fault
+from service.jobs.records import JobState
+from service.schemas.query.conditions import ID, Condition, Kind, ListQuery, OrderKey, Subject, Value
+from service.schemas.query.reading import read_columns, read_order, read_where
+from service.schemas.reading.documents import Fault
 from service.schemas.replies.analysis import QueryEstimateOut, SlowPart
 from service.schemas.replies.response_model import ResponseModel
 from service.storage.database.database import SEARCH_SECONDS
@@ -38,6 +35,8 @@ ESTIMATE = (
     " over many rows, and after how many seconds it is stopped."
 )
 
+COUNTED_AT_ONCE = 10_000
+"""Rows that are counted in some milliseconds."""
 FARTHEST = 10**9
 """Rows that a request may leave out, or ask for, at most: more than any list has."""
 
@@ -64,8 +63,8 @@ class AskingQuery(QueryModel):
     )
     count: Literal["exact"] | None = Field(
         default=None,
-        description="`exact`: with `total`, also where it takes time: with `where` and `after` it is null if"
-        " this is left out.",
+        description="`exact`: with `total`, also where it takes time: with `where` or `after`, or of over"
+        f" {COUNTED_AT_ONCE:,} rows, it is null if this is left out.",
     )
     estimate: bool = Field(default=False, description=ESTIMATE)
 
@@ -186,6 +185,7 @@ def read_listing(
         given.limit,
         given.offset,
         is_counted=given.count == "exact" or not (given.where or given.after),
+        count_limit=None if given.count == "exact" else COUNTED_AT_ONCE,
         is_estimated=given.estimate,
     )
     if given.after is None:

@@ -14,8 +14,7 @@ from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
-from service.api.middleware.disconnects import while_connected
-from service.api.middleware.heavy_answers import listed
+from service.api.middleware.heavy_answers import listed, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
@@ -29,19 +28,17 @@ from service.api.queries.queries import (
 )
 from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.errors import ApiError
-from service.api.replies.places import JobId
 from service.api.replies.records import job_out
-from service.api.replies.responses import json_response, refusals
-from service.api.submission import Accepted, Checked, JudgedDocument, accept, accept_many, check, check_each
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Job, JobPage
-from service.jobs.lanes import Lane
-from service.jobs.states import JobState
-from service.schemas.query.list_query import ListQuery, in_state
-from service.schemas.reading.faults import first_of
+from service.api.replies.responses import JobId, json_response, refusals
+from service.api.submission import accept, accept_many, check, check_each
+from service.api.verdicts.examiner import Submission
+from service.jobs.queue import Lane
+from service.jobs.records import Job, JobPage, JobState
+from service.jobs.store import Receipt
+from service.schemas.query.conditions import ListQuery, in_state
+from service.schemas.reading.documents import first_of
 from service.schemas.replies.analysis import QueryEstimateOut
-from service.schemas.replies.job import JobItemOut, JobListOut, JobOut, JobPageOut
-from service.schemas.replies.overview import AttemptsOut
+from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
 from service.storage.searching.sources import OF_JOB_ROWS
 
@@ -138,16 +135,15 @@ async def submit_job(
     return await inside.idempotency.once(given, work)
 
 
-def _checked(content: bytes, settings: Settings) -> Checked | list[Checked | ApiError]:
+def _checked(content: bytes, settings: Settings) -> Submission | list[Submission | ApiError]:
     document = read_json(content)
     return check_each(document, settings) if isinstance(document, list) else check(document, settings)
 
 
-async def _submit_one(problem: Checked, inside: Resources, terms: SubmissionTerms) -> Response:
-    examined = await accept(inside, problem, terms.holder)
+async def _submit_one(problem: Submission, inside: Resources, terms: SubmissionTerms) -> Response:
+    accepted = await accept(inside, problem, terms.holder)
 
     def store(receipt: Receipt[Made] | None) -> Job:
-        accepted = examined.accepted()
         return inside.jobs.submit(
             accepted.document,
             accepted.digest,
@@ -167,17 +163,16 @@ def _shown(job: Job) -> tuple[JobOut, str]:
 
 
 async def _submit_list(
-    problems: list[Checked | ApiError], inside: Resources, terms: SubmissionTerms
+    problems: list[Submission | ApiError], inside: Resources, terms: SubmissionTerms
 ) -> Response:
-    examined = await accept_many(inside, problems, terms.holder)
-    return await run_in_threadpool(_queue_list, examined, inside, terms)
+    answers = await accept_many(inside, problems, terms.holder)
+    return await run_in_threadpool(_queue_list, answers, inside, terms)
 
 
 def _queue_list(
-    examined: Sequence[JudgedDocument | ApiError], inside: Resources, terms: SubmissionTerms
+    answers: Sequence[Submission | ApiError], inside: Resources, terms: SubmissionTerms
 ) -> Response:
-    answers = [each if isinstance(each, ApiError) else each.accepted_or_refusal() for each in examined]
-    accepted = [answer for answer in answers if isinstance(answer, Accepted)]
+    accepted = [answer for answer in answers if isinstance(answer, Submission)]
     if not accepted:
         raise _nothing_accepted(answers)
     jobs = inside.jobs.submit_many(
@@ -195,7 +190,7 @@ def _queue_list(
     return _list_submitted(answers, jobs)
 
 
-def _list_submitted(answers: Sequence[Accepted | ApiError], made: Sequence[Job]) -> Response:
+def _list_submitted(answers: Sequence[Submission | ApiError], made: Sequence[Job]) -> Response:
     jobs = iter(made)
     items = [
         _refused(answer)
@@ -210,7 +205,7 @@ def _refused(refusal: ApiError) -> JobItemOut:
     return JobItemOut(status=refusal.status, job=None, problem=refusal.document())
 
 
-def _nothing_accepted(answers: Sequence[Accepted | ApiError]) -> ApiError:
+def _nothing_accepted(answers: Sequence[Submission | ApiError]) -> ApiError:
     refusals = [answer for answer in answers if isinstance(answer, ApiError)]
     faults = [
         replace(fault, pointer=f"/{index}{fault.pointer}")

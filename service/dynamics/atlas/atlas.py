@@ -1,44 +1,108 @@
-"""Finds all planar motions of a body and a potential over a range of λ."""
+r"""Finds all planar motions of a body and a potential over a range of λ.
+
+Its energies h(λ) are bounded at single λ. On the curve, with primed axes,
+
+.. math:: h = V + \frac{(A g_1^2 + C g_3^2)\,D}{2 (A - C)\, g_1 g_3},
+
+has the same value at every place of it where V and D are defined.
+"""
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 import numpy as np
 from flint import arb, ctx
+from numpy.typing import NDArray
 
 from service.dynamics.atlas.bands import Measured, series_of
-from service.dynamics.atlas.changes import Beside, Change, change_between
 from service.dynamics.atlas.curves import (
     HalfCurves,
     LambdaStretch,
     PlainHalves,
+    grouped,
     half_curves,
     motion_at,
     plain_halves,
 )
-from service.dynamics.atlas.energies import energies
-from service.dynamics.atlas.latitudes import stays_at_latitudes, zeros_at_latitudes
-from service.dynamics.atlas.parts import Atlas, AtlasPart, LambdaRange
-from service.dynamics.atlas.seen import single_at
-from service.dynamics.atlas.seen_atlas import seen_atlas
+from service.dynamics.atlas.latitudes import formula_of, stays_at_latitudes, zeros_at_latitudes
+from service.dynamics.atlas.parts import Atlas, AtlasPart, Beside, Change, LambdaRange, change_between
+from service.dynamics.atlas.sampled_atlas import sampled_atlas, single_at
 from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range, whole_range
-from service.dynamics.atlas.zeros import zeros_of
+from service.dynamics.atlas.zeros import CELL_RELATIVE_WIDTH, zeros_of
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.intervals import IntervalAlgebra
+from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.parity import is_written_even
 from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.recognition.constant_curve_function import formula_of
 from service.dynamics.problem import PlanarMotion, Sign
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
+    QUARTER_TURN,
+    Cells,
+    axes,
+    heights,
+    scales,
+)
 from service.dynamics.reduction.sign_proofs.signs import INFINITE
 from service.dynamics.reduction.windows import find_windows
 
-BITS = 128
-FEWEST = 9
+FloatArray = NDArray[np.float64]
+
+ENERGY_POINTS = (
+    (1.0, 0.3),
+    (1.0, 0.6),
+    (1.0, 0.9),
+    (1.0, 1.2),
+    (1.0, QUARTER_TURN * 0.97),
+    (-1.0, 0.5),
+    (-1.0, 1.1),
+)
+"""Signs of g2, and distances from the pole of this sign, where the energy is bounded."""
+
+
+def energies(half: HalfCurves, single: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
+    """Return bounds of h at single λ; NaN where there are none."""
+    parts = [_energies(half, group) for group in grouped(single)]
+    return np.concatenate([low for low, _ in parts]), np.concatenate([high for _, high in parts])
+
+
+def _energies(half: HalfCurves, single: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
+    shape, loops = (len(single), len(ENERGY_POINTS)), half.loops(single)
+    side, x = (np.tile(np.array(each), shape[0]) for each in zip(*ENERGY_POINTS, strict=True))
+    cells = Cells(np.repeat(np.arange(shape[0]), shape[1]), side, x * (1.0 - CELL_RELATIVE_WIDTH), x)
+    algebra = IntervalAlgebra(scales(loops, cells))
+    first, third = axes(algebra, loops, cells)
+    g1, g3 = (third, first) if half.shape.is_mirrored else (first, third)
+    g2 = algebra.interval(*heights(loops, cells))
+    jets = FirstOrderJets(algebra, 1)
+    seeds = [jets.seed(g1, (algebra.negate(g3),)), jets.seed(g2, (None,)), jets.seed(g3, (g1,))]
+    A, C = half.body.A, half.body.C
+    with np.errstate(all="ignore"):
+        V = half.tape.evaluate(jets, seeds)
+        total = V.value
+        if V.first[0] is not None:
+            # Mirrored, A and C, g1 and g3 are exchanged and D changes its sign: the quotient is the same.
+            Q = algebra.add(
+                algebra.multiply(algebra.constant(A), algebra.power(g1, Fraction(2))),
+                algebra.multiply(algebra.constant(C), algebra.power(g3, Fraction(2))),
+            )
+            product = algebra.multiply(algebra.constant(2 * (A - C)), algebra.multiply(g1, g3))
+            total = algebra.add(total, algebra.divide(algebra.multiply(Q, V.first[0]), product))
+        lo, hi = (np.broadcast_to(bound, x.shape).reshape(shape) for bound in algebra.bounds(total))
+    known = lo <= hi
+    low = np.where(known, lo, -np.inf).max(axis=1)
+    high = np.where(known, hi, np.inf).min(axis=1)
+    is_known = np.isfinite(low) & np.isfinite(high)
+    return np.where(is_known, low, np.nan), np.where(is_known, high, np.nan)
+
+
+ENERGY_BITS = 128
+MIN_SAMPLES_PER_PART = 9
 """λ of a part at which its windows are followed."""
-AWAY = 1e-6
+PROBE_RELATIVE_DISTANCE = 1e-6
 """Relative distance from a change at which it is looked at which zeros meet."""
-EVENT = 1e-5
+CHANGE_RELATIVE_WIDTH = 1e-5
 """Relative width up to which a stretch without a proof, between parts that differ, encloses a change."""
 
 
@@ -63,10 +127,10 @@ def make_atlas(
     body.require_planar()
     potential = with_formula(body, potential)
     if not potential.has_formula:
-        with ctx.workprec(BITS):
+        with ctx.workprec(ENERGY_BITS):
             plain = _plain_halves(body, potential, over)
-            return seen_atlas(plain, over, samples, FEWEST, is_late, has_periods=has_periods)
-    with ctx.workprec(BITS):
+            return sampled_atlas(plain, over, samples, MIN_SAMPLES_PER_PART, is_late, has_periods=has_periods)
+    with ctx.workprec(ENERGY_BITS):
         halves = _halves(body, potential, over)
         if stays_at_latitudes(halves):
             return _of_latitudes(halves, over, samples, has_periods=has_periods)
@@ -115,7 +179,7 @@ def _assembled(
     for k, part in enumerate(parts):
         lower, upper = over.ends(halves[0], part.stretches[0], part.stretches[-1])
         if part.signatures is not None:
-            count = over.samples_between((lower, upper), samples, FEWEST)
+            count = over.samples_between((lower, upper), samples, MIN_SAMPLES_PER_PART)
             found.append(_part(halves, part, (lower, upper), count, has_periods=has_periods))
             continue
         around = [parts[n] if 0 <= n < len(parts) else None for n in (k - 1, k + 1)]
@@ -131,7 +195,7 @@ def _change(
     halves: Sequence[HalfCurves], around: Sequence[LambdaPart | None], ends: tuple[arb, arb]
 ) -> Change | None:
     before, after = around
-    is_narrow = ends[1] - ends[0] < EVENT * ends[1]
+    is_narrow = ends[1] - ends[0] < CHANGE_RELATIVE_WIDTH * ends[1]
     if before is None or after is None or not is_narrow:
         return None
     if before.signatures is None or after.signatures is None or before.signatures == after.signatures:
@@ -146,7 +210,7 @@ def _change(
 def _at(halves: Sequence[HalfCurves], part: LambdaPart, number: int, *, upper: bool) -> Beside:
     """Return the part with a single λ next to the change, and far enough from it that the zeros are apart."""
     end = _logarithm(part.stretches[number], upper=upper)
-    nearest = single_at(end - AWAY if upper else end + AWAY)
+    nearest = single_at(end - PROBE_RELATIVE_DISTANCE if upper else end + PROBE_RELATIVE_DISTANCE)
     return Beside(part.signatures or (), lambda k: zeros_of(halves[k], k, part, [nearest]))
 
 

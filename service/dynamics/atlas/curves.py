@@ -3,9 +3,12 @@
 Everything is in primed axes (:mod:`service.dynamics.reduction.geometry.loop`): a body with A < C is
 mirrored, and its primed λ is λ^(−A/C). A stretch of the primed λ is stored as the two doubles that bound
 k = λ, or k = 1/λ where λ > 1, because the bounds of the curve are tight for 0 ≤ k ≤ 1.
+
+The functions at the end evaluate the curve and p² in doubles at many λ and many points at once: for estimates
+and series, not for proofs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby, pairwise
@@ -18,6 +21,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.geometry.height import log_sine_real, numerator_real
 from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, Shape, shape_of
@@ -26,7 +30,7 @@ from service.dynamics.reduction.sign_proofs.equators import loops_of_stretches
 
 FloatArray = NDArray[np.float64]
 
-CLOSER = 2.0
+EDGES_RATIO = 2.0
 """Ratio of the distances from a place of both ends of a part."""
 
 
@@ -44,10 +48,10 @@ class LambdaStretch:
         ends = [self.low, *np.clip(inner, self.low, self.high).tolist(), self.high]
         return [LambdaStretch(self.is_inverse, low, high) for low, high in pairwise(ends) if low < high]
 
-    def parts_towards(self, place: float, least: float) -> "list[LambdaStretch]":
+    def parts_towards(self, point: float, least: float) -> "list[LambdaStretch]":
         """Return parts as wide as they are far from a place inside; the one about it is twice ``least``."""
-        steps = least * CLOSER ** np.arange(np.log(1.0 / least) / np.log(CLOSER))
-        ends = [*(place * (1.0 - steps)).tolist(), *(place * (1.0 + steps)).tolist()]
+        steps = least * EDGES_RATIO ** np.arange(np.log(1.0 / least) / np.log(EDGES_RATIO))
+        ends = [*(point * (1.0 - steps)).tolist(), *(point * (1.0 + steps)).tolist()]
         inner = sorted(end for end in ends if self.low < end < self.high)
         return [LambdaStretch(self.is_inverse, *pair) for pair in pairwise([self.low, *inner, self.high])]
 
@@ -128,3 +132,106 @@ def half_curves(body: RigidBody, potential: Potential, motion: PlanarMotion) -> 
         The potential has no formula.
     """
     return HalfCurves(body, potential, motion, shape_of(body, motion), tight_form(potential.tape))
+
+
+MAX_ROOT_STEPS = 80
+"""Largest number of steps: some ten are usual, where values are smooth."""
+ROOT_RELATIVE_WIDTH = 2.0**-51
+
+
+def equator_of(half: PlainHalves, stretches: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
+    """Return Z and G for a λ inside each stretch, shape (stretches, 1)."""
+    found: list[tuple[int, float, float]] = []
+    for inverse in (False, True):
+        points = [k for k, each in enumerate(stretches) if each.is_inverse == inverse]
+        if points:
+            loops = half.loops([stretches[k] for k in points])
+            Z, G = (0.5 * (low + high) for low, high in (loops.Z, loops.G))
+            found.extend(zip(points, Z.tolist(), G.tolist(), strict=True))
+    ordered = np.array([each[1:] for each in sorted(found)])
+    return ordered[:, :1], ordered[:, 1:]
+
+
+def curve_at(
+    half: PlainHalves, Z: FloatArray, G: FloatArray, sine: FloatArray, cosine: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return g1, g2, g3 in the client's axes, and c = g2 / cos v, at the places with these sin v and cos v.
+
+    sin v < 0 is the curve on which the primed g3 has the other sign.
+    """
+    shape = half.shape
+    alpha = float(shape.alpha)
+    square = cosine * cosine
+    with np.errstate(all="ignore"):
+        log_sine = log_sine_real(sine, square)
+        first = shape.first_sign * G * np.exp(alpha * log_sine)
+        third = shape.third_sign * Z * sine
+        ratio = np.where(
+            square > 0.0, numerator_real(alpha, log_sine) / np.where(square > 0.0, square, 1.0), alpha
+        )
+        c = np.sqrt(Z * Z + G * G * ratio)
+    g1, g3 = (third, first) if shape.is_mirrored else (first, third)
+    return g1, cosine * c, g3, c
+
+
+def d_on_curves(
+    half: PlainHalves, Z: FloatArray, G: FloatArray, side: FloatArray, x: FloatArray
+) -> FloatArray:
+    """Return D at distances x from the pole g2 = ``side``, shape (λ, n)."""
+    g1, g2, g3, _ = curve_at(half, Z, G, np.sin(x), side * np.cos(x))
+    with np.errstate(all="ignore"):
+        found: FloatArray = half.potential.D_real(g1, g2, g3)
+    return found
+
+
+def p_squared(
+    half: PlainHalves, Z: FloatArray, G: FloatArray, sine: FloatArray, cosine: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the primed p² and c at places of curves."""
+    g1, g2, g3, c = curve_at(half, Z, G, sine, cosine)
+    A, C = (half.body.C, half.body.A) if half.shape.is_mirrored else (half.body.A, half.body.C)
+    factor = float(C / ((A - C) * A))
+    with np.errstate(all="ignore"):
+        D = half.potential.D_real(g1, g2, g3)
+        ratio = -g1 / g3 if half.shape.is_mirrored else g3 / g1
+        return factor * ratio * D, c
+
+
+def zero_between(
+    value: Callable[[FloatArray], FloatArray],
+    low: FloatArray,
+    high: FloatArray,
+    close: float = ROOT_RELATIVE_WIDTH,
+) -> FloatArray:
+    """Return about where ``value`` changes its sign between ``low`` and ``high``, arrays of one shape.
+
+    By the method of T. R. Chandrupatla (Advances in Engineering Software 28, 1997, 145-149): inverse
+    quadratic interpolation where three points admit it, else bisection. It ends where the bracket is
+    ``close``, relative.
+    """
+    point, far = low, high
+    f_point, f_far = value(low), value(high)
+    share = np.full(np.shape(low), 0.5)
+    for _ in range(MAX_ROOT_STEPS):
+        x = point + share * (far - point)
+        f = value(x)
+        # Of the last two places one keeps the bracket; the other is the third point.
+        is_same = (f > 0.0) == (f_point > 0.0)
+        third, f_third = np.where(is_same, point, far), np.where(is_same, f_point, f_far)
+        far, f_far = np.where(is_same, far, point), np.where(is_same, f_far, f_point)
+        point, f_point = x, f
+        with np.errstate(all="ignore"):
+            best = np.where(np.abs(f_point) < np.abs(f_far), point, far)
+            least = 0.5 * close * np.abs(best) / np.abs(far - point)
+            # NaN is no reason to go on.
+            if not ((least < 0.5) & (np.abs(f_point) > 0.0)).any():
+                break
+            xi, phi = (point - far) / (third - far), (f_point - f_far) / (f_third - f_far)
+            is_quadratic = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
+            estimate = f_point / (f_far - f_point) * f_third / (f_far - f_third) + (third - point) / (
+                far - point
+            ) * f_point / (f_third - f_point) * f_far / (f_third - f_far)
+            share = np.where(is_quadratic & np.isfinite(estimate), estimate, 0.5)
+            share = np.clip(share, np.minimum(least, 0.5), np.maximum(1.0 - least, 0.5))
+            share = np.where(f_point == 0.0, 0.0, share)
+    return best

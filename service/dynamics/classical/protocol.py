@@ -1,13 +1,116 @@
-"""The parts of a case: conditions on body and centre, free parameters, relations, reduced motion, sources."""
+"""The parts of a case: conditions on body and centre, free parameters, relations, reduced motion, sources.
+
+The periodic cases share one reduced form: x' = rate · u · v with u² = U(x), v² = V(x). The state is a
+rational function of x, u and v. Nothing here takes a square root, so that one set of formulas serves balls,
+doubles, and proofs in a ring of polynomials. Times and angular velocities are in the case's own scale, and
+the components of γ are taken by T = |centre| γ: the first moment is 1, and the length of T is what |centre|
+then is. A motion of any |centre| follows by changing the unit of time.
+
+In cases with the centre on the first axis and q² = Q(p), r² = R(p), Q and R determine the rest. With A = 1,
+β = B − C and |centre| γ = T,
+
+    T1 = h − (p² + B Q + C R)/2,   T2 = q ((1−B) p − C β R'/2),   T3 = r ((1−C) p + B β Q'/2),   p' = β q r.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Literal
+from typing import Any, Literal, TypeAlias
 
-from flint import arb
+from flint import arb, fmpq_poly
 
-from service.dynamics.classical.reduced import Number, Reduced
+
+def real_roots(polynomial: fmpq_poly) -> list[arb]:
+    """Return the real roots in growing order, to the bits of the context."""
+    found = list[arb]()
+    # For rational roots the library gives multiplicities beside them too.
+    for pair in polynomial.complex_roots():
+        root, _ = tuple(pair)  # type: ignore[arg-type,var-annotated]
+        if root.imag == 0:
+            found.append(root.real)
+    return sorted(found, key=float)
+
+
+Number: TypeAlias = Any
+"""Balls as a rule; also doubles, arrays of them, rationals, polynomials: what can be added and multiplied."""
+Coefficients = tuple[Number, ...]
+"""Coefficients of a polynomial, that of degree 0 first."""
+Constants = Mapping[str, Number]
+State = tuple[Number, Number, Number, Number, Number, Number]
+"""p, q, r, T1, T2, T3."""
+Relations = Mapping[str, Number]
+"""Expressions that vanish on the case, by a name for people."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """A reduced motion: polynomials, rate, and the state as a function of (constants, x, u, v)."""
+
+    U: Coefficients
+    V: Coefficients
+    rate: Number
+    constants: Constants
+    state: Callable[[Constants, Number, Number, Number], State]
+    relations: Callable[[Constants, State], Relations]
+
+    def converted(self, convert: Callable[[Number], Number]) -> "Reduced":
+        """Return the same with other numbers."""
+        constants = {
+            name: tuple(map(convert, value)) if isinstance(value, tuple) else convert(value)
+            for name, value in self.constants.items()
+        }
+        U, V = tuple(map(convert, self.U)), tuple(map(convert, self.V))
+        return Reduced(U, V, convert(self.rate), constants, self.state, self.relations)
+
+
+def value(coefficients: Coefficients, x: Number) -> Number:
+    """Return the value of a polynomial at x."""
+    total = coefficients[-1]
+    for coefficient in reversed(coefficients[:-1]):
+        total = total * x + coefficient
+    return total
+
+
+def derivative(coefficients: Coefficients) -> Coefficients:
+    """Return the coefficients of the derivative; that of a constant is 0."""
+    return tuple(k * c for k, c in enumerate(coefficients) if k) or (0 * coefficients[0],)
+
+
+def divided(coefficients: Coefficients, root: Number) -> Coefficients:
+    """Return the quotient of a polynomial by (x − root); the remainder is dropped."""
+    quotient, carry = list[Number](), 0 * root
+    for coefficient in reversed(coefficients[1:]):
+        carry = carry * root + coefficient
+        quotient.append(carry)
+    return tuple(reversed(quotient))
+
+
+def master(B: Number, C: Number, Q: Coefficients, R: Coefficients, h: Number) -> Reduced:
+    """Return the reduced motion with x = p, u = q, v = r."""
+    constants = {"B": B, "C": C, "h": h, "Q": Q, "R": R, "dQ": derivative(Q), "dR": derivative(R)}
+    return Reduced(Q, R, B - C, constants, _state, _relations)
+
+
+def _state(k: Constants, p: Number, q: Number, r: Number) -> State:
+    B, C = k["B"], k["C"]
+    beta = B - C
+    T1 = k["h"] - (p * p + B * value(k["Q"], p) + C * value(k["R"], p)) / 2
+    T2 = q * ((1 - B) * p - C * beta * value(k["dR"], p) / 2)
+    T3 = r * ((1 - C) * p + B * beta * value(k["dQ"], p) / 2)
+    return p, q, r, T1, T2, T3
+
+
+def _relations(k: Constants, state: State) -> Relations:
+    p, q, r, T1, T2, T3 = state
+    _, _, _, S1, S2, S3 = _state(k, p, q, r)
+    return {
+        "q^2 - Q(p)": q * q - value(k["Q"], p),
+        "r^2 - R(p)": r * r - value(k["R"], p),
+        "gamma along the centre": T1 - S1,
+        "gamma along the second axis": T2 - S2,
+        "gamma along the third axis": T3 - S3,
+    }
+
 
 CentrePlace = Literal["axis", "plane", "any"]
 """On a principal axis; in a principal plane and on no axis; anywhere."""

@@ -26,9 +26,9 @@ from typing import TypeVar
 from flint import arb
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebra import Arithmetic
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import SecondOrderJets
-from service.dynamics.formula.arithmetic import Arithmetic
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
 

@@ -1,7 +1,10 @@
-"""The interface of the number types in which a formula is evaluated: numbers, arrays, balls, jets."""
+"""The interface of the number types in which a formula is evaluated: numbers, arrays, balls, jets.
+
+Hand-written formulas compute with :class:`Arithmetic`.
+"""
 
 from fractions import Fraction
-from typing import Protocol, TypeVar
+from typing import Protocol, Self, TypeVar
 
 T = TypeVar("T")
 
@@ -38,3 +41,12 @@ class Algebra(Protocol[T]):
 
     def call(self, name: str, argument: T) -> T:
         """Return exp, log, sin, cos, tan, abs, or sign (the derivative of abs) of the argument."""
+
+
+class Arithmetic(Protocol):
+    """A type with addition and multiplication: balls, SymPy expressions, arrays, rationals."""
+
+    def __add__(self, other: Self, /) -> Self: ...
+    def __sub__(self, other: Self, /) -> Self: ...
+    def __mul__(self, other: Self, /) -> Self: ...
+    def __truediv__(self, other: Self, /) -> Self: ...

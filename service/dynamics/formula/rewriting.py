@@ -4,8 +4,16 @@ from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 
 from service.dynamics.formula.tape import Instruction, Recorder, Tape, without_unused
-from service.dynamics.formula.traversal import children, fold_tree
-from service.dynamics.formula.tree import Binary, BinaryOperator, Call, Negation, Number, Tree
+from service.dynamics.formula.tree import (
+    Binary,
+    BinaryOperator,
+    Call,
+    Negation,
+    Number,
+    Tree,
+    children,
+    fold_tree,
+)
 
 
 class TapeBuilder(Recorder):

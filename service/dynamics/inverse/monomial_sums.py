@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import chain
 
+from service.dynamics.exact import added_up, without_zeros
 from service.dynamics.formula.folding import fold_power
 from service.dynamics.formula.tape import Tape
-from service.dynamics.term_sums import added_up, without_zeros
 from service.dynamics.verdict.proofs.energy_terms import power_text, sum_text, term_text
 
 MAX_TERMS = 500

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from fractions import Fraction
 from itertools import chain
 
+from service.dynamics.exact import added_up, scaled_terms, without_zeros
 from service.dynamics.inverse.monomial_sums import expand
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
-from service.dynamics.potentials.terms.monomials import Exponents
-from service.dynamics.term_sums import added_up, scaled_terms, without_zeros
+from service.dynamics.potentials.terms.powers import Exponents
 
 MAX_DEGREE = 12
 

@@ -19,8 +19,7 @@ from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.formula.traversal import fold_tree
-from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree
+from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree
 from service.dynamics.inverse.enclosures import BallFunction
 from service.dynamics.inverse.monomial_sums import Expansion
 from service.dynamics.potentials.potential import Potential

@@ -10,13 +10,12 @@ from fractions import Fraction
 from itertools import chain
 
 from service.dynamics.body import RigidBody
+from service.dynamics.exact import added_up, scaled_terms
 from service.dynamics.inverse.monomial_sums import GENERATORS, Expansion, MonomialSum, Powers, unit
 from service.dynamics.inverse.section import section
 from service.dynamics.potentials.families.homogeneous import B_term, C_term, energy_of_B, energy_of_C
-from service.dynamics.potentials.terms.coefficients import MAX_TERMS
 from service.dynamics.potentials.terms.logarithmic import energy_of_log, log_term, multiplicity
-from service.dynamics.potentials.terms.powers import PowerSum
-from service.dynamics.term_sums import added_up, scaled_terms
+from service.dynamics.potentials.terms.powers import MAX_TERMS, PowerSum
 from service.dynamics.verdict.proofs.energy_terms import EnergyTerms
 
 _ZERO = Fraction(0)

@@ -12,9 +12,9 @@ from service.dynamics.accuracy import (
     Unavailable,
     best_tier,
     expected,
+    family_of,
     motion_kind,
 )
-from service.dynamics.cost_family import family_of
 from service.dynamics.problem import Problem, StateMotion, TimeList
 
 Document = Mapping[str, object]

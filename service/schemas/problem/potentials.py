@@ -1,37 +1,241 @@
-"""The `potential` of a problem document: expression, gravity, rational, homogeneous."""
+"""The `potential` of a problem document: expression, gravity, rational, homogeneous, general."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from fractions import Fraction
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    PlainValidator,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from service.dynamics.body import RigidBody
-from service.dynamics.errors import DynamicsError
+from service.dynamics.errors import DynamicsError, InvalidNumberError
+from service.dynamics.exact import exact_number
+from service.dynamics.formula.errors import UndefinedConstantError
 from service.dynamics.formula.limits import MAX_CHARACTERS
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import VARIABLES
-from service.dynamics.inverse.named import Named, named_sum
 from service.dynamics.potentials.families import homogeneous
 from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.gravity import gravity_potential
-from service.dynamics.potentials.families.rational import rational_potential, require_rational_body
-from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.bound_formula import named_formula
-from service.dynamics.potentials.terms.coefficients import MAX_TERMS
-from service.dynamics.potentials.terms.names import require_parameter_names
-from service.schemas.problem.general_potential import GeneralIn
-from service.schemas.problem.potential_model import (
-    FormulaModel,
-    PotentialModel,
-    named_coefficients,
-    stand_in_parameters,
+from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.general_solution import QUADRANTS
+from service.dynamics.potentials.terms.bound_formula import bound_formula, require_parameter_names
+from service.dynamics.potentials.terms.powers import MAX_TERMS
+from service.schemas.problem.trusted import DEFAULT_ANGLE, formula_of, potential_of
+from service.schemas.reading.documents import Fault, fault_of
+from service.schemas.reading.numbers import Exact, read_exact, refuse
+from service.schemas.reading.parts import (
+    TAG_MARK,
+    Section,
+    fields_of,
+    given,
+    left_out,
+    one_of_each,
+    require_kind,
+    tag_by_type,
 )
-from service.schemas.reading.choices import TAG_MARK, require_kind, tag_by_type
-from service.schemas.reading.faults import Fault, fault_of
-from service.schemas.reading.numbers import Exact, read_exact
+
+MAX_PARAMETERS = 100
+
+Parameters = Annotated[dict[str, Exact], Field(max_length=MAX_PARAMETERS)]
+
+STAND_IN = RigidBody(Fraction(17), Fraction(19), Fraction(23))
+"""A body without simple relations between its moments: for checking formulas when the body is faulty."""
+
+
+class PotentialModel(Section):
+    """A potential as a client states it. Reading it checks its form; ``errors`` lists what else is wrong."""
+
+    def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
+        """Yield every error that prevents this from being a potential of ``body``."""
+        try:
+            potential_of(fields_of(self), body)
+        except DynamicsError as error:
+            yield error
+
+    def text_errors(self) -> Iterator[DynamicsError]:
+        """Yield the errors that do not depend on the body or the numbers."""
+        yield from ()
+
+    @classmethod
+    def faults_of_unread(cls, document: Mapping[object, object], body: RigidBody | None) -> Iterator[Fault]:
+        """Yield further faults of a document whose form is faulty, as far as they can be found.
+
+        The body is None if it could not be read either.
+        """
+        yield from ()
+
+
+class FormulaModel(PotentialModel):
+    """A potential with formulas in named parameters."""
+
+    parameters: Parameters = Field(
+        default_factory=dict, description="The numbers that the names in formulas stand for, by name."
+    )
+
+    def text_errors(self) -> Iterator[DynamicsError]:
+        """Yield the errors of the names and the texts."""
+        for error in self.errors(STAND_IN):
+            # A formula that has no value with these numbers may have one with others.
+            if not isinstance(error, UndefinedConstantError):
+                yield error
+
+    def canonical_parameters(self) -> dict[str, str]:
+        """Return the parameters in order, as exact text."""
+        return {name: str(self.parameters[name]) for name in sorted(self.parameters)}
+
+
+def stand_in_parameters(given: object) -> dict[str, Fraction] | None:
+    """Return stand-in numbers for unreadable parameters; None if there are too many."""
+    names = [str(name) for name in given] if isinstance(given, dict) else []
+    return dict.fromkeys(names, Fraction(29)) if len(names) <= MAX_PARAMETERS else None
+
+
+_VARIABLES = {"F": "w", "G": "g2"}
+_F_FIELDS = tuple(f"F_{quadrant}" for quadrant in QUADRANTS)
+_G_FIELDS = tuple(f"G_{quadrant}" for quadrant in QUADRANTS)
+_FIELDS = {
+    name: variable
+    for function, variable in _VARIABLES.items()
+    for name in (function, *(f"{function}_{quadrant}" for quadrant in QUADRANTS))
+}
+"""The formula fields, each with its variable."""
+_OF_ONE_QUADRANT = "Formula for this pair of signs of g1 and g3: p is plus, m minus."
+
+
+def read_angle(value: object) -> str:
+    """Return a formula; a number is converted to an exact ratio."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str | Fraction):
+        raise refuse("invalid_type", 'a number, or a formula such as "pi/4", is expected')
+    number: object = value
+    if isinstance(value, str):
+        try:
+            number = exact_number(value)
+        except InvalidNumberError:
+            return value
+    return str(read_exact(number))
+
+
+Angle = Annotated[
+    str,
+    PlainValidator(read_angle),
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "examples": ["pi/4"]}]}),
+]
+
+
+class GeneralIn(FormulaModel):
+    """V1[F] + (A g1² + C g3²) G(g2), whose motions have the energy -F(w)."""
+
+    model_config = one_of_each([given("F"), given(*_F_FIELDS)], [left_out(*_G_FIELDS), given(*_G_FIELDS)])
+
+    type: Literal["general"] = Field(description="Says which family this is.")
+    F: str | None = Field(default=None, description="Formula in w for all quadrants.", examples=["k*w"])
+    F_pp: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
+    F_mp: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
+    F_pm: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
+    F_mm: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
+    G: str | None = Field(default=None, description="Formula in g2 for all quadrants; 0 if left out.")
+    G_pp: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
+    G_mp: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
+    G_pm: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
+    G_mm: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
+    reference_angle: Angle = Field(
+        default=DEFAULT_ANGLE,
+        description="atan2(|g3|, |g1|) where V1 = 0, in radians; a formula without variables.",
+    )
+
+    @model_validator(mode="after")
+    def _of_all_quadrants(self) -> Self:
+        for below, code, message in quadrant_faults(set(self._texts())):
+            raise refuse(code, message, below=below)
+        return self
+
+    def canonical(self) -> dict[str, object]:
+        """Return the canonical document: formulas printed by our printer, equal ones merged."""
+        formulas: dict[str, str] = {}
+        for function in _VARIABLES:
+            given = formula_of(fields_of(self), function)
+            texts = [given] if isinstance(given, str) else [given[quadrant] for quadrant in QUADRANTS]
+            printed = [format_tree(parse(text)) for text in texts]
+            if len(set(printed)) == 1:
+                formulas[function] = printed[0]
+            else:
+                formulas |= {f"{function}_{q}": text for q, text in zip(QUADRANTS, printed, strict=True)}
+        return {
+            "type": self.type,
+            **formulas,
+            "parameters": self.canonical_parameters(),
+            "reference_angle": format_tree(parse(self.reference_angle)),
+        }
+
+    def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
+        """Yield the errors of the names, the formulas and the angle."""
+        found = list(_errors(self._texts(), self.reference_angle, self.parameters, body))
+        yield from found or super().errors(body)
+
+    @classmethod
+    def faults_of_unread(cls, document: Mapping[object, object], body: RigidBody | None) -> Iterator[Fault]:
+        """Yield the faults of the choice of formulas, the texts and the names."""
+        texts = {name: text for name in _FIELDS if isinstance(text := document.get(name), str)}
+        for field, code, message in quadrant_faults(
+            {name for name in _FIELDS if document.get(name) is not None}
+        ):
+            yield Fault(f"/potential/{field}", code, message)
+        stand_ins = stand_in_parameters(document.get("parameters"))
+        if stand_ins is not None:
+            for error in _errors(texts, "pi/4", stand_ins, STAND_IN):
+                if not isinstance(error, UndefinedConstantError):
+                    yield fault_of(error)
+
+    def _texts(self) -> dict[str, str]:
+        given = {name: getattr(self, name) for name in _FIELDS}
+        return {name: text for name, text in given.items() if text is not None}
+
+
+def quadrant_faults(given: Set[str]) -> Iterator[tuple[str, str, str]]:
+    """Yield field, code and message of each fault in the choice among F, F_pp, …, G, G_pp, …."""
+    for function in _VARIABLES:
+        fields = [f"{function}_{quadrant}" for quadrant in QUADRANTS]
+        accepted = f'accepted are "{function}", or all of {", ".join(fields)}'
+        present = [field for field in fields if field in given]
+        if function in given:
+            for field in present:
+                yield field, "conflicting_fields", f'"{function}" stands for all quadrants; {accepted}'
+        elif present:
+            for field in fields:
+                if field not in given:
+                    yield field, "missing_field", f'"{field}" is missing; {accepted}'
+        elif function == "F":
+            yield function, "missing_field", f'"F" is missing; {accepted}'
+
+
+def _errors(
+    texts: Mapping[str, str], angle: str, parameters: Mapping[str, Fraction], body: RigidBody
+) -> Iterator[DynamicsError]:
+    """Yield the faults of each part by itself."""
+    good = dict(parameters)
+    for name, value in parameters.items():
+        try:
+            general_potential(STAND_IN, "0", "0", {name: value})
+        except DynamicsError as error:
+            del good[name]
+            yield error
+    for field, text in texts.items():
+        try:
+            bound_formula(text, (_FIELDS[field],), good, body, f"/potential/{field}")
+        except DynamicsError as error:
+            yield error
+    try:
+        general_potential(body, "0", "0", good, angle)
+    except DynamicsError as error:
+        yield error
 
 
 class ExpressionIn(FormulaModel):
@@ -43,14 +247,6 @@ class ExpressionIn(FormulaModel):
         f" at most {MAX_CHARACTERS} characters.",
         examples=["a*g1 + b/g3^2"],
     )
-
-    def to_domain(self, body: RigidBody) -> Potential:
-        """Return the potential; raises what :func:`expression_potential` raises."""
-        return expression_potential(self.expression, self.parameters, body)
-
-    def named(self, body: RigidBody) -> Named | None:
-        """Return the terms of the formula, each with its product of parameters."""
-        return named_sum(named_formula(self.expression, VARIABLES, self.parameters, body), self.parameters)
 
     def canonical(self) -> dict[str, object]:
         """Return the canonical document: the formula printed by our printer, parameters in order."""
@@ -91,19 +287,6 @@ class GravityIn(PotentialModel):
     b: Exact = Field(default=Fraction(0), description="Of g2; 0 if left out.")
     c: Exact = Field(default=Fraction(0), description="Of g3; 0 if left out.")
 
-    def to_domain(self, _: RigidBody) -> Potential:
-        """Return the potential."""
-        return gravity_potential(self.a, self.b, self.c)
-
-    def named(self, _: RigidBody) -> Named | None:
-        """Return a g1, b g2 and c g3."""
-
-        def part(name: str) -> Potential:
-            a, b, c = (Fraction(int(name == each)) for each in ("a", "b", "c"))
-            return gravity_potential(a, b, c)
-
-        return named_coefficients({"a": self.a, "b": self.b, "c": self.c}, part)
-
     def canonical(self) -> dict[str, object]:
         """Return the document with every field."""
         return {"type": self.type, "a": str(self.a), "b": str(self.b), "c": str(self.c)}
@@ -119,21 +302,6 @@ class RationalIn(PotentialModel):
     a: Coefficients = Field(default_factory=list, description="a1, a2, ...; zeros if left out.")
     b: Coefficients = Field(default_factory=list, description="b1, b2, ...; zeros if left out.")
     c: Coefficients = Field(default_factory=list, description="c1, c2, ...; zeros if left out.")
-
-    def to_domain(self, body: RigidBody) -> Potential:
-        """Return the potential, or raise :class:`RationalBodyError` unless A = 2C."""
-        require_rational_body(body)
-        return rational_potential(self.a, self.b, self.c)
-
-    def named(self, _: RigidBody) -> Named | None:
-        """Return the terms with their coefficients a1, a2, …, b1, …, c1, …."""
-        lists = {"a": self.a, "b": self.b, "c": self.c}
-
-        def part(name: str) -> Potential:
-            a, b, c = (_unit(name, letter, start=1) for letter in lists)
-            return rational_potential(a, b, c)
-
-        return named_coefficients(_numbered(lists, start=1), part)
 
     def canonical(self) -> dict[str, object]:
         """Return the document; zeros at the ends of the lists say nothing and go."""
@@ -152,24 +320,10 @@ class HomogeneousIn(PotentialModel):
         description="Of the logarithmic terms: where B_n, or C_n for A < C, is undefined or a multiple of Q.",
     )
 
-    def to_domain(self, body: RigidBody) -> Potential:
-        """Return the potential; raises what :func:`homogeneous_potential` raises."""
-        return homogeneous.homogeneous_potential(body, A=self.A, B=self.B, C=self.C, log=self.log)
-
     def canonical(self) -> dict[str, object]:
         """Return the document; zeros at the ends of the lists say nothing and go."""
         lists = {"A": self.A, "B": self.B, "C": self.C, "log": self.log}
         return {"type": self.type} | {name: _trimmed(values) for name, values in lists.items()}
-
-    def named(self, body: RigidBody) -> Named | None:
-        """Return the terms with their coefficients A0, A1, …, B0, …, C0, …, log0, …."""
-        lists = {"A": self.A, "B": self.B, "C": self.C, "log": self.log}
-
-        def part(name: str) -> Potential:
-            units = {letter: _unit(name, letter, start=0) for letter in lists}
-            return homogeneous.homogeneous_potential(body, **units)
-
-        return named_coefficients(_numbered(lists, start=0), part)
 
     def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
         """Yield an error for every coefficient that has no term."""
@@ -202,21 +356,6 @@ PotentialIn = Annotated[
     Discriminator(tag_by_type),
     BeforeValidator(require_kind(tuple(MODELS), models=MODELS)),
 ]
-
-
-def _numbered(lists: Mapping[str, Sequence[Fraction]], *, start: int) -> dict[str, Fraction]:
-    """Return the coefficients of lists by names such as a1, with the number of the term."""
-    return {
-        f"{letter}{n}": value
-        for letter, coefficients in lists.items()
-        for n, value in enumerate(coefficients, start=start)
-    }
-
-
-def _unit(name: str, letter: str, *, start: int) -> list[Fraction]:
-    """Return the list ``letter`` whose one coefficient other than 0 has ``name``."""
-    number = name.removeprefix(letter)
-    return [Fraction(0)] * (int(number) - start) + [Fraction(1)] if number.isdigit() else []
 
 
 def _trimmed(coefficients: Sequence[Fraction]) -> list[str]:

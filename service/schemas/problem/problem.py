@@ -1,49 +1,35 @@
-"""Reads problem documents, and writes the canonical document of a problem."""
+"""Validates problem documents and the questions of validations, and names a problem by its digest.
+
+A document that differs from one validated before in λ alone is validated by that number: no rule between the
+parts knows which number chooses the curve.
+"""
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from fractions import Fraction
 
-from service.dynamics.body import RigidBody
+from pydantic_core import PydanticCustomError
+
+from service.cache import Cache
 from service.dynamics.numerics import NUMERICS
-from service.dynamics.potentials.potential import Potential
-from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem, StateMotion
-from service.schemas.problem.known import read_known
-from service.schemas.problem.members import MEMBERS
-from service.schemas.problem.potential_model import PotentialModel
-from service.schemas.problem.rules import combination_faults, read_setting
-from service.schemas.problem.sections import (
-    NearestIn,
-    PointsIn,
-    ProblemIn,
-    ValidationIn,
-)
-from service.schemas.problem.stated import CheckedProblem, Reading, motion_of
-from service.schemas.reading.faults import Fault, InvalidProblemError, first_of
+from service.dynamics.potentials.potential import FormulaPotential
+from service.dynamics.problem import Problem
+from service.schemas.problem.documents import MEMBERS, ProblemIn, ValidationIn
+from service.schemas.problem.questions import Question, question_of
+from service.schemas.problem.rules import CheckedProblem, Reading, combination_faults, read_setting
+from service.schemas.problem.trusted import CACHED, CurveNumber, curve_of, on_curve
+from service.schemas.reading.documents import Fault, InvalidProblemError, first_of
+from service.schemas.reading.numbers import read_nonzero, read_positive
 from service.schemas.reading.parts import read_parts
 
 ACCURACY_POINTER = "/accuracy"
 ACCURACY_FIELDS = ("tolerance", "relative", "tier", "budget_seconds")
 
-
-@dataclass(frozen=True, slots=True)
-class Question:
-    """The input of a verdict."""
-
-    body: RigidBody
-    potential: Potential
-    motion: PlanarMotion | StateMotion | ClassicalMotion | None
-    problem: CheckedProblem | None = None
-    """The whole problem, if motion and times are given."""
-    stated: PotentialModel | None = None
-    """The potential with the names of its parameters."""
-    w: tuple[float, ...] = ()
-    """Arguments at which values of F are wanted."""
-    g2: tuple[float, ...] = ()
-    """Arguments at which values of G are wanted."""
-    nearest_degree: int | None = None
-    """Largest degree in the search for the nearest admissible polynomial; None for the default."""
+_CACHE: Cache[tuple[type[ProblemIn], str], CheckedProblem] = Cache(CACHED)
+_READ: Mapping[str, Callable[[object], Fraction]] = {"lambda": read_positive, "nu": read_nonzero}
+"""The fields that choose the curve by a number, and how that is read."""
 
 
 def read_problem(document: object) -> Problem:
@@ -68,14 +54,37 @@ def check_problem(document: object, model: type[ProblemIn] = ProblemIn) -> Check
 
     ``model`` may have further fields, which are no part of the problem.
     """
-    known = read_known(document) if model is ProblemIn else None
-    if known is not None:
-        return known
+    curve = curve_of(document)
+    if curve is None:
+        return _validated(document, model)
+    like = _CACHE.get((model, curve.rest))
+    if like is None:
+        like = _validated(document, model)
+        if not isinstance(like.problem.potential, FormulaPotential):
+            return like
+        _CACHE.put((model, curve.rest), like)
+    with suppress(PydanticCustomError):
+        return _on_curve(like, curve, _READ[curve.field](curve.number))
+    # Its faults are listed with the others.
+    return _validated(document, model)
+
+
+def _validated(document: object, model: type[ProblemIn]) -> CheckedProblem:
     reading = _read(document, model)
     checked = None if reading.faults else reading.problem()
     if checked is None:
         raise InvalidProblemError(each_once(reading.faults))
     return checked
+
+
+def _on_curve(like: CheckedProblem, curve: CurveNumber, number: Fraction) -> CheckedProblem:
+    def canonical() -> dict[str, object]:
+        document = like.canonical
+        motion = document["motion"]
+        assert isinstance(motion, dict)
+        return {**document, "motion": {**motion, curve.field: str(number)}}
+
+    return CheckedProblem(on_curve(like.problem, curve.field, number), canonical)
 
 
 def read_question(document: object) -> Question:
@@ -88,23 +97,15 @@ def read_question(document: object) -> Question:
     InvalidProblemError
         Lists every fault.
     """
+    return check_question(document)[0]
+
+
+def check_question(document: object) -> tuple[Question, CheckedProblem | None]:
+    """Return the question, and the whole problem in it if there is one; raises as :func:`read_question`."""
     reading = _read(document, ValidationIn)
-    body, potential = reading.body, reading.potential
-    if body is None or potential is None or reading.faults:
+    if reading.body is None or reading.potential is None or reading.faults:
         raise InvalidProblemError(each_once(reading.faults))
-    motion_in, points = reading.parts.get("motion"), reading.parts.get("points")
-    stated = reading.parts.get("potential")
-    motion = motion_of(motion_in, stated)
-    question = Question(body, potential, motion, reading.problem())
-    if isinstance(stated, PotentialModel):
-        question = replace(question, stated=stated)
-    nearest = reading.parts.get("nearest")
-    if isinstance(nearest, NearestIn):
-        question = replace(question, nearest_degree=nearest.degree)
-    if not isinstance(points, PointsIn):
-        return question
-    w, g2 = (tuple(map(float, values)) for values in (points.w, points.g2))
-    return replace(question, w=w, g2=g2)
+    return question_of(reading.document(), reading.body, reading.potential), reading.problem()
 
 
 def _read(document: object, model: type[ProblemIn | ValidationIn]) -> Reading:

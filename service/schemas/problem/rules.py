@@ -1,25 +1,29 @@
-"""Checks the rules between the parts of a problem document, also of one that is partly unreadable.
+"""Puts the parts of a problem document together: rules between them, the problem, its canonical document.
 
-Each rule reads as little as it needs, so that a fault elsewhere does not hide its own.
+Each rule reads as little as it needs, so that a fault elsewhere, or a part that is unreadable, does not hide
+its own.
 """
 
-from collections.abc import Iterator, Mapping
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from pydantic import BaseModel
 
 from service.dynamics.body import RigidBody
 from service.dynamics.classical.catalogue import CASES
-from service.dynamics.classical.place import place
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
-from service.schemas.problem.classical_motion import ClassicalMotionIn
-from service.schemas.problem.general_potential import GeneralIn
-from service.schemas.problem.motions import CURVE_FIELDS, curve_faults
-from service.schemas.problem.potential_model import PotentialModel
-from service.schemas.problem.potentials import MODELS, GravityIn
-from service.schemas.problem.sections import BodyIn, TimePeriodsIn
-from service.schemas.problem.tiers import TierIn
-from service.schemas.reading.balls import ONE_AT_A_TIME
-from service.schemas.reading.faults import Fault, fault_of
+from service.dynamics.problem import PlanarMotion, Problem
+from service.schemas.problem.motions import CURVE_FIELDS, ClassicalMotionIn, curve_faults
+from service.schemas.problem.potentials import MODELS, GravityIn, PotentialModel
+from service.schemas.problem.sections import BodyIn, TierIn, TimePeriodsIn
+from service.schemas.problem.trusted import ONE_AT_A_TIME, body_of, potential_of, problem_of
+from service.schemas.reading.documents import Fault, Part, fault_of
+from service.schemas.reading.parts import Section, fields_of
+
+SECTIONS = ("body", "potential", "motion", "time", "accuracy")
+"""Parts of a problem that have canonical documents of their own."""
 
 
 def read_setting(
@@ -50,11 +54,11 @@ def read_setting(
         faults += map(fault_of, potential_in.text_errors())
     else:
         try:
-            # The reference angle of the general solution is looked at in balls.
-            with ONE_AT_A_TIME if isinstance(potential_in, GeneralIn) else nullcontext():
-                potential = potential_in.to_domain(moments)
+            potential = potential_of(fields_of(potential_in), moments)
         except DynamicsError:
-            faults += map(fault_of, potential_in.errors(moments))
+            # They look for what is wrong in balls, too.
+            with ONE_AT_A_TIME:
+                faults += map(fault_of, potential_in.errors(moments))
     return body, potential
 
 
@@ -66,16 +70,13 @@ def _body_of_case(body: BodyIn, parts: Mapping[str, object], faults: list[Fault]
         faults.append(Fault("/potential/type", "case_needs_gravity", message))
     if not isinstance(motion, ClassicalMotionIn) or not isinstance(potential, GravityIn):
         return None
-    centre = (potential.a, potential.b, potential.c)
     try:
-        with ONE_AT_A_TIME:
-            placed = place(
-                motion.to_domain(centre), (body.A, body.B, body.C), allow_unphysical=body.allow_unphysical
-            )
+        return body_of(
+            {"body": fields_of(body), "motion": fields_of(motion), "potential": fields_of(potential)}
+        )
     except DynamicsError as error:
         faults.append(fault_of(error))
         return None
-    return placed.body
 
 
 def _moments_missing(document: object) -> Iterator[Fault]:
@@ -197,3 +198,54 @@ def _is_given(document: object, field: str) -> bool:
         case {"motion": dict(motion)}:
             return motion.get(field) is not None
     return False
+
+
+@dataclass(frozen=True)
+class CheckedProblem:
+    """A problem and its canonical document."""
+
+    problem: Problem
+    write: Callable[[], dict[str, object]]
+    """Makes the canonical document, which takes as long as reading a formula; workers need none."""
+
+    @cached_property
+    def canonical(self) -> dict[str, object]:
+        """The canonical document: documents that state the same problem have the same.
+
+        In it numbers are exact, as strings; formulas are printed by our printer; defaults are filled in.
+        """
+        return self.write()
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The readable parts of a document, and all its faults."""
+
+    parts: Mapping[str, object]
+    body: RigidBody | None
+    potential: Potential | None
+    faults: list[Fault]
+
+    def document(self) -> Part:
+        """Return the parts as a document has them, with exact numbers and defaults."""
+        return {
+            name: fields_of(part) if isinstance(part, BaseModel) else part
+            for name, part in self.parts.items()
+        }
+
+    def problem(self) -> CheckedProblem | None:
+        """Return the problem, None if a part is missing."""
+        found = {name: part for name in SECTIONS if isinstance(part := self.parts.get(name), Section)}
+        if self.body is None or self.potential is None or len(found) < len(SECTIONS):
+            return None
+        problem = problem_of(self.document(), self.body, self.potential)
+
+        def canonical() -> dict[str, object]:
+            document: dict[str, object] = {name: part.canonical() for name, part in found.items()}
+            document |= {"method": problem.method, "outputs": list(problem.outputs)}
+            # Left out at its default, so that older documents keep their digests.
+            if problem.accept != "proved" and isinstance(problem.motion, PlanarMotion):
+                document["accept"] = problem.accept
+            return document
+
+        return CheckedProblem(problem, canonical)

@@ -8,17 +8,23 @@ from typing import Any  # the columns depend on the kind
 from sqlalchemy import ColumnElement, Select, and_, delete, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute
 
-from service.storage.codecs.arrays import CodecError, decode_arrays, decode_dense
-from service.storage.codecs.documents import decode_document
-from service.storage.codecs.points import SOLVED, bounds_of, decode_points
+from service.storage.codecs.packing import (
+    SOLVED,
+    CodecError,
+    bounds_of,
+    decode_arrays,
+    decode_dense,
+    decode_document,
+    decode_points,
+)
 from service.storage.database.database import Database
 from service.storage.inspection.inspect import EXAMPLES, Finding
-from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.base import Base
-from service.storage.tables.examinations import ExaminationRow
+from service.storage.tables.jobs import AtlasRow
+from service.storage.tables.operations import ExaminationRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow
 from service.storage.tables.sweeps import SweepChunkRow
-from service.verdicts.sealing import is_sound
+from service.verdicts.cache_rows import is_sound
 
 Fields = tuple[Any, ...]
 
@@ -59,7 +65,7 @@ def check_blobs(database: Database, *, sample: int | None, random: Random) -> It
 
 
 def repair_examinations(database: Database) -> Finding | None:
-    """Delete the kept verdicts and windows that are damaged; None if there are none."""
+    """Delete the cached verdicts and windows that are damaged; None if there are none."""
     kind = next(kind for kind in _kinds() if kind.table is ExaminationRow)
     damaged = []
     for row in _rows(database, kind, None, Random(0)):
@@ -85,13 +91,13 @@ def _kinds() -> Iterator[_Kind]:
         "dense_packets", "functions of time can be read", dense.solution_id, dense.data, decode_dense
     )
     yield _packets("samples_packets", "samples can be read", samples.solution_id, samples.data, decode_arrays)
-    kept = ExaminationRow
+    row = ExaminationRow
     yield _Kind(
         "examinations",
         "kept verdicts and windows are as they were when they were found",
-        kept,
-        (kept.key,),
-        (kept.key, kept.seal, kept.content),
+        row,
+        (row.key,),
+        (row.key, row.seal, row.content),
         _read_kept,
         is_warning=True,
         remedy="damaged ones are deleted, and found again when they are needed",
@@ -144,8 +150,8 @@ def _rows(database: Database, kind: _Kind, sample: int | None, random: Random) -
         with database.read() as session:
             total = session.scalar(select(func.count()).select_from(kind.table)) or 0
         if sample < total:
-            for place in sorted(random.sample(range(total), sample)):
-                yield from _page(database, ordered.offset(place).limit(1))
+            for offset in sorted(random.sample(range(total), sample)):
+                yield from _page(database, ordered.offset(offset).limit(1))
             return
     page = _page(database, ordered.limit(_PAGE))
     while page:

@@ -6,35 +6,47 @@ from dataclasses import replace
 from sqlalchemy import Connection, bindparam, select, update
 from sqlalchemy.orm import Session
 
-from service.jobs.dispatch import Dispatcher
-from service.jobs.errors import JobFinishedError, JobNotFoundError
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.kernels import Way
-from service.jobs.lanes import Lane
-from service.jobs.outcome import ChunkOutcome, Drawn, Outcome, Refused, Solved, SolveOutcome
-from service.jobs.states import SUBMITTED, AttemptOutcome, JobKind, JobState
-from service.schemas.query.list_query import ListQuery
+from service.jobs.queue import Lane
+from service.jobs.records import (
+    SUBMITTED,
+    Attempt,
+    AttemptOutcome,
+    ChunkOutcome,
+    Claim,
+    Drawn,
+    Job,
+    JobFinishedError,
+    JobKind,
+    JobNotFoundError,
+    JobPage,
+    JobState,
+    Outcome,
+    Refused,
+    Solved,
+    SolveOutcome,
+    Taken,
+)
+from service.jobs.store import Dispatcher, Receipt
+from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
-from service.storage.database.clock import DatabaseNow, database_now
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id
-from service.storage.examinations.kept_rows import keep_rows
+from service.storage.database.rows import database_now, is_id
+from service.storage.examinations import store_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
 from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_atlas
 from service.storage.jobs.moves import end_attempt, fence, history, lose, move
-from service.storage.jobs.pages import page_of_jobs
-from service.storage.jobs.records import delivery_of, job_of
+from service.storage.jobs.records import delivery_of, job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.idempotency_store import write_key
-from service.storage.marks.mark_rows import marks_of, rewrite
+from service.storage.marks import marks_of, rewrite
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
-from service.storage.tables.base import table_of
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
-from service.verdicts.entries import Entry, Examination
+from service.verdicts.cache_rows import Entry, Examination
 
 _JOBS = table_of(JobRow)
 _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
@@ -88,7 +100,7 @@ class SqlJobStore:
     ) -> tuple[Job, ...]:
         """Store a job for each problem and its digest, all of them or none, and the answer of a receipt."""
         with self._database.write() as session:
-            keep_rows(session.connection(), found)
+            store_rows(session.connection(), found)
             rows = insert_jobs(
                 session,
                 problems,
@@ -171,8 +183,8 @@ class SqlJobStore:
     def heartbeat(self, claim: Claim, *, lease_seconds: float) -> bool:
         """Prolong the lease, if the claim still holds."""
         # A lease is nothing that clients see: nobody is told of a change.
-        kept = {"lease_until": DatabaseNow() + lease_seconds, "changed_at": JobRow.changed_at}
-        statement = update(JobRow).where(*fence(claim)).values(**kept)
+        values = {"lease_until": DatabaseNow() + lease_seconds, "changed_at": JobRow.changed_at}
+        statement = update(JobRow).where(*fence(claim)).values(**values)
         with self._database.write() as session:
             return session.scalar(statement.returning(JobRow.id)) is not None
 

@@ -16,11 +16,10 @@ from sqlalchemy import (
     select,
 )
 
-from service.jobs.dispatch import Delivery
-from service.jobs.lanes import Lane
-from service.jobs.states import JobKind, JobState
-from service.storage.database.clock import DatabaseNow
-from service.storage.tables.base import table_of
+from service.jobs.queue import Lane
+from service.jobs.records import JobKind, JobState
+from service.jobs.store import Delivery
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 
 _JOBS = table_of(JobRow)
@@ -84,12 +83,12 @@ class Chosen:
 
     def choose(self, count: int, owed: Sequence[Lane], together: int) -> None:
         """Lock first a job of each lane that is owed one, then the head of the queue."""
-        places = sum(self._add(1, 1, lane, together) for lane in owed[:count])
-        if places < count:
-            self._add(count - places, count, None, together)
+        chosen = sum(self._add(1, 1, lane, together) for lane in owed[:count])
+        if chosen < count:
+            self._add(count - chosen, count, None, together)
 
     def _add(self, number: int, among: int, lane: Lane | None, together: int) -> bool:
-        """Choose ``number`` jobs, or batches of problems in their place; say whether there is any."""
+        """Choose ``number`` jobs, or batches of problems instead of single ones; say whether there is any."""
         given: dict[str, object] = {"count": among} if lane is None else {"count": among, "lane": int(lane)}
         which = Which(of_lane=lane is not None)
         # The statements find the rows that this transaction has locked already once more.
@@ -121,7 +120,7 @@ _STATEMENTS = {which: first_jobs(which=which) for which in EACH}
 
 
 class TableDispatcher:
-    """The :class:`~service.jobs.dispatch.Dispatcher` of the local engine: the table itself."""
+    """The :class:`~service.jobs.store.Dispatcher` of the local engine: the table itself."""
 
     def dispatch(self, connection: Connection, deliveries: Sequence[Delivery]) -> None:
         """Do nothing: the row of a queued job is its delivery."""

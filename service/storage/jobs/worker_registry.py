@@ -5,10 +5,11 @@ from typing import Literal
 from sqlalchemy import delete, select
 
 from service.jobs.kernels import Kernels
-from service.local.hosts import OtherHostError, WorkerProcess
-from service.storage.database.clock import DatabaseNow, database_now
+from service.local.worker_process import OtherHostError, WorkerProcess
 from service.storage.database.database import Database
 from service.storage.database.revisions import refuse_unknown
+from service.storage.database.rows import database_now
+from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import WorkerRow
 
 SILENT_LEASES = 3
@@ -97,8 +98,8 @@ class WorkerRegistry:
     def _all_kernels(self) -> list[Kernels | None]:
         with self._database.read() as session:
             alive = WorkerRow.seen_at >= database_now(session) - self._silent_seconds
-            told = session.scalars(select(WorkerRow.kernels).where(alive, WorkerRow.slots > 0)).all()
-        return [None if each is None else Kernels.read(each) for each in told]
+            stored = session.scalars(select(WorkerRow.kernels).where(alive, WorkerRow.slots > 0)).all()
+        return [None if each is None else Kernels.read(each) for each in stored]
 
     def leave(self, worker: WorkerProcess) -> None:
         """Remove the row of a worker that shuts down."""

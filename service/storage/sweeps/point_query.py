@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.schemas.query.conditions import Condition, OrderKey, Subject
-from service.schemas.query.kinds import Kind
+from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -95,9 +94,9 @@ class PointQuery:
     @property
     def keys(self) -> tuple[OrderKey, ...]:
         """The columns of the order; the last one is the index."""
-        for place, key in enumerate(self.order):
+        for index, key in enumerate(self.order):
             if key.subject.name == INDEX:
-                return self.order[: place + 1]
+                return self.order[: index + 1]
         return (*self.order, BY_INDEX)
 
     @property

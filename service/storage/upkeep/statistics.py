@@ -15,9 +15,9 @@ from sqlalchemy import ColumnElement, case, func, or_, select, text
 from sqlalchemy.orm import Session
 
 from service.jobs.kernels import Kernels, most_missing
-from service.jobs.states import FINISHED, AttemptOutcome, JobState
-from service.storage.database.clock import database_now
+from service.jobs.records import FINISHED, AttemptOutcome, JobState
 from service.storage.database.database import Database
+from service.storage.database.rows import database_now
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.operations import WorkerRow
 from service.storage.tables.solutions import SolutionRow
@@ -215,8 +215,8 @@ def _oldest_queued(session: Session, now: float) -> float:
 
 
 def _kernels_missing(session: Session, since: float) -> int:
-    told = session.scalars(select(WorkerRow.kernels).where(WorkerRow.seen_at >= since)).all()
-    most = most_missing(Kernels.read(each) for each in told if each is not None)
+    stored = session.scalars(select(WorkerRow.kernels).where(WorkerRow.seen_at >= since)).all()
+    most = most_missing(Kernels.read(each) for each in stored if each is not None)
     return 0 if most is None else most.of - most.done
 
 

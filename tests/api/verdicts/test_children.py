@@ -5,7 +5,8 @@ import json
 import pytest
 
 from service.dynamics.verdict.verdict import NumericEvidence, Verdict
-from service.verdicts.examination import examine_problem
+from service.schemas.problem.problem import read_problem
+from service.verdicts.examination import examine_document, examine_problem
 from tests.support.api import PLANAR
 
 pytestmark = pytest.mark.any_database
@@ -115,7 +116,7 @@ def test_periods_of_a_motion_that_never_closes_are_refused(client):
 
 def test_what_nothing_is_known_of_is_refused_with_the_evidence(monkeypatch):
     undecided = Verdict("undecided", "numeric", evidence=NumericEvidence(9, 4096, "0 ± 1", "that it holds"))
-    monkeypatch.setattr("service.verdicts.kept.decide", lambda *_: undecided)
+    monkeypatch.setattr("service.verdicts.cached.decide", lambda *_: undecided)
     error = json.loads(examine_problem(json.dumps(PLANAR)))["error"]
     assert error["code"] == "undecided_potential"
     assert error["evidence"] == {
@@ -126,7 +127,7 @@ def test_what_nothing_is_known_of_is_refused_with_the_evidence(monkeypatch):
     }
 
 
-def test_the_child_refuses_what_is_no_problem_with_every_fault():
-    error = json.loads(examine_problem("{}"))["error"]
+def test_what_nobody_has_validated_is_refused_with_every_fault_by_who_does():
+    error = examine_document({}, read=read_problem).answer["error"]
     assert error["code"] == "invalid_problem"
     assert {"/body", "/potential", "/motion", "/time"} <= {fault["pointer"] for fault in error["faults"]}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.dynamics.classical.relations import relations_of
+from service.dynamics.classical.classification import relations_of
 from service.schemas.problem.problem import read_problem
 from tests.conformance.classical.specimens import LOOPS, example, placed, random_documents
 from tests.support.effort import examples, seldom

@@ -19,7 +19,7 @@ from service.dynamics.classical.cases import (
     staude,
     steklov,
 )
-from service.dynamics.classical.reduced import derivative, value
+from service.dynamics.classical.protocol import derivative, value
 from tests.conformance.classical.exact import InTime, OnCurve, Residue
 
 PLACES = [Fraction(k, 7) for k in range(-19, 20, 2)]

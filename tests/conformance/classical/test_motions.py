@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.classification import relations_of
 from service.dynamics.classical.errors import NearSeparatrixError
-from service.dynamics.classical.relations import relations_of
 from service.dynamics.equations.euler_poisson import areas_integral, energy_integral
 from service.schemas.problem.problem import read_problem
 from tests.conformance.classical.specimens import (

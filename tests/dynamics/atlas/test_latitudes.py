@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from service.dynamics.atlas.atlas import make_atlas
+from service.dynamics.atlas.latitudes import formula_of, turns_by_latitude
 from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.families.general import general_potential
-from service.dynamics.potentials.recognition.constant_curve_function import formula_of
-from service.dynamics.potentials.recognition.latitudes import turns_by_latitude
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
 from service.schemas.atlas.reading import read_atlas

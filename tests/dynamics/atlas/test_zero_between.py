@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from service.dynamics.atlas.radicands import zero_between
+from service.dynamics.atlas.curves import zero_between
 
 EXPECTED = np.array([2.0 ** (1 / 3), np.log(5.0), 0.3, 1.0, 0.25, 0.7, 0.6, 0.0])
 

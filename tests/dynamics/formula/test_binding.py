@@ -4,7 +4,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.dynamics.formula.binding import bind
 from service.dynamics.formula.errors import (
     FormulaError,
     FormulaLimitError,
@@ -12,10 +11,10 @@ from service.dynamics.formula.errors import (
     UnknownNameError,
 )
 from service.dynamics.formula.limits import MAX_BITS
+from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse, parse_located
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.traversal import post_order
-from service.dynamics.formula.tree import Symbol, Tree
+from service.dynamics.formula.tree import Symbol, Tree, post_order
 from tests.support.trees import TREES
 
 CONSTANTS = {name: Fraction(n, 7) for n, name in enumerate(["A", "B", "C", "a", "e", "e1", "_x"], start=2)}

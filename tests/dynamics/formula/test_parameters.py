@@ -5,8 +5,7 @@ from fractions import Fraction
 import pytest
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.binding import bind
-from service.dynamics.formula.parameters import MAX_PARTS, split_by_parameters
+from service.dynamics.formula.parameters import MAX_PARTS, bind, split_by_parameters
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import compile_tape

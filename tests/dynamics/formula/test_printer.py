@@ -9,8 +9,7 @@ from service.dynamics.formula.folding import fold_binary
 from service.dynamics.formula.limits import MAX_CHARACTERS
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import exact_tree, format_tree
-from service.dynamics.formula.traversal import fold_tree
-from service.dynamics.formula.tree import Binary, Number, Symbol, Tree
+from service.dynamics.formula.tree import Binary, Number, Symbol, Tree, fold_tree
 from tests.support.trees import TREES
 
 

@@ -10,14 +10,13 @@ from hypothesis import given, settings
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets, SecondOrderJets
-from service.dynamics.formula.binding import bind
 from service.dynamics.formula.errors import FormulaError
+from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.programs import OFTEN, Way
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import Tree
-from service.dynamics.potentials.potential import FormulaPotential
-from service.dynamics.potentials.ways import SECOND_ORDER, VALUE
+from service.dynamics.potentials.potential import SECOND_ORDER, VALUE, FormulaPotential
 from tests.support.effort import examples
 from tests.support.formulas import POTENTIALS
 from tests.support.trees import TREES

@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.binding import bind
+from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.inverse.decomposition import decompose

@@ -7,8 +7,8 @@ from flint import fmpq, fmpq_mat
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.inverse.admissible_space import admissible_space
 from service.dynamics.inverse.polynomials import as_polynomial, degree, homogeneous_on_sphere, on_sphere
+from service.dynamics.inverse.projection import admissible_space
 from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.verdict.sphere.points import sphere_points
 from tests.dynamics.inverse.exact_polynomials import Polynomial, evaluate, residual

@@ -14,8 +14,7 @@ from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.potentials.families.gravity import gravity_potential
 from service.dynamics.potentials.families.rational import rational_potential
-from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.warning import Notice
+from service.dynamics.potentials.potential import Notice, Potential
 from tests.support.formulas import POTENTIALS
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))

@@ -11,11 +11,9 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.vanishing import vanishing_parts
 from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.arc import Arc
-from service.dynamics.reduction.ends import height
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.structure import EssentialSingularityError, SignsUnsettledError
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import Arc, Window, height
 from service.dynamics.reduction.windows import find_windows, find_windows_together
 from service.dynamics.verdict.simple_form import simplified
 from tests.support.planar import body, formula

@@ -11,7 +11,7 @@ from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol
 from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.elliptic import elliptic_motion
+from service.dynamics.reduction.formulas import elliptic_motion
 from service.dynamics.reduction.windows import find_windows
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))

@@ -9,9 +9,8 @@ import pytest
 
 from service.dynamics.body import RigidBody
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.ends import FlatZeroError, StandstillError, require_known_ends
 from service.dynamics.reduction.root_finding.gap import SeparatrixUndecidedError
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import FlatZeroError, StandstillError, Window, require_known_ends
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula
 

@@ -4,8 +4,8 @@ import pytest
 from flint import arb, ctx
 
 from service.dynamics.problem import PlanarMotion
+from service.dynamics.reduction.arcs_of_loop import PassageUndecidedError
 from service.dynamics.reduction.root_finding.gap import SeparatrixUndecidedError
-from service.dynamics.reduction.sides import PassageUndecidedError
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula
 

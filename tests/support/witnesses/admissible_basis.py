@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from fractions import Fraction
 
-from service.dynamics.inverse.admissible_space import AdmissibleSpace
-from service.dynamics.potentials.terms.monomials import Exponents
+from service.dynamics.inverse.projection import AdmissibleSpace
+from service.dynamics.potentials.terms.powers import Exponents
 
 
 def basis_of(space: AdmissibleSpace) -> Iterator[dict[Exponents, Fraction]]:

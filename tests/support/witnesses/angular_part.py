@@ -13,7 +13,7 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.inverse.decomposition import Decomposition
 from service.dynamics.inverse.enclosures import Values
-from service.dynamics.potentials.angular_part.doubles import angular_values
+from service.dynamics.potentials.angular_part.field import angular_values
 from service.dynamics.potentials.families.general_solution import SIGNS, Quadrant
 
 FloatArray = NDArray[np.float64]

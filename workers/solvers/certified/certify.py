@@ -16,11 +16,11 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, StateMotion
 from service.dynamics.reduction.geometry.loop import ball, make_loop
-from workers.solvers.assembly.description import SYMMETRIC_POLE_PASSAGE
+from workers.solvers.assembly.families import SYMMETRIC_POLE_PASSAGE
 from workers.solvers.certified.by_integral import FindArc, motion_by_integral, periodic_window
 from workers.solvers.certified.elliptic_start import elliptic_motion
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
-from workers.solvers.orbits.between_roots import RootsUndecidedError
+from workers.solvers.three_terms.intervals import RootsUndecidedError
 
 GUARD_BITS = 32
 PERIOD_BITS = 5

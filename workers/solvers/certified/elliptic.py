@@ -21,10 +21,8 @@ from dataclasses import dataclass
 from flint import arb, ctx
 
 from service.dynamics.reduction.geometry.loop import ball
-from workers.solvers.orbits.between_roots import RootsUndecidedError
-from workers.solvers.three_terms.intervals import MotionInterval
-from workers.solvers.three_terms.phase import trip_time
-from workers.solvers.three_terms.variables import MirrorImage
+from workers.solvers.three_terms.intervals import MotionInterval, RootsUndecidedError
+from workers.solvers.three_terms.variables import MirrorImage, trip_time
 
 MAX_STEPS = 40
 

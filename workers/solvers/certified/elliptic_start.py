@@ -12,8 +12,7 @@ from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint,
 from service.dynamics.reduction.geometry.loop import ball
 from workers.solvers.certified.elliptic import EllipticMotion, make_elliptic_motion
 from workers.solvers.three_terms.intervals import MotionInterval, intervals, make_curve
-from workers.solvers.three_terms.phase import phase_at, primed_nu
-from workers.solvers.three_terms.variables import MirrorImage
+from workers.solvers.three_terms.variables import MirrorImage, phase_at, primed_nu
 
 
 def elliptic_motion(body: RigidBody, terms: ThreeTerms, motion: PlanarMotion) -> EllipticMotion | None:

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from service.dynamics.bounds import largest
 from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, Problem, TimePeriods
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.sampling import exact_instants
 from service.dynamics.solution.dense_output import EPSILON, Period, chebyshev_coefficients, chebyshev_points
+from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place
 from workers.solvers.assembly.periodic import Sampled, make_periodic
-from workers.solvers.assembly.place import NOT_MINE, Declined, PeriodicPlace, Place
-from workers.solvers.assembly.time_map import BETWEEN, SEEN, TimeMap, sum_series
+from workers.solvers.assembly.time_map import CHECKED_POINTS, UNSEEN_DEPARTURE_FACTOR, TimeMap, sum_series
 from workers.solvers.certified.by_integral import IntegralMotion, way_from
 from workers.solvers.certified.certify import first_try
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
@@ -46,7 +46,7 @@ TURNED = np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 
 
 class WayFamily:
-    """See :class:`workers.solvers.planar.duties.Family`."""
+    """See :class:`workers.solvers.assembly.families.Family`."""
 
     def takes(self, problem: Problem, place: Place) -> bool:
         """Take what passes a pole and is no function of sin v of low degree, where V has a formula."""
@@ -75,7 +75,7 @@ class WayFamily:
         assert isinstance(motion, PlanarMotion)
         times = [LATEST] if isinstance(problem.time, TimePeriods) else exact_instants(problem.time)
         precision, bits = first_try(problem.accuracy.bits, max((abs(t) for t in times), default=Fraction(0)))
-        with ctx.workprec(precision + ctx.prec - PRECISION):
+        with ctx.workprec(precision + ctx.prec - REDUCTION_BITS):
             try:
                 way = way_from(problem.body, problem.potential, motion, place.start, bits)
                 sampled = None if not isinstance(way.phase, PolarWay) else _sampled(way, way.phase)
@@ -141,7 +141,7 @@ def _in_doubles(model: TimeModel, phase: PolarWay) -> tuple[TimeMap, FloatArray,
     time_map = TimeMap(
         edges, rates, integrals, times, period, error, nodes, 0, kinks=np.zeros(0), rounding=rounding
     )
-    return time_map, states, SEEN * largest(departures)
+    return time_map, states, UNSEEN_DEPARTURE_FACTOR * largest(departures)
 
 
 def _sides(model: TimeModel, phase: PolarWay) -> FloatArray:
@@ -189,7 +189,7 @@ def _at_nodes(count: int) -> FloatArray:
 def _departure(phase: PolarWay, piece: TimePiece, states: FloatArray) -> float:
     """Return by how much the six variables are off where they are looked at."""
     found = []
-    for x in BETWEEN:
+    for x in CHECKED_POINTS:
         told: list[float] = np.atleast_1d(np.polynomial.chebyshev.chebval(x, states)).tolist()
         known = phase.state(piece.centre + piece.radius * (arb(x) / SLACK))
         found += [float(abs(ball - arb(value)).abs_upper()) for ball, value in zip(known, told, strict=True)]

@@ -9,10 +9,9 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.start import StartingPoint, StartOutsideWindowError, starting_point
-from service.dynamics.reduction.window import EndKind, Window
+from service.dynamics.reduction.window import Arc, EndKind, Window
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.certified.doubles import Places, make_places, room
 

@@ -20,7 +20,7 @@ from typing import Literal
 from flint import acb, arb, ctx
 
 from service.dynamics.reduction.geometry.loop import ball
-from workers.solvers.three_terms.carlson import incomplete_first_kind
+from workers.solvers.three_terms.variables import incomplete_first_kind
 
 Stability = Literal["stable", "unstable", "edge"]
 

@@ -16,12 +16,10 @@ from service.dynamics.bounds import is_within
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem
-from service.dynamics.reduction.arc import Arc
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
-from service.dynamics.reduction.window import Window
-from workers.solvers.assembly.description import conventions_of
+from service.dynamics.reduction.window import Arc, Window
+from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place, conventions_of
 from workers.solvers.assembly.periodic import Sampled, asked_times, make_periodic
-from workers.solvers.assembly.place import NOT_MINE, Declined, PeriodicPlace, Place
 from workers.solvers.errors import is_known
 from workers.solvers.ways import is_plain
 
@@ -38,7 +36,7 @@ DOUBT = 2.0**-44
 
 @dataclass(frozen=True, slots=True)
 class CompiledFamily:
-    """One kernel, for whoever its claim satisfies; see :class:`workers.solvers.planar.duties.Family`."""
+    """One kernel, for whoever its claim satisfies; see :class:`workers.solvers.assembly.families.Family`."""
 
     kernel: CompiledTier
 

@@ -22,9 +22,9 @@ from workers.solvers.orbits.orbit import Libration, Rotation
 FloatArray = NDArray[np.float64]
 Number = TypeVar("Number", float, arb, FloatArray)
 
-FARTHEST = 0.25
+MAX_POLE_DISTANCE = 0.25
 """Largest δ."""
-HALVINGS = 60
+MAX_HALVINGS = 60
 LOGARITHMIC = 8
 """Largest n where there are logarithms: at the nodes next to a pole xⁿ is known to half of 160 bits."""
 
@@ -46,7 +46,7 @@ class Graded:
             off = self.orbit.start - pole
             if abs(off) < self.reach:
                 low, high = 0.0, 1.0
-                for _ in range(HALVINGS):
+                for _ in range(MAX_HALVINGS):
                     x = 0.5 * (low + high)
                     low, high = (x, high) if self._power(x) * self.reach < abs(off) else (low, x)
                 return pole + copysign(self.reach * high, off)
@@ -136,7 +136,7 @@ def graded(orbit: Libration | Rotation) -> Graded | None:
     """Return the graded phase; None where no pole is passed, or V has a formula, or is smooth there."""
     loop, marks = orbit.loop, sorted((0.0, *orbit.corners, 2.0))
     unit = _unit(loop, 1 if float(orbit.somewhere().sin()) > 0.0 else -1)
-    reach = min(FARTHEST, *(0.5 * (right - left) for left, right in pairwise(marks)))
+    reach = min(MAX_POLE_DISTANCE, *(0.5 * (right - left) for left, right in pairwise(marks)))
     return Graded(orbit, unit, reach) if orbit.corners and unit > 1 and reach > 0.0 else None
 
 

@@ -7,8 +7,12 @@ log(1/ρ). With
           \frac{dt}{dy} = \frac{Z}{c\,\sqrt{P/(w^2 \pm \rho^2)}} ,
 
 dt/dy tends to the constant Z/(c √K), and y grows like log(1/ρ) only: however small ρ is, a few
-panels resolve t(y). The way is cut into stretches (:mod:`.stretch`) with such a phase each. They
+panels resolve t(y). The way is cut into stretches with such a phase each. They
 get shares of the turn in proportion to make dv/du continuous.
+
+An end where the motion turns back at once has v = v_r ± y².
+Within a zone about v_m, where P'' is constant to 2^-70 by its ball, P/(w² ± ρ²) = ½ P'' needs no
+value of P, which all but cancels there.
 """
 
 from bisect import bisect_right
@@ -16,17 +20,115 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from typing import Literal
 
 from flint import arb, ctx
 
-from service.dynamics.reduction.arc import Arc
-from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
-from service.dynamics.reduction.root_finding.gap import NearRest
+from service.dynamics.reduction.geometry.loop import Loop, LoopPoint, ball
+from service.dynamics.reduction.root_finding.gap import NearRest, box_about, factor_R, slopes
 from service.dynamics.reduction.start import StartingPoint
+from service.dynamics.reduction.window import Arc
 from workers.solvers.orbits.orbit import RATE_NUDGE, STATE_NUDGE, six_variables
-from workers.solvers.orbits.stretch import LoopStretch, Slow, make_slow, zone_depth
 
-CLOSE = 2.0**-24
+CURVATURE_BITS = 70
+WIDEST_ZONE_BITS = 80
+NARROWEST_ZONE_BITS = 1024
+"""−log2 of the zones' radii."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slow:
+    """A near rest on the way."""
+
+    v: arb
+    """Unrolled."""
+    reach: arb
+    turns: bool
+    zone: arb
+    """w up to which dt/dy is constant."""
+    K: arb
+    at: LoopPoint
+
+
+@dataclass(frozen=True, slots=True)
+class LoopStretch:
+    """A part of the way, v from ``first`` to ``last``, with a phase y of its own."""
+
+    kind: Literal["turn", "slow turn", "pass"]
+    side: int
+    """Side of an end: 1 if the stretch lies above it, −1 below. A pass has 1."""
+    origin: arb
+    """Where the motion turns, or the near rest that is passed."""
+    slow: Slow | None
+    first: arb
+    last: arb
+    """y at both ends, in the order of growing v."""
+
+    def offset(self, y: arb) -> arb:
+        """Return v − origin."""
+        if self.slow is None:
+            return self.side * y * y
+        rho = self.slow.reach
+        if self.slow.turns:
+            half = (y / 2).sinh()
+            return self.side * 2 * rho * half * half
+        return rho * y.sinh()
+
+    def slope(self, y: arb) -> arb:
+        """Return |dv/dy|."""
+        if self.slow is None:
+            return 2 * abs(y)
+        return self.slow.reach * abs(y.sinh() if self.slow.turns else y.cosh())
+
+    def width(self, y: arb) -> arb:
+        """Return w, the distance from the near rest."""
+        if self.slow is None:
+            return arb(1)
+        return self.slow.reach * (y.cosh() if self.slow.turns else abs(y.sinh()))
+
+    def phase(self, v: arb) -> arb:
+        """Return y at v."""
+        away = (v - self.origin).mid()
+        if self.slow is None:
+            return self.side * arb(0).max(self.side * away).sqrt()
+        if self.slow.turns:
+            return self.side * 2 * (arb(0).max(self.side * away) / (2 * self.slow.reach)).sqrt().asinh()
+        return (away / self.slow.reach).asinh()
+
+
+def zone_depth(loop: Loop, near: NearRest) -> int:
+    """Return −log2 of a radius in v about the place, within which P''/2 is constant to 2^-CURVATURE_BITS."""
+    depth = WIDEST_ZONE_BITS
+    while depth <= NARROWEST_ZONE_BITS:
+        with ctx.workprec(4 * depth):
+            if _stiffness(loop.refined(), near, depth).rel_accuracy_bits() >= CURVATURE_BITS:
+                return depth
+        depth += 24
+    return depth
+
+
+def _stiffness(loop: Loop, near: NearRest, depth: int) -> arb:
+    """Return P/(w² ± ρ²) within 2^-depth of the place: R f''/(2 μ²) on a box about it.
+
+    f is its value at the place plus ½ f''(ξ) τ², and w = μ(ξ') τ.
+    """
+    radius = 2 * arb(2) ** -depth / abs(ball(loop.C) * near.at.c * near.v.sin())
+    box = box_about(loop, near.at, radius)
+    sine = near.v.sin() + arb(0, arb(2) ** (1 - depth))
+    mu = ball(loop.C) * box.c * sine
+    second = slopes(loop, box)[1]
+    return factor_R(loop, box) * second / (2 * mu * mu)
+
+
+def make_slow(loop: Loop, near: NearRest, depth: int) -> Slow:
+    """Return the near rest with its zone of radius 2^-depth, at the current precision."""
+    K = _stiffness(loop, near, depth)
+    # The reach is that of the place's own P'': of P'' elsewhere in the zone it is the same up to its ball.
+    widened = K * arb(1, arb(2) ** (2 - CURVATURE_BITS))
+    return Slow(near.v, near.reach, bool(near.square < 0), arb(2) ** -depth, widened, near.at)
+
+
+SLOW_PHASE_RELATIVE_REACH = 2.0**-24
 """Reach, against the distance from the pole, below which other phases lose digits."""
 SPARE_BITS = 256
 
@@ -129,7 +231,7 @@ def is_slow(arc: Arc) -> bool:
 
 
 def _is_close(near: NearRest) -> bool:
-    return bool(near.reach < CLOSE * abs(near.v.sin()))
+    return bool(near.reach < SLOW_PHASE_RELATIVE_REACH * abs(near.v.sin()))
 
 
 def _on(arc: Arc, slow: Sequence[Slow]) -> list[Slow]:

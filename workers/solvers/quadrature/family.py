@@ -19,10 +19,10 @@ from service.dynamics.potentials.families.general_solution import (
     along_curve,
 )
 from service.dynamics.problem import Problem
-from service.dynamics.reduction.ends import require_known_ends
 from service.dynamics.reduction.geometry.loop import Loop
+from service.dynamics.reduction.window import require_known_ends
+from workers.solvers.assembly.families import Declined, PeriodicPlace, Place
 from workers.solvers.assembly.periodic import Sampled, make_periodic
-from workers.solvers.assembly.place import Declined, PeriodicPlace, Place
 from workers.solvers.orbits.graded import Graded, graded
 from workers.solvers.orbits.near_rest import SlowOrbit
 from workers.solvers.orbits.orbit import Libration, Rotation
@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 
 
 class QuadratureFamily:
-    """See :class:`workers.solvers.planar.duties.Family`."""
+    """See :class:`workers.solvers.assembly.families.Family`."""
 
     def takes(self, problem: Problem, place: Place) -> bool:
         """Take every motion."""

@@ -26,9 +26,9 @@ from typing import Literal
 from flint import arb
 
 from service.dynamics.motion import Asymptote, Estimate
-from service.dynamics.reduction.arc import Arc, ArcEnd
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
 from service.dynamics.reduction.start import StartingPoint
+from service.dynamics.reduction.window import Arc, ArcEnd
 from workers.solvers.orbits.orbit import RATE_NUDGE, STATE_NUDGE, six_variables
 
 FARTHEST = 48.0

@@ -7,7 +7,7 @@ import numpy as np
 from service.dynamics.bounds import largest
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.assembly.dense import FloatArray, Sampler
-from workers.solvers.assembly.time_map import BETWEEN, SEEN, TimeMap, sum_series
+from workers.solvers.assembly.time_map import CHECKED_POINTS, UNSEEN_DEPARTURE_FACTOR, TimeMap, sum_series
 from workers.solvers.errors import PrecisionLostError
 from workers.solvers.orbits.graded import Graded, refine_near_poles
 from workers.solvers.orbits.orbit import Orbit
@@ -34,14 +34,15 @@ def series_sampler(orbit: Graded, time_map: TimeMap) -> tuple[Sampler, float]:
     """Return the same by series in the phase, in which everything is smooth on each panel; and its error.
 
     A state costs a hundred times less. Next to a pole what is small is told relative to itself. The error is
-    SEEN times the largest departure between the nodes. It raises PrecisionLostError at once.
+    UNSEEN_DEPARTURE_FACTOR times the largest departure between the nodes. PrecisionLostError is raised at
+    once.
     """
     panels, nodes = range(len(time_map.times) - 1), chebyshev_points(DEGREE)
     series, departure = [], 0.0
     for panel in panels:
-        states = _states(orbit, time_map, [(panel, x) for x in (*nodes.tolist(), *BETWEEN)])
+        states = _states(orbit, time_map, [(panel, x) for x in (*nodes.tolist(), *CHECKED_POINTS)])
         series.append(chebyshev_coefficients(states[: len(nodes)]))
-        told = np.polynomial.chebyshev.chebval(np.array(BETWEEN), series[-1]).T
+        told = np.polynomial.chebyshev.chebval(np.array(CHECKED_POINTS), series[-1]).T
         departure = largest((departure, float(np.abs(told - states[len(nodes) :]).max())))
     columns: FloatArray = np.stack(series, axis=2)
 
@@ -53,7 +54,7 @@ def series_sampler(orbit: Graded, time_map: TimeMap) -> tuple[Sampler, float]:
         refine_near_poles(orbit.orbit.loop, states, sines)
         return states
 
-    return sample, SEEN * departure
+    return sample, UNSEEN_DEPARTURE_FACTOR * departure
 
 
 def _states(orbit: Orbit, time_map: TimeMap, places: Iterable[tuple[int, float]]) -> FloatArray:

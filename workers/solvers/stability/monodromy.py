@@ -1,9 +1,19 @@
-"""The monodromy of a linear system dy/dθ = A(θ) y over one turn of an orbit's phase.
+r"""The monodromy of a linear system dy/dθ = A(θ) y over one turn of an orbit's phase.
 
 The first panels are those of the time map, which are proved to resolve the motion: no feature of the
 potential lies unseen between their nodes. A panel is halved until its propagator is the product of those of
 its two halves; the product is kept, and what the two differed by is taken for
 its error: a measurement, not a bound. Panels end at the poles, where A may not be smooth.
+
+On each panel y' = A(x) y is solved by Gauss-Legendre collocation, for many intervals at once. With the
+STAGES zeros x_i of a Legendre polynomial and a_ij = ∫_{−1}^{x_i} L_j dx, b_j = ∫_{−1}^{1} L_j dx of their
+Lagrange polynomials L_j(x),
+
+.. math:: Y_i = 1 + \sum_j a_{ij} A_j Y_j,\qquad Y(1) = 1 + \sum_j b_j A_j Y_j ,
+
+which is of order 2·STAGES and keeps det Y = 1 where tr A = 0 (Hairer, Lubich
+and Wanner, Geometric Numerical Integration, II.1.3 and IV.2). The stages never
+lie at an end of the interval: A may be undefined there.
 """
 
 from dataclasses import dataclass
@@ -12,6 +22,7 @@ from typing import Protocol
 
 import numpy as np
 from flint import arb
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from service.dynamics.bounds import largest
@@ -20,18 +31,48 @@ from service.dynamics.solution.dense_output import EPSILON
 from workers.solvers.orbits.orbit import Libration, Rotation
 from workers.solvers.quadrature.errors import QuadratureNotConvergedError
 from workers.solvers.quadrature.squared_speed import time_map_of
-from workers.solvers.stability.collocation import STAGES, Collocation, gauss_collocation
 
 FloatArray = NDArray[np.float64]
 
-RESOLVED = 1e-14
+STAGES = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Collocation:
+    """The rule on [−1, 1]."""
+
+    stages: FloatArray
+    weights: FloatArray
+    integrals: FloatArray
+    """a_ij, shape (STAGES, STAGES)."""
+
+    def propagators(self, rates: FloatArray) -> FloatArray:
+        """Return Y(1), shape (n, N, N), from A at the stages of n intervals, shape (n, STAGES, N, N)."""
+        count, stages, size, _ = rates.shape
+        blocks = self.integrals[:, None, :, None] * rates.transpose(0, 2, 1, 3)[:, None]
+        equations = np.eye(stages * size) - blocks.reshape(count, stages * size, stages * size)
+        ones = np.broadcast_to(np.tile(np.eye(size), (stages, 1)), (count, stages * size, size))
+        inside = np.linalg.solve(equations, ones).reshape(count, stages, size, size)
+        result: FloatArray = np.eye(size) + np.einsum("j,njab,njbc->nac", self.weights, rates, inside)
+        return result
+
+
+def gauss_collocation() -> Collocation:
+    """Return the rule; the integrals come from ∫ P_k dx = (P_{k+1} − P_{k−1}) / (2k + 1)."""
+    stages, weights = legendre.leggauss(STAGES)
+    P = legendre.legvander(stages, STAGES)
+    primitives = np.column_stack([stages + 1.0, P[:, 2:] - P[:, :-2]])
+    return Collocation(stages, weights, 0.5 * (primitives @ P[:, :-1].T) * weights)
+
+
+PROPAGATOR_RELATIVE_CHANGE = 1e-14
 """Change of a propagator by halving its panel, in parts of its norm: some roundings. What is kept
 is better still by 2^-32 where the order of the collocation is felt."""
-ROUNDINGS = 4.0
+PROPAGATOR_ROUNDINGS = 4.0
 """Roundings of its norm a propagator is charged with: those of A, of the solution, of the product."""
-SMALLEST_PANEL = 1e-15
+MIN_PANEL_WIDTH = 1e-15
 MAX_PANELS = 2000
-DISTANCES = (arb(2) ** -16, arb(2) ** -26)
+POLE_PHASE_DISTANCES = (arb(2) ** -16, arb(2) ** -26)
 """Distances from a pole, in θ: near enough for the leading term of A, far beyond the rounding of the corners.
 A power −0.9 of the distance still halves its product with the distance between the two."""
 
@@ -81,7 +122,9 @@ class _Panel:
 
     @property
     def is_resolved(self) -> bool:
-        return self.error <= (RESOLVED + ROUNDINGS * EPSILON) * _norm(self.propagator)
+        return self.error <= (PROPAGATOR_RELATIVE_CHANGE + PROPAGATOR_ROUNDINGS * EPSILON) * _norm(
+            self.propagator
+        )
 
 
 def turn_monodromy(system: LinearSystem, orbit: Libration | Rotation) -> Monodromy:
@@ -109,7 +152,7 @@ def turn_monodromy(system: LinearSystem, orbit: Libration | Rotation) -> Monodro
         following: list[_Panel] = []
         for whole, first, second in zip(waiting, halves[::2], halves[1::2], strict=True):
             merged = _merged(whole, first, second)
-            if merged.is_resolved or whole.right - whole.left < SMALLEST_PANEL:
+            if merged.is_resolved or whole.right - whole.left < MIN_PANEL_WIDTH:
                 done.append(merged)
             else:
                 following.extend([first, second])
@@ -133,7 +176,7 @@ def _require_integrable(system: LinearSystem, orbit: Libration | Rotation) -> No
         for side in (-1, 1):
             far, near = (
                 _norm(system.matrix(arb.pi() * corner + side * distance)) * float(distance)
-                for distance in DISTANCES
+                for distance in POLE_PHASE_DISTANCES
             )
             if not near < 0.5 * far:
                 raise StabilityUndefinedError(
@@ -166,7 +209,7 @@ def _merged(whole: _Panel, first: _Panel, second: _Panel) -> _Panel:
     size = _norm(product)
     change = _norm(product - whole.propagator)
     # tr A = 0: the determinant is 1 and shows roundings that halving does not.
-    stray = abs(float(np.linalg.det(product)) - 1.0) + ROUNDINGS * EPSILON
+    stray = abs(float(np.linalg.det(product)) - 1.0) + PROPAGATOR_ROUNDINGS * EPSILON
     return _Panel(whole.left, whole.right, product, change + stray * size)
 
 

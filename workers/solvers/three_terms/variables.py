@@ -1,11 +1,64 @@
-"""The six variables of a motion in a potential of three terms, from sin v and cos v."""
+"""Motions in a potential of three terms: the phase θ, its time, and the six variables from sin v and cos v.
+
+In θ the motions are elliptic functions. On an interval lo ≤ x ≤ hi with x = lo cos²v + hi sin²v the phase
+grows uniformly with time: a quarter turn of θ is a quarter turn of v, and its rate is half of the
+arithmetic-geometric mean of two numbers a and b. They are defined in
+:mod:`workers.solvers.closed_form.elliptic`.
+"""
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
+from flint import acb, arb
 from numpy.typing import NDArray
 
+from service.dynamics.reduction.geometry.loop import ball
+from workers.solvers.three_terms.intervals import MotionInterval
+
 FloatArray = NDArray[np.float64]
+
+
+def R_F(x: arb, y: arb, z: arb) -> arb:
+    """Return R_F of three numbers ≥ 0, of which at most one is 0."""
+    return acb.elliptic_rf(x, y, z).real
+
+
+def incomplete_first_kind(square: arb, parameter: arb) -> arb:
+    """Return F(φ | m) for 0 ≤ φ ≤ π/2 with ``square`` = sin²φ and m < 1."""
+    s = square.nonnegative_part()
+    return s.sqrt() * R_F((1 - s).nonnegative_part(), 1 - parameter * s, arb(1))
+
+
+def primed_nu(lambda_squared: Fraction, *, mirrored: bool) -> arb:
+    """Return nu = λ² in primed axes: λ is raised to −A/C = −1/2 where they are mirrored."""
+    return ball(lambda_squared).rsqrt() if mirrored else ball(lambda_squared)
+
+
+def trip_time(interval: MotionInterval) -> arb:
+    """Return the time in which g1 goes from lo to hi and back."""
+    a, b = moduli(interval)
+    return 2 * arb.pi() / a.agm(b)
+
+
+def phase_at(interval: MotionInterval, sine: arb, cosine: arb) -> arb:
+    """Return θ, where sin v and cos v are these: a quarter turn of θ is a quarter turn of v."""
+    a, b = moduli(interval)
+    (low, high), _ = interval.linear_factors()
+    # tan χ = tan v · √(L1(hi)/L1(lo)).
+    s, c = abs(sine) * high.sqrt(), abs(cosine) * low.sqrt()
+    norm = s * s + c * c
+    x = (b * b * c * c).nonnegative_part()
+    quarter = a.agm(b) * s * R_F(x, x + a * a * s * s, b * b * norm)
+    theta = arb.pi() - quarter if cosine < 0 else quarter
+    return -theta if sine < 0 else theta
+
+
+def moduli(interval: MotionInterval) -> tuple[arb, arb]:
+    """Return a and b, of which half the arithmetic-geometric mean is the rate of the phase."""
+    first, second = interval.linear_factors()
+    factor = interval.curve.factor
+    return (factor * first[0] * second[1]).sqrt(), (factor * first[1] * second[0]).sqrt()
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,13 +12,13 @@ from service.dynamics.accuracy import keeps
 from service.dynamics.motion import COLUMNS, group_errors
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Times
-from service.schemas.reading.pointers import with_values
+from service.schemas.problem.trusted import potential_of
+from service.schemas.reading.documents import Part, with_values
 from service.schemas.sweep.sweep import Sweep, json_number
+from workers.solvers.choose import QUICK_SPEED, compiled_tier
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import ALL
-from workers.solvers.planar.choose import QUICK, compiled_tier
 from workers.solvers.units import Units
-from workers.sweeping.parameters.family import potential_of
 from workers.sweeping.parameters.points import (
     Parameters,
     SweptPoints,
@@ -30,16 +30,21 @@ from workers.sweeping.parameters.points import (
 from workers.sweeping.parameters.programs import AffineProgram, Group, affine_program, grouped
 from workers.sweeping.planar.by_roots import sweep_by_roots
 from workers.sweeping.planar.doubles import Sampling, Swept, sweep_sets
-from workers.sweeping.planar.emptiness import have_no_motion_at
-from workers.sweeping.planar.integrals import KeptIntegrals
-from workers.sweeping.planar.kept_outputs import OUTPUTS, KeptOutputs
-from workers.sweeping.planar.near_poles import keep_their_sign
-from workers.sweeping.planar.quick import Quick, Side
-from workers.sweeping.planar.solved import NO_MOTION, FoundPoints, SolvedBlock, numbers_of_motions
+from workers.sweeping.planar.exclusions import have_no_motion_at, keep_their_sign
+from workers.sweeping.planar.outputs import OUTPUTS, KeptIntegrals, KeptOutputs
+from workers.sweeping.planar.records import (
+    NO_MOTION,
+    FoundPoints,
+    Quick,
+    Side,
+    SolvedBlock,
+    numbers_of_motions,
+)
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+
 
 MAX_PROGRAMS = 64
 """Largest number of programs of a family, by the signs of its coefficients."""
@@ -112,7 +117,7 @@ class BlockSolver:
             if self._quick.problem.accuracy.measure == "above 1" and missed.any():
                 # As a job does: who misses a tier is asked in its own units if it is quick.
                 speeds = self._speeds(here, group)
-                own[missed & (speeds >= QUICK)] = speeds[missed & (speeds >= QUICK)]
+                own[missed & (speeds >= QUICK_SPEED)] = speeds[missed & (speeds >= QUICK_SPEED)]
         if self._outputs.are_any:
             return
         units = [Units.of(speed, self._quick.problem.body) for speed in own.tolist()]
@@ -220,7 +225,7 @@ class BlockSolver:
         def potential_at(n: int) -> Potential:
             if not self._quick.places:
                 return problem.potential
-            return potential_of(problem.body, self._potential_at(points, int(places[n])))
+            return potential_of(self._potential_at(points, int(places[n])), problem.body)
 
         wanted, sign = np.flatnonzero(decided), side.motion.sign_of_g1
         return self._integrals.along(group, sign, energies, samples, wanted, potential_at)
@@ -288,12 +293,12 @@ class BlockSolver:
             self._programs[key] = affine_program(body, made.document, made.paths, key) if known else None
         return self._programs[key]
 
-    def _potential_at(self, points: SweptPoints, place: int) -> object:
+    def _potential_at(self, points: SweptPoints, place: int) -> Part:
         values = {
             path: json_number(_fraction(points.exact(axis, place)))
             for path, axis in zip(self._quick.paths, self._quick.places, strict=True)
         }
-        return with_values(dict(self._quick.potential), dict(values))
+        return with_values(self._quick.potential, dict(values))
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, WithJsonSchema
 
 from service.api.dependencies import Inside, Resources
-from service.api.formats.functions import write_function
 from service.api.formats.negotiation import PARQUET, Accept, chosen, named_file
-from service.api.formats.trajectories import Trajectory, media_types, write
+from service.api.formats.trajectories import Trajectory, media_types, write, write_function
 from service.api.keys.limits import query_samples_faults
 from service.api.middleware.heavy_answers import heavy
-from service.api.queries.format_names import FORMAT_HELP, FormatName
 from service.api.queries.queries import (
+    FORMAT_HELP,
     Asked,
+    FormatName,
     QueryModel,
     asked_of,
     query_parameters,
@@ -27,9 +27,8 @@ from service.api.queries.queries import (
     without_query,
 )
 from service.api.replies.errors import ApiError
-from service.api.replies.places import SolutionId
-from service.api.replies.responses import refusals
-from service.api.tagged import told_of
+from service.api.replies.responses import SolutionId, refusals
+from service.api.tagged import validator_headers
 from service.dynamics.equations.orientation import (
     QUATERNION,
     column_names,
@@ -39,20 +38,19 @@ from service.dynamics.equations.orientation import (
     trajectory_columns,
     trajectory_errors,
 )
-from service.dynamics.motion import COLUMNS
+from service.dynamics.motion import COLUMNS, columns_of
 from service.dynamics.problem import TimeSpan
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.ball_columns import is_part
 from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.solution.preview import deviation, preview_times
-from service.jobs.errors import SolutionNotFoundError
-from service.schemas.problem.asked_series import asked_series
-from service.schemas.reading.faults import Fault
+from service.jobs.records import SolutionNotFoundError
+from service.schemas.problem.trusted import outputs_of, times_of
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
-from service.schemas.replies.function import MotionFunctionOut
-from service.schemas.replies.solution import TrajectoryOut
+from service.schemas.replies.solution import MotionFunctionOut, TrajectoryOut
 from service.settings import Settings
-from service.storage.codecs.arrays import decode_arrays, decode_dense
+from service.storage.codecs.packing import decode_arrays, decode_dense
 from service.storage.solutions.solution_store import Solution
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
@@ -124,7 +122,7 @@ def get_trajectory(
     faults = [*asked.faults, *([] if is_stored else _faults_of_times(asked, inside.settings))]
     if faults:
         refuse_if_any([*faults, *_faults_of_columns(inside, solution_id, query.columns)])
-    told = told_of(request, inside)
+    told = validator_headers(request, inside)
     if is_stored:
         packet = inside.solutions.samples_if_kept(solution_id)
         samples = _remade(inside, solution_id) if packet is None else _stored(inside, solution_id, packet)
@@ -152,7 +150,7 @@ def get_trajectory(
 @heavy
 def get_function(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Return the motion as a function of time, which clients evaluate at any times themselves."""
-    told = told_of(request, inside)
+    told = validator_headers(request, inside)
     dense = decode_dense(inside.solutions.dense(solution_id))
     _require_series(dense.columns)
     return write_function(dense, told)
@@ -202,12 +200,12 @@ def _own_errors(told: object) -> dict[str, float]:
 
 def _remade(inside: Resources, solution_id: str) -> _Samples:
     """Recompute deleted samples: the same times and columns, with the error of the dense output."""
-    asked = asked_series(inside.solutions.get(solution_id).problem)
+    problem = inside.solutions.get(solution_id).problem
     dense = decode_dense(inside.solutions.dense(solution_id))
     _require_series(dense.columns)
-    times = sample_times(asked.time.to_domain(), dense.period)
+    times = sample_times(times_of(problem["time"]), dense.period)
     remade = _evaluated(dense, times)
-    left_out = set(COLUMNS) - set(asked.columns())
+    left_out = set(COLUMNS) - set(columns_of(outputs_of(problem)))
     columns = {name: values for name, values in remade.columns.items() if name not in left_out}
     return replace(remade, columns=columns)
 
@@ -225,8 +223,8 @@ def _previewed(
     """Return a preview, and how far it is off."""
     assert query.preview is not None
     if query.stop is None:
-        asked = asked_series(inside.solutions.get(solution_id).problem)
-        given = sample_times(asked.time.to_domain(), dense.period).doubles
+        problem = inside.solutions.get(solution_id).problem
+        given = sample_times(times_of(problem["time"]), dense.period).doubles
         start, stop = float(given.min()), float(given.max())
     else:
         start, stop = float(query.start or 0), float(query.stop)

@@ -1,14 +1,15 @@
-"""Numbers with their errors, and exact numbers on their way into a document."""
+"""Numbers with their errors, exact numbers on their way into a document, and axes of sweeps."""
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from typing import Self
+from typing import Any, Self  # Any: parts of an answer
 
 import numpy as np
 
-from polhode.errors import WrongArgumentError
+from polhode.errors import PolhodeError, WrongArgumentError
 
 Exact = int | float | str | Fraction | Decimal
 """A number of a problem. Text such as ``"17/10"`` is exact; a float means its shortest decimal."""
@@ -32,15 +33,15 @@ class Quantity(float):
     radius: str | None
 
     @classmethod
-    def read(cls, told: object) -> Self | None:
-        """Return what a document tells as ``{value, error}`` or ``{value, radius}``; None for none."""
-        if not isinstance(told, Mapping):
+    def read(cls, document: object) -> Self | None:
+        """Return what a document has as ``{value, error}`` or ``{value, radius}``; None for none."""
+        if not isinstance(document, Mapping):
             return None
-        value, radius = told.get("value"), told.get("radius")
+        value, radius = document.get("value"), document.get("radius")
         number = cls(str(value))
         number.digits = number.radius = None
         if radius is None:
-            number.error = float(str(told.get("error")))
+            number.error = float(str(document.get("error")))
             return number
         number.digits, number.radius = str(value), str(radius)
         # The float is a rounding of the digits.
@@ -54,13 +55,33 @@ class Quantity(float):
     __str__ = __repr__
 
 
+def items(value: object) -> list[Any]:
+    """Return a list of an answer.
+
+    Raises
+    ------
+    PolhodeError
+        It is none: the answer is not as this version of the client knows it.
+    """
+    if not isinstance(value, list):
+        raise PolhodeError(f"the answer of the service has {str(value)[:60]!r} in place of a list")
+    return value
+
+
+def fields(value: object) -> dict[str, Any]:
+    """Return an object of an answer; raises as :func:`items` does."""
+    if not isinstance(value, dict):
+        raise PolhodeError(f"the answer of the service has {str(value)[:60]!r} in place of an object")
+    return value
+
+
 def written(value: object) -> object:
     """Return a value as JSON has it: exact numbers as text, arrays and tuples as lists.
 
     Raises
     ------
     WrongArgumentError
-        It has no place in a document.
+        It cannot be written into a document.
     """
     match value:
         case None | bool() | int() | str():
@@ -78,5 +99,49 @@ def written(value: object) -> object:
         case Sequence() | range():
             return [written(each) for each in value]
     raise WrongArgumentError(
-        f"{value!r} has no place in a document; int, float, str, Fraction, Decimal, lists and dicts have one"
+        f"{value!r} cannot be written as JSON; int, float, str, Fraction, Decimal, lists and dicts can"
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Values between two ends, as a section of a sweep's document."""
+
+    section: Mapping[str, object]
+
+
+def linspace(first: Exact, last: Exact, count: int) -> Span:
+    """Return ``count`` equidistant values, both ends included."""
+    return _span("linspace", first, last, count)
+
+
+def logspace(first: Exact, last: Exact, count: int) -> Span:
+    """Return ``count`` values with equal ratios from ``first`` > 0 to ``last`` > 0, both ends included."""
+    return _span("logspace", first, last, count)
+
+
+def uniform(first: Exact, last: Exact, count: int, *, seed: int) -> Span:
+    """Return ``count`` random values; the same seed brings the same ones."""
+    return Span({**_span("uniform", first, last, count).section, "seed": seed})
+
+
+def axis_section(values: object) -> Mapping[str, object]:
+    """Return the section for the values of an axis: a span, or a list, range or array of numbers.
+
+    Raises
+    ------
+    WrongArgumentError
+        It is neither.
+    """
+    if isinstance(values, Span):
+        return values.section
+    listed = written(values)
+    if not isinstance(listed, list):
+        raise WrongArgumentError(
+            f"{values!r} is no axis; a list, an array, or linspace(lo, hi, n) is accepted"
+        )
+    return {"values": listed}
+
+
+def _span(kind: str, first: Exact, last: Exact, count: int) -> Span:
+    return Span({kind: [written(first), written(last), count]})

@@ -1,7 +1,15 @@
 """Bobylev and Steklov 1896, of any areas integral: A = 2C, the centre on axis 1, q = 0, p constant."""
 
-from service.dynamics.classical.protocol import About, ClassicalCase, Setting
-from service.dynamics.classical.reduced import Constants, Number, Reduced, Relations, State
+from service.dynamics.classical.protocol import (
+    About,
+    ClassicalCase,
+    Constants,
+    Number,
+    Reduced,
+    Relations,
+    Setting,
+    State,
+)
 
 
 def condition(A: Number, _B: Number, C: Number, _a: Number, _c: Number) -> Number:

@@ -1,7 +1,15 @@
 """Chaplygin 1904: the centre on the first axis, p = s³; at s = 0 the body is at rest for an instant."""
 
-from service.dynamics.classical.protocol import About, ClassicalCase, Setting
-from service.dynamics.classical.reduced import Constants, Number, Reduced, Relations, State
+from service.dynamics.classical.protocol import (
+    About,
+    ClassicalCase,
+    Constants,
+    Number,
+    Reduced,
+    Relations,
+    Setting,
+    State,
+)
 
 
 def condition(A: Number, B: Number, C: Number, _a: Number, _c: Number) -> Number:

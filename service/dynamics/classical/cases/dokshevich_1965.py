@@ -1,7 +1,15 @@
 """Dokshevich 1965: the bodies of Hess, with a momentum along the centre that is not zero."""
 
-from service.dynamics.classical.protocol import About, ClassicalCase, Setting
-from service.dynamics.classical.reduced import Constants, Number, Reduced, Relations, State
+from service.dynamics.classical.protocol import (
+    About,
+    ClassicalCase,
+    Constants,
+    Number,
+    Reduced,
+    Relations,
+    Setting,
+    State,
+)
 
 
 def condition(A: Number, B: Number, C: Number, a: Number, c: Number) -> Number:

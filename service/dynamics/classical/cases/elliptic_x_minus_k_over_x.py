@@ -5,9 +5,17 @@ Perhaps that of Dokshevich 1970, whose text was not obtained.
 
 from flint import arb, fmpq_poly
 
-from service.dynamics.classical.algebraic import real_roots
-from service.dynamics.classical.protocol import About, ClassicalCase, Setting
-from service.dynamics.classical.reduced import Constants, Number, Reduced, Relations, State
+from service.dynamics.classical.protocol import (
+    About,
+    ClassicalCase,
+    Constants,
+    Number,
+    Reduced,
+    Relations,
+    Setting,
+    State,
+    real_roots,
+)
 
 MINIMAL = (81, -9, -272, 176)
 """Minimal polynomial of B for A = 1, degree 0 first; the motion belongs to its largest root."""

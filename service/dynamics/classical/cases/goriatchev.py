@@ -1,8 +1,6 @@
 """Goriachev 1899: the centre on the first axis, q² biquadratic and r² quadratic in p."""
 
-from service.dynamics.classical.master import master
-from service.dynamics.classical.protocol import About, ClassicalCase, Setting
-from service.dynamics.classical.reduced import Number, Reduced
+from service.dynamics.classical.protocol import About, ClassicalCase, Number, Reduced, Setting, master
 
 
 def condition(A: Number, B: Number, C: Number, _a: Number, _c: Number) -> Number:

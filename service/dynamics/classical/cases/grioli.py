@@ -1,7 +1,15 @@
 """Grioli 1947: regular precession about an axis that is not vertical; the centre in a principal plane."""
 
-from service.dynamics.classical.protocol import About, ClassicalCase, Setting
-from service.dynamics.classical.reduced import Constants, Number, Reduced, Relations, State
+from service.dynamics.classical.protocol import (
+    About,
+    ClassicalCase,
+    Constants,
+    Number,
+    Reduced,
+    Relations,
+    Setting,
+    State,
+)
 
 
 def condition(A: Number, B: Number, C: Number, a: Number, c: Number) -> Number:

@@ -12,8 +12,16 @@ With l = 0 the momentum m = ±sqrt(x) itself is the coordinate: it passes throug
 
 from flint import arb
 
-from service.dynamics.classical.protocol import About, ClassicalCase
-from service.dynamics.classical.reduced import Coefficients, Constants, Number, Reduced, Relations, State
+from service.dynamics.classical.protocol import (
+    About,
+    ClassicalCase,
+    Coefficients,
+    Constants,
+    Number,
+    Reduced,
+    Relations,
+    State,
+)
 
 
 def condition(A: Number, B: Number, C: Number, a: Number, c: Number) -> Number:

@@ -2,15 +2,17 @@
 
 from flint import arb, fmpq_poly
 
-from service.dynamics.classical.algebraic import real_roots
-from service.dynamics.classical.protocol import About, ClassicalCase, Setting
-from service.dynamics.classical.reduced import (
+from service.dynamics.classical.protocol import (
+    About,
+    ClassicalCase,
     Constants,
     Number,
     Reduced,
     Relations,
+    Setting,
     State,
     derivative,
+    real_roots,
     value,
 )
 

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from flint import arb
 
-from service.dynamics.classical.protocol import About, ClassicalCase
-from service.dynamics.classical.reduced import Number, Relations
+from service.dynamics.classical.protocol import About, ClassicalCase, Number, Relations
 
 
 def cone(moments: Sequence[Number], centre: Sequence[Number], g: Sequence[Number]) -> Number:

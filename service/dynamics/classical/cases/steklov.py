@@ -1,8 +1,6 @@
 """Steklov 1899: the centre on the first axis, q² and r² quadratic in p with two terms; any moments."""
 
-from service.dynamics.classical.master import master
-from service.dynamics.classical.protocol import About, ClassicalCase, Setting
-from service.dynamics.classical.reduced import Number, Reduced
+from service.dynamics.classical.protocol import About, ClassicalCase, Number, Reduced, Setting, master
 
 
 def reduced(B: Number, C: Number) -> Reduced:

@@ -21,8 +21,11 @@ from service.dynamics.potentials.families.general_solution import (
     Quadrant,
 )
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.bound_formula import bound_formula
-from service.dynamics.potentials.terms.names import ParameterNameError, require_parameter_names
+from service.dynamics.potentials.terms.bound_formula import (
+    ParameterNameError,
+    bound_formula,
+    require_parameter_names,
+)
 
 FormulaText = str | Mapping[Quadrant, str]
 """One formula for all quadrants, or one for each."""

@@ -27,9 +27,9 @@ from service.dynamics.potentials.potential import (
     BallRow,
     FormulaPotential,
     NoClosedFormError,
+    Notice,
     Potential,
 )
-from service.dynamics.potentials.warning import Notice
 
 FloatArray = NDArray[np.float64]
 

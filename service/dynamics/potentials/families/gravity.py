@@ -3,7 +3,7 @@
 from fractions import Fraction
 
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.monomials import monomial_sum
+from service.dynamics.potentials.terms.powers import monomial_sum
 
 FAMILY = "gravity"
 

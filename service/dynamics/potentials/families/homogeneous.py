@@ -25,24 +25,25 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.tree import Binary, Tree
-from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.coefficients import MAX_TERMS, Coefficients, TooManyTermsError
+from service.dynamics.potentials.potential import Notice, Potential
 from service.dynamics.potentials.terms.logarithmic import (
     NoLogTermError,
     log_term,
     multiplicity,
     require_multiplicity,
 )
-from service.dynamics.potentials.terms.monomials import monomial_sum
 from service.dynamics.potentials.terms.powers import (
+    MAX_TERMS,
+    Coefficients,
     PowerSum,
+    TooManyTermsError,
     exchanged,
+    monomial_sum,
     power_terms,
     scaled,
     total,
     weighted_sum,
 )
-from service.dynamics.potentials.warning import Notice
 
 FAMILY = "homogeneous"
 Ratio = TypeVar("Ratio", Fraction, fmpq)

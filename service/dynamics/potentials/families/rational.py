@@ -12,10 +12,9 @@ from math import comb
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.exact import added_up, scaled_terms
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.coefficients import MAX_TERMS, TooManyTermsError
-from service.dynamics.potentials.terms.monomials import Exponents, monomial_sum
-from service.dynamics.term_sums import added_up, scaled_terms
+from service.dynamics.potentials.terms.powers import MAX_TERMS, Exponents, TooManyTermsError, monomial_sum
 
 FAMILY = "rational"
 Laurent = dict[Exponents, Fraction]

@@ -1,14 +1,40 @@
-"""A client's formula with numbers in place of its parameters and moments."""
+"""A client's formula, its names checked, with numbers in place of its parameters and moments."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.binding import bind
+from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.errors import FormulaError
-from service.dynamics.formula.parser import parse_located
-from service.dynamics.formula.traversal import post_order
-from service.dynamics.formula.tree import Symbol, Tree
+from service.dynamics.formula.parameters import PI, bind
+from service.dynamics.formula.parser import is_name, parse_located
+from service.dynamics.formula.tree import FUNCTIONS, VARIABLES, Symbol, Tree, post_order
+
+PARAMETERS_POINTER = "/potential/parameters"
+MOMENTS = ("A", "B", "C")
+
+RESERVED_NAMES = frozenset((*VARIABLES, *MOMENTS, PI, *FUNCTIONS))
+"""Names that mean something already and cannot be parameters."""
+
+
+class ParameterNameError(DynamicsError):
+    """A parameter whose name is taken, or is not a name of the grammar."""
+
+    code = "parameter_name"
+
+
+def require_parameter_names(parameters: Iterable[str]) -> None:
+    """Raise ParameterNameError, pointing at the parameter, if a name cannot be used."""
+    for name in parameters:
+        if name in RESERVED_NAMES:
+            reason = f"{name!r} cannot be a parameter: it has a meaning already"
+        elif not is_name(name):
+            reason = f"{name[:40]!r} is not a name: a letter or '_', then letters, digits and '_'"
+        else:
+            continue
+        # A pointer spells "~" and "/" as "~0" and "~1" (RFC 6901).
+        place = name.replace("~", "~0").replace("/", "~1")
+        raise ParameterNameError(reason, pointer=f"{PARAMETERS_POINTER}/{place}")
 
 
 def bound_formula(

@@ -9,7 +9,7 @@ sign of g1 is given. None represents any other function.
 from collections.abc import Mapping
 from fractions import Fraction
 
-from service.dynamics.term_sums import added_up, without_zeros
+from service.dynamics.exact import added_up, without_zeros
 
 Exponents = tuple[int, int, int, int]
 """Exponents of |g1|, |g3|, g2 and σ."""

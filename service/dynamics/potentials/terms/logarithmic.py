@@ -14,8 +14,7 @@ from math import comb
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.tree import Binary, Call, Number, Symbol, Tree
-from service.dynamics.potentials.terms.monomials import monomial_sum
-from service.dynamics.potentials.terms.powers import PowerSum, exchanged, scaled, weighted_sum
+from service.dynamics.potentials.terms.powers import PowerSum, exchanged, monomial_sum, scaled, weighted_sum
 
 
 class NoLogTermError(DynamicsError):

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import chain
 
+from service.dynamics.exact import added_up, without_zeros
 from service.dynamics.formula.tape import Instruction, Recorder, Tape
-from service.dynamics.term_sums import added_up, without_zeros
 
 MOST_TERMS = 24
 HIGHEST_DEGREE = 24

@@ -1,8 +1,13 @@
-"""Plans the size of the ring of a proof, and defines when a proof is abandoned."""
+"""Plans the size of the ring of a proof, and limits its work: terms, products and bits of its polynomials.
+
+Beyond a limit the proof is abandoned.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import lcm
+from math import comb, lcm
+
+from flint import fmpq_mpoly
 
 MAX_ATOMS = 16
 """Roots, exponentials, logarithms, sines, divisors and their like that one proof may use."""
@@ -66,3 +71,54 @@ class LayoutTooSmallError(Exception):
     def __init__(self, layout: Layout) -> None:
         super().__init__("the ring is too small")
         self.layout = layout
+
+
+MAX_TERMS = 20_000
+"""Terms of one polynomial; beyond, the numeric route is the faster one."""
+MAX_WORK = 4_000_000
+"""Products of terms in one proof, about a second."""
+MAX_BITS = 2**27
+"""Bits of all coefficients of one polynomial (16 MB): flint aborts the process if it gets no memory."""
+
+
+@dataclass(slots=True)
+class Work:
+    """Products of terms spent on one proof, in all its rings.
+
+    Raises (all methods)
+    --------------------
+    NoProofError
+        Too many terms, too much work.
+    """
+
+    spent: int = 0
+
+    def spend(self, products: int) -> None:
+        """Count operations; abandon the proof when it gets too long."""
+        self.spent += products
+        if products > MAX_WORK // 4 or self.spent > MAX_WORK:
+            raise NoProofError("polynomials too large for a proof")
+
+    def expand(self, terms: int, exponent: int, factor: int, bits: int) -> None:
+        """Give up before ``factor`` terms times a power of ``terms`` terms would be too large.
+
+        ``bits`` are those of the largest coefficient that can come of it.
+        """
+        # Both above 64 is too many terms, and would make the binomial itself long.
+        smaller = min(max(terms - 1, 0), exponent)
+        count = comb(exponent + terms - 1, smaller) if 0 < smaller <= 64 else 1
+        if smaller > 64 or count > MAX_TERMS:
+            raise NoProofError("a power with too many terms for a proof")
+        self.spend(factor * count)
+        require_room(factor * count, bits)
+
+
+def require_room(terms: int, bits: int) -> None:
+    """Give up before ``terms`` coefficients of so many bits would take too much memory."""
+    if terms * bits > MAX_BITS:
+        raise NoProofError("coefficients too large for a proof")
+
+
+def height(polynomial: fmpq_mpoly) -> int:
+    """Return the bits of the largest numerator or denominator among the coefficients."""
+    return max((int(coefficient.height_bits()) for coefficient in polynomial.coeffs()), default=0)

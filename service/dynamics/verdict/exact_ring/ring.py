@@ -20,6 +20,7 @@ relation (a cube root of a sum of roots is found in the ring in some cases only)
 Without atoms the ring is a domain and the zero test is decisive.
 """
 
+from dataclasses import dataclass
 from fractions import Fraction
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
@@ -35,13 +36,65 @@ from service.dynamics.verdict.exact_ring.generators import (
     Root,
     exponents_of,
 )
-from service.dynamics.verdict.exact_ring.layout import Layout, LayoutTooSmallError, NoProofError
-from service.dynamics.verdict.exact_ring.relations import Relation
-from service.dynamics.verdict.exact_ring.work import MAX_BITS, Work, height, require_room
+from service.dynamics.verdict.exact_ring.layout import (
+    MAX_BITS,
+    Layout,
+    LayoutTooSmallError,
+    NoProofError,
+    Work,
+    height,
+    require_room,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Relation:
+    """clearing · u^power = tail, as the polynomial clearing · u^power - tail, u a generator."""
+
+    index: int
+    """The generator."""
+    power: int
+    polynomial: fmpq_mpoly
+    clearing: tuple[int, ...] | None
+    tail_terms: int
+    step: int
+    """Amount by which one replacement lowers the power."""
+
+    @classmethod
+    def of(cls, context: fmpq_mpoly_ctx, index: int, power: int, base: Element) -> "Relation":
+        """Return u^power = base, its negative exponents cleared to the left side."""
+        below = tuple(max(-exponent, 0) for exponent in base.shift)
+        above = tuple(max(exponent, 0) for exponent in base.shift)
+        tail = base.numerator * context.term(exp_vec=above)
+        left = list(below)
+        left[index] += power
+        return cls(
+            index,
+            power,
+            context.term(exp_vec=tuple(left)) - tail,
+            below if any(below) else None,
+            len(tail),
+            power - max(int(tail.degrees()[index]), 0),
+        )
+
+    def applied_to(self, x: Element, context: fmpq_mpoly_ctx, work: Work) -> Element:
+        """Return x, an equal element with powers of u below ``power`` alone; raises NoProofError."""
+        numerator, shift = x.numerator, x.shift
+        excess = int(numerator.degrees()[self.index]) - self.power
+        if excess < 0:  # flint gives the zero polynomial the degree -1
+            return x
+        times = excess // self.step + 1
+        growth = times * (height(self.polynomial) + self.tail_terms.bit_length())
+        work.expand(self.tail_terms, times, len(numerator), height(numerator) + growth)
+        if self.clearing is not None:
+            numerator *= context.term(exp_vec=tuple(times * e for e in self.clearing))
+            shift = tuple(a - times * b for a, b in zip(shift, self.clearing, strict=True))
+        return Element(numerator % self.polynomial, shift)
+
 
 MAX_DIVISION_STEPS = 400
 """Degree of a quotient worth trying: dividing g1^N + 1 by rho makes N/2 terms before it fails."""
-SMALL = 1000
+UNCHECKED_PRODUCTS = 1000
 """Products of terms below which the size of the coefficients is not looked at."""
 MAX_EXPONENT = 2**48
 """Exponents must stay inside 64 bits after the few products that follow."""
@@ -187,7 +240,7 @@ class Ring:
         """Return x y."""
         products = len(x.numerator) * len(y.numerator)
         self.work.spend(products)
-        if products > SMALL:
+        if products > UNCHECKED_PRODUCTS:
             require_room(products, height(x.numerator) + height(y.numerator))
         if y.shift == self.no_shift:
             shift = x.shift

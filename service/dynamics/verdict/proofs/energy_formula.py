@@ -8,8 +8,8 @@ from flint import ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.binding import bind
 from service.dynamics.formula.errors import FormulaError
+from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape, compile_tape

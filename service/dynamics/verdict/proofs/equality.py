@@ -14,21 +14,18 @@ from flint import ctx
 
 from service.dynamics.formula.algebra import Algebra, T
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.binding import PI
 from service.dynamics.formula.errors import FormulaError
-from service.dynamics.formula.parameters import coefficients_of
+from service.dynamics.formula.parameters import PI, coefficients_of
 from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.formula.traversal import post_order
-from service.dynamics.formula.tree import VARIABLES, Number, Symbol, Tree
+from service.dynamics.formula.tree import VARIABLES, Number, Symbol, Tree, post_order
 from service.dynamics.verdict.exact_ring.layout import (
     Layout,
     NoProofError,
     UndefinedInOctantError,
+    Work,
 )
 from service.dynamics.verdict.exact_ring.ring import Ring
-from service.dynamics.verdict.exact_ring.work import Work
-from service.dynamics.verdict.ring_functions.large_enough import in_large_enough_ring
-from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra
+from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, in_large_enough_ring
 
 MAX_FREE = 2
 """Variables other than g1, g2, g3 that the sphere has room for."""

@@ -19,13 +19,12 @@ from flint import arb, ctx
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.compatibility import energy_on_curve
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.binding import PI
 from service.dynamics.formula.errors import FormulaError
+from service.dynamics.formula.parameters import PI
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import exact_tree, format_tree
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.formula.traversal import fold_tree, post_order
-from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree
+from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree, fold_tree, post_order
 from service.dynamics.potentials.angular_part.balls import curve_ball
 from service.dynamics.potentials.families.general_solution import QUADRANTS, GeneralPotential, Quadrant
 from service.dynamics.verdict.sphere.points import Point

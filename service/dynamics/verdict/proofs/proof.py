@@ -11,12 +11,11 @@ from service.dynamics.verdict.exact_ring.layout import (
     Layout,
     NoProofError,
     UndefinedInOctantError,
+    Work,
 )
 from service.dynamics.verdict.exact_ring.ring import Ring
-from service.dynamics.verdict.exact_ring.work import Work
 from service.dynamics.verdict.ring_functions.fields import VectorFields
-from service.dynamics.verdict.ring_functions.large_enough import in_large_enough_ring
-from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra
+from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, in_large_enough_ring
 
 Signs = tuple[int, int, int]
 Assumption = tuple[Tape, Literal[1, -1]]

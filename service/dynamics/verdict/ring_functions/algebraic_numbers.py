@@ -15,13 +15,34 @@ from fractions import Fraction
 from itertools import product
 from math import gcd
 
-from flint import arb, ctx, fmpq, fmpq_mat, fmpz_poly
+from flint import arb, ctx, fmpq, fmpq_mat, fmpz_mat, fmpz_poly
 
 from service.dynamics.verdict.exact_ring.factors import as_fraction, prime_powers
 from service.dynamics.verdict.exact_ring.generators import CosineOfTurn, Element, Root
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.exact_ring.values import GeneratorValues
-from service.dynamics.verdict.ring_functions.lattice import rational_relation
+
+
+def rational_relation(numbers: Callable[[], list[arb]], count: int, bits: int) -> list[fmpq] | None:
+    """Return c with numbers[count] = Σ c_k numbers[k] to ``bits``, the c of small height, or None.
+
+    A guess, which the caller has to prove. ``numbers`` is called at a precision a little above ``bits``.
+    """
+    matrix = fmpz_mat(count + 1, count + 2)
+    with ctx.workprec(bits + 64):
+        for row, value in enumerate(numbers()):
+            digits = (value * arb(2) ** bits).mid().floor().unique_fmpz()
+            if digits is None:
+                return None
+            matrix[row, row] = 1
+            matrix[row, count + 1] = digits
+    shortest = matrix.lll().table()[0]
+    factor = int(shortest[count])
+    limit = 2 ** (bits // (count + 1) // 2 + 8)
+    if factor == 0 or any(abs(int(value)) > limit * (count + 2) for value in shortest):
+        return None
+    return [fmpq(-int(value), factor) for value in shortest[:count]]
+
 
 MAX_FIELD_DEGREE = 24
 """Degree of K over Q up to which numbers are looked for in it."""

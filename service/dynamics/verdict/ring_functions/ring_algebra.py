@@ -1,16 +1,20 @@
-"""Evaluates formulas in the ring of a proof: each function becomes an element with its rules."""
+"""Evaluates formulas in the ring of a proof: each function becomes an element with its rules.
 
+A ring that turns out too small is replaced by a larger one, and the computation begins again.
+"""
+
+from collections.abc import Callable
 from fractions import Fraction
+from typing import TypeVar
 
 from service.dynamics.verdict.exact_ring.factors import conjugate, factorise
 from service.dynamics.verdict.exact_ring.generators import Divisor, Element
-from service.dynamics.verdict.exact_ring.layout import NoProofError
+from service.dynamics.verdict.exact_ring.layout import Layout, LayoutTooSmallError, NoProofError, Work
 from service.dynamics.verdict.exact_ring.products import Splitting, irreducible_factors
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.ring_functions.algebraic_numbers import AlgebraicNumbers
 from service.dynamics.verdict.ring_functions.radicals import Radicals
-from service.dynamics.verdict.ring_functions.transcendental import Transcendental
-from service.dynamics.verdict.ring_functions.trigonometry import Trigonometry
+from service.dynamics.verdict.ring_functions.transcendental import Transcendental, Trigonometry
 
 MAX_EXPANDED = 24
 """Powers of sums with up to this many terms are expanded; higher ones are kept as powers of their base."""
@@ -179,3 +183,43 @@ def _terms_of_power(terms: int, exponent: int) -> int:
         if count > MAX_EXPANDED:
             break
     return count
+
+
+T = TypeVar("T")
+
+MAX_RESTARTS = 60
+"""Larger rings that are tried before the proof is abandoned."""
+
+
+def in_large_enough_ring(
+    layout: Layout,
+    signs: tuple[int, int, int],
+    compute: Callable[[Ring, RingAlgebra], T],
+    work: Work | None = None,
+    *,
+    keeps_kinks: bool = False,
+) -> tuple[Ring, T]:
+    """Return the first ring, from ``layout`` on, that is large enough for ``compute``, and what it returns.
+
+    Parameters
+    ----------
+    signs
+        Of g1, g2, g3 in the octant of the ring.
+    work
+        What the proof has spent in other rings; None for one that begins here.
+
+    keeps_kinks
+        See :class:`RingAlgebra`.
+
+    Raises
+    ------
+    NoProofError
+        The ring keeps growing; and what ``compute`` raises.
+    """
+    for _ in range(MAX_RESTARTS):
+        ring = Ring(layout, signs, work)
+        try:
+            return ring, compute(ring, RingAlgebra(ring, keeps_kinks=keeps_kinks))
+        except LayoutTooSmallError as error:
+            layout = error.layout
+    raise NoProofError("the ring keeps growing")

@@ -18,7 +18,7 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.potentials.angular_part.balls import angular_balls, curve_ball
 from service.dynamics.potentials.angular_part.curve_function import CurveFunction
-from service.dynamics.potentials.angular_part.doubles import curve_parameter
+from service.dynamics.potentials.angular_part.field import curve_parameter
 from tests.support.effort import examples
 from tests.support.witnesses.angular_part import angular_part
 

@@ -9,7 +9,7 @@ from service.dynamics.formula.errors import FormulaError, FormulaLimitError, Unk
 from service.dynamics.potentials.families.expression import (
     expression_potential,
 )
-from service.dynamics.potentials.terms.names import RESERVED_NAMES, ParameterNameError
+from service.dynamics.potentials.terms.bound_formula import RESERVED_NAMES, ParameterNameError
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))
 WITH_B = RigidBody(Fraction(2), Fraction(3, 2), Fraction(1))

@@ -23,7 +23,7 @@ from service.dynamics.potentials.families.general import (
 )
 from service.dynamics.potentials.families.general_solution import QUADRANTS, GeneralPotential
 from service.dynamics.potentials.potential import NoClosedFormError
-from service.dynamics.potentials.terms.names import ParameterNameError
+from service.dynamics.potentials.terms.bound_formula import ParameterNameError
 from service.dynamics.problem import PlanarMotion
 from tests.support.heyoka_integrator import HeyokaIntegrator
 from tests.support.planar import body, planar

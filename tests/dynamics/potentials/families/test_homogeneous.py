@@ -21,8 +21,8 @@ from service.dynamics.potentials.families.homogeneous import (
     refusals,
 )
 from service.dynamics.potentials.families.rational import rational_potential
-from service.dynamics.potentials.terms.coefficients import MAX_TERMS, TooManyTermsError
 from service.dynamics.potentials.terms.logarithmic import NoLogTermError
+from service.dynamics.potentials.terms.powers import MAX_TERMS, TooManyTermsError
 from tests.support.planar import body
 
 ALPHA, Z = sympy.symbols("alpha z", positive=True)

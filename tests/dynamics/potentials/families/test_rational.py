@@ -21,8 +21,7 @@ from service.dynamics.potentials.families.rational import (
     require_rational_body,
 )
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.coefficients import MAX_TERMS, TooManyTermsError
-from service.dynamics.potentials.terms.monomials import monomial_sum
+from service.dynamics.potentials.terms.powers import MAX_TERMS, TooManyTermsError, monomial_sum
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))
 NUMBERS = range(1, MAX_TERMS + 1)

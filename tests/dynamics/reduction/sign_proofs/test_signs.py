@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.ends import height
 from service.dynamics.reduction.structure import SignsUnsettledError
+from service.dynamics.reduction.window import height
 from service.dynamics.reduction.windows import find_windows
 from tests.support.effort import examples
 from tests.support.planar import body, formula

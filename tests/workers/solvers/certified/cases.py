@@ -7,7 +7,7 @@ from flint import arb, ctx
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
 from workers.solvers.certified.certify import Certified
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 COMPARED_BITS = 2000
 """Differences of balls are taken with so many bits: nothing is added to them."""

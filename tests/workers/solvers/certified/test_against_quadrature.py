@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from tests.support.admissible import Case, cases, with_periodic_window
 from tests.support.effort import examples
 from workers.solvers.certified.errors import CertifiedUnavailableError
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 
 @given(cases())

@@ -13,7 +13,7 @@ from tests.workers.solvers.certified.cases import (
     overlap,
     three_terms,
 )
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 ELLIPTIC = [golden for golden in GOLDEN if golden.name in ("G1", "G2", "G4", "G6")]
 

@@ -10,11 +10,11 @@ from flint import arb, ctx
 from service.dynamics.motion import Motion
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem
 from tests.support.planar import body, planar
-from workers.solvers.assembly.place import NOT_MINE, Declined, Place, periodic_place
+from workers.solvers.assembly.families import NOT_MINE, Declined, Place, periodic_place
 from workers.solvers.certified.certify import certify
 from workers.solvers.certified.family import WayFamily
 from workers.solvers.certified.time_model import CertifiedUnavailableError, TimeModel
-from workers.solvers.planar.start import with_enough_bits
+from workers.solvers.choose import with_enough_bits
 from workers.solvers.quadrature.family import QuadratureFamily
 
 WAY, QUADRATURE = WayFamily(), QuadratureFamily()

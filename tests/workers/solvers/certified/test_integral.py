@@ -9,7 +9,7 @@ from tests.support.planar import body, formula
 from tests.workers.solvers.certified.cases import contains_printed, is_inside
 from workers.solvers.certified.by_integral import integral_motion, periodic_window
 from workers.solvers.certified.time_model import make_time_model
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 GENERAL = [golden for golden in GOLDEN if golden.name in ("G10", "G12")]
 NOT_EVEN = "(A*g1^2 + C*g3^2)*(g2^2 - 1/2 + g2^3/5)"

@@ -5,7 +5,7 @@ import pytest
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StateMotion
 from tests.support.planar import body, formula
-from workers.solvers.planar.choose import enclose
+from workers.solvers.choose import enclose
 
 
 def refused(text, motion, *, A=2, C=1) -> DynamicsError:

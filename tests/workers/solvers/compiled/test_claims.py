@@ -8,8 +8,8 @@ from flint import arb, ctx
 
 from service.dynamics.problem import PlanarMotion, StartAtPoint, StartAtRest
 from tests.support.planar import body, formula
+from workers.solvers.choose import enclose
 from workers.solvers.compiled.solve import solve_spectral
-from workers.solvers.planar.choose import enclose
 
 TERMS = "a*g1 + b/g3^2 + c*(g1^2-g2^2)"
 MIRRORED = "a*g3 + b/g1^2 + c*(g3^2-g2^2)"

@@ -9,6 +9,7 @@ from flint import arb, ctx
 
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from tests.support.planar import body, formula
+from workers.solvers.choose import enclose
 from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.doubled import curve, derivative, harmonics, time_map
 from workers.solvers.compiled.doubled.arithmetic import doubled
@@ -17,7 +18,6 @@ from workers.solvers.compiled.motion import Bounds
 from workers.solvers.compiled.records import new_records
 from workers.solvers.compiled.solve import KEPT, is_kept, solve_spectral
 from workers.solvers.compiled.solve_set import new_formula
-from workers.solvers.planar.choose import enclose
 
 LIBRATION = "(A*g1^2+C*g3^2)*(g2^2-1/2+g2^3/5)"
 LAMBDA = PlanarMotion(Fraction(4, 5), start=StartAtRest(-1))

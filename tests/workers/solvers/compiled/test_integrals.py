@@ -14,7 +14,7 @@ from workers.solvers.compiled.evaluation.program import make_program, rests_of
 from workers.solvers.compiled.integrals import known
 from workers.solvers.compiled.integrals.drifts import potential_energies
 from workers.solvers.compiled.integrals.of_many import drifts_of_many, energies_at, further_drifts_of_many
-from workers.solvers.invariants import drifts_of, further_drift
+from workers.solvers.evidence import drifts_of, further_drift
 
 BODY = body(2, 1)
 SETS, SAMPLES = 6, 40

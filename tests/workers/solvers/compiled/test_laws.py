@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx, fmpq
 
-from service.dynamics.formula.binding import bind
+from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import VARIABLES

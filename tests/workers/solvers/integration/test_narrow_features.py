@@ -14,10 +14,10 @@ from service.dynamics.problem import PlanarMotion
 from tests.support.effort import each_once
 from tests.support.heyoka_integrator import HEYOKA
 from tests.support.planar import body, formula
+from workers.solvers.choose import planar_start
 from workers.solvers.integration.errors import StepCollapseError
 from workers.solvers.integration.followed import followed
 from workers.solvers.integration.solve import choose_integrator, integrate_state
-from workers.solvers.planar.start import planar_start
 
 BODY = body(2, 1, "3/2")
 START = planar_start(BODY, formula("-g1", BODY), PlanarMotion(Fraction(1)))

@@ -7,7 +7,7 @@ import pytest
 
 from service.schemas.problem.problem import read_problem
 from workers.computation.compute import solve, solve_document
-from workers.solvers.assembly.description import SYMMETRIC_POLE_PASSAGE
+from workers.solvers.assembly.families import SYMMETRIC_POLE_PASSAGE
 
 # A = 2C, where the compiled solver has the motion too; V has terms in |g1|, whose slope jumps at the pole.
 DOCUMENT = {

@@ -45,7 +45,7 @@ def drifts_of_many(
     """Return the largest departures of the three integrals of planar motions, shape (sets, 3).
 
     ``constants`` of the program and their ``rests`` are (sets, constants), ``samples`` (sets, n, 6), finite.
-    The numbers are those of :func:`workers.solvers.invariants.drifts_of`; those of motions that are not
+    The numbers are those of :func:`workers.solvers.evidence.drifts_of`; those of motions that are not
     ``wanted``, and energies of which twice the digits do not tell every double, are NaN.
     """
     out = np.full((len(samples), 3), np.nan)

@@ -30,7 +30,7 @@ from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.potentials.terms.laurent import G2, G3, Laurent, LaurentAlgebra, g1_of_sign
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.solution.dense_output import EPSILON, Period
-from workers.solvers.orbits.between_roots import RootsUndecidedError, positive_stretches
+from workers.solvers.three_terms.intervals import RootsUndecidedError, positive_stretches
 
 PRECISIONS = (192, 512, 2048)
 GAP_BITS = 64

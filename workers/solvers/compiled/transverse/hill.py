@@ -1,6 +1,6 @@
 r"""The coefficient of Hill's equation at places of an orbit, with a bound of its rounding.
 
-The equation is that of :mod:`workers.solvers.stability.hill`, B q̇ = −M, Ṁ = c q with
+The equation is that of :mod:`workers.solvers.stability.assessment`, B q̇ = −M, Ṁ = c q with
 
 .. math::
     c = (A-C)\Bigl[\frac{(B-C) r^2}{A} + \frac{(A-B) p^2}{C}\Bigr]

@@ -1,6 +1,6 @@
 r"""Gauss' collocation of Hill's equation on one interval, compiled.
 
-With the stages and the integrals a_ij, b_j of :mod:`workers.solvers.stability.collocation`, and α = ω dt/dx,
+With the stages and the integrals a_ij, b_j of :mod:`workers.solvers.stability.monodromy`, and α = ω dt/dx,
 β = c/(B ω) dt/dx at the stages, y = (q, M/(B ω)) obeys
 
 .. math:: q_i = q_0 - \sum_j a_{ij} α_j m_j, \qquad m_i = m_0 + \sum_j a_{ij} β_j q_j .

@@ -1,0 +1,328 @@
+"""Chooses the solver of a motion by going through the tables; no other module does.
+
+The window and the start of a planar motion are found in balls of sufficient precision. Both tables are read
+from the top; the first row that fits holds. A family that does not take the motion, or declines it, leaves
+it to the next one of its row.
+
+Doubles of compiled code are the cheapest, and as exact as the tier of their kernel demands. Next come
+elliptic functions, where the potential has three terms, then the way through poles that are not smooth, and
+last the quadrature in balls, which has every motion.
+
+No tier costs more than the next more accurate one: what its own kernel declines, it leaves to all that the
+next one asks, in the same order.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from math import inf, isfinite
+from types import MappingProxyType
+from typing import Literal, TypeVar
+
+from flint import ctx
+
+from service.dynamics.accuracy import TIER_TOLERANCES
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
+from service.dynamics.motion import EnclosureMethod, Motion
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import (
+    Accuracy,
+    ClassicalMotion,
+    Method,
+    PlanarMotion,
+    Problem,
+    StateMotion,
+    Tier,
+)
+from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
+from service.dynamics.sampling import sample_times
+from workers.solvers.assembly.families import Declined, Family, Place, periodic_place
+from workers.solvers.certified.certify import Certified, certify
+from workers.solvers.certified.family import WayFamily
+from workers.solvers.classical.solve import solve_classical
+from workers.solvers.closed_form.family import ClosedFormFamily
+from workers.solvers.compiled.family import CompiledFamily, CompiledTier, arc_in_doubles
+from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError, PrecisionLostError
+from workers.solvers.integration.solve import integrate_state
+from workers.solvers.orbits.orbit import starting_state
+from workers.solvers.quadrature.family import QuadratureFamily
+from workers.solvers.ways import is_plain
+
+T = TypeVar("T")
+
+HIGHEST_PRECISION = 16 * REDUCTION_BITS
+
+
+def planar_start(body: RigidBody, potential: Potential, motion: PlanarMotion) -> tuple[float, ...]:
+    """Return the initial state (p, q, r, g1, g2, g3) of a planar motion of any kind, periodic or not.
+
+    Raises
+    ------
+    NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError
+        The motion asked for is not there, or not the only one.
+    """
+    with ctx.workprec(REDUCTION_BITS):
+        window = choose_window(find_windows(body, potential, motion), motion)
+        return tuple(float(value) for value in starting_state(starting_point(window, motion)))
+
+
+def with_enough_bits(problem: Problem, solve: Callable[[Problem, Place], T]) -> T:
+    """Return ``solve`` of the problem's place, in balls of enough bits: doubled until its integrand is known.
+
+    Raises
+    ------
+    NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError
+        The motion asked for is not there, or not the only one.
+    PrecisionLostError
+        The highest precision is not enough.
+    """
+    motion = problem.motion
+    if not isinstance(motion, PlanarMotion):
+        raise DynamicsError("quadrature solves planar motions only", pointer="/motion/type")
+    precision = REDUCTION_BITS
+    while True:
+        try:
+            with ctx.workprec(precision):
+                windows = find_windows(problem.body, problem.potential, motion, precision=precision)
+                window = choose_window(windows, motion)
+                return solve(problem, Place(window, starting_point(window, motion)))
+        except PrecisionLostError:
+            if precision >= HIGHEST_PRECISION:
+                raise
+            precision *= 2
+
+
+Kind = Literal["any state", "periodic", "not periodic"]
+"""The kind of a motion: integrated from any state; or planar, by the kind of its window."""
+Grade = Literal["draft", "loose", "standard", "high", "certified"]
+"""The tiers; ``loose`` is a tolerance that is looser than the promise of ``standard``."""
+FamilyName = Literal["draft doubles", "standard doubles", "high doubles", "closed form", "way", "quadrature"]
+Solver = FamilyName | Literal["integration"]
+Enclosing = Literal["always", "where needed", "never"]
+"""Whether samples are enclosed: ``where needed`` is where doubles do not keep the tolerance."""
+
+COMPILED: Mapping[Solver, CompiledTier] = MappingProxyType(
+    {"draft doubles": "draft", "standard doubles": "standard", "high doubles": "high"}
+)
+"""The tier of each kernel."""
+FAMILIES: Mapping[FamilyName, Family] = MappingProxyType(
+    {
+        "draft doubles": CompiledFamily("draft"),
+        "standard doubles": CompiledFamily("standard"),
+        "high doubles": CompiledFamily("high"),
+        "closed form": ClosedFormFamily(),
+        "way": WayFamily(),
+        "quadrature": QuadratureFamily(),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """For motions of these kinds, by these methods, of these grades: who is asked, in this order."""
+
+    kinds: tuple[Kind, ...]
+    methods: tuple[Method, ...]
+    grades: tuple[Grade, ...]
+    asked: tuple[Solver, ...]
+
+    @property
+    def families(self) -> tuple[Family, ...]:
+        """Return those among them that are asked with a window, which integration does not need."""
+        return tuple(FAMILIES[name] for name in self.asked if name != "integration")
+
+
+@dataclass(frozen=True, slots=True)
+class EnclosureRow:
+    """A rule for enclosing samples: for which methods and grades, when, and by what, in this order."""
+
+    methods: tuple[Method, ...]
+    grades: tuple[Grade, ...]
+    when: Enclosing
+    asked: tuple[EnclosureMethod, ...]
+
+
+_PLANAR: tuple[Kind, ...] = ("periodic", "not periodic")
+_ANY_METHOD: tuple[Method, ...] = ("auto", "quadrature", "integration", "both")
+_FREE: tuple[Method, ...] = ("auto", "both")
+"""Methods that leave the choice to the table."""
+_ANY_GRADE: tuple[Grade, ...] = ("draft", "loose", "standard", "high", "certified")
+_NOT_BY_DOUBLES: tuple[Grade, ...] = ("certified",)
+_STANDARD: tuple[Grade, ...] = ("loose", "standard")
+_BY_BALLS: tuple[Solver, ...] = ("way", "quadrature")
+_DEARER: tuple[Solver, ...] = ("closed form", *_BY_BALLS)
+_BY_HIGH: tuple[Solver, ...] = ("high doubles", *_DEARER)
+_BY_STANDARD: tuple[Solver, ...] = ("standard doubles", *_BY_HIGH)
+_BY_DRAFT: tuple[Solver, ...] = ("draft doubles", *_BY_STANDARD)
+
+# fmt: off
+FUNCTIONS_OF_TIME: tuple[Row, ...] = (
+    #   motion              method             accuracy          asked, in this order
+    Row(("any state",),     _ANY_METHOD,       _ANY_GRADE,       ("integration",)),
+    Row(_PLANAR,            ("integration",),  _ANY_GRADE,       ("integration",)),
+    Row(("not periodic",),  _ANY_METHOD,       _ANY_GRADE,       ("quadrature",)),
+    Row(("periodic",),      ("quadrature",),   _ANY_GRADE,       _BY_BALLS),
+    Row(("periodic",),      _FREE,             ("draft",),       _BY_DRAFT),
+    Row(("periodic",),      _FREE,             _STANDARD,        _BY_STANDARD),
+    Row(("periodic",),      _FREE,             ("high",),        _BY_HIGH),
+    Row(("periodic",),      _FREE,             _NOT_BY_DOUBLES,  _DEARER),
+)
+"""The solvers that are asked for the motion as a function of time, by the first row that fits."""
+
+ENCLOSURES: tuple[EnclosureRow, ...] = (
+    #            method        accuracy         enclosed         asked, in this order
+    EnclosureRow(_ANY_METHOD,  ("certified",),  "always",        ("elliptic", "integral")),
+    EnclosureRow(_FREE,        _ANY_GRADE,      "where needed",  ("elliptic", "integral")),
+    EnclosureRow(_ANY_METHOD,  _ANY_GRADE,      "never",         ()),
+)
+"""Whether samples are enclosed besides, and by what."""
+# fmt: on
+
+
+def grade_of(accuracy: Accuracy) -> Grade:
+    """Return the grade of an accuracy: who is content with less than ``standard`` gets what is cheapest."""
+    tier: Tier = accuracy.tier
+    if tier == "standard" and accuracy.tolerance > TIER_TOLERANCES["standard"]:
+        return "loose"
+    return tier
+
+
+@cache
+def row_for(kind: Kind, method: Method, grade: Grade) -> Row:
+    """Return the first row of FUNCTIONS_OF_TIME that fits; there is one for everything."""
+    return next(
+        row
+        for row in FUNCTIONS_OF_TIME
+        if kind in row.kinds and method in row.methods and grade in row.grades
+    )
+
+
+@cache
+def enclosure_row_for(method: Method, grade: Grade) -> EnclosureRow:
+    """Return the first row of ENCLOSURES that fits; there is one for everything."""
+    return next(row for row in ENCLOSURES if method in row.methods and grade in row.grades)
+
+
+QUICK_SPEED = 1024.0
+"""Angular velocity from which on who misses an absolute tolerance is asked for a relative one at once: proven
+digits, rounded to doubles, keep 1e-13 up to about here."""
+
+
+def choose(problem: Problem, kind: Kind) -> Row:
+    """Return who is asked for a motion of this kind, in the order of the table."""
+    return row_for(kind, problem.method, grade_of(problem.accuracy))
+
+
+def choose_enclosures(problem: Problem) -> EnclosureRow:
+    """Return whether, and by what, the samples are enclosed."""
+    return enclosure_row_for(problem.method, grade_of(problem.accuracy))
+
+
+def compiled_tier(problem: Problem) -> CompiledTier | None:
+    """Return the tier at which compiled doubles are asked first for a periodic motion; None if they are not.
+
+    Those who compute many motions at once may then do so by compiled doubles alone, with the numbers of
+    single ones, and leave to :func:`find_motion` what these decline.
+    """
+    return COMPILED.get(choose(problem, "periodic").asked[0])
+
+
+def find_motion(problem: Problem) -> Motion:
+    """Return the motion from the first of the table that has it, however large its error is.
+
+    Raises
+    ------
+    NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError
+        The motion asked for is not there, or not the only one.
+    OwnUnitsNeededError
+        The motion is quick, and a relative tolerance is allowed.
+    AccuracyNotMetError
+        What the last one found contradicts its own claim, or the integration is worse than the tolerance.
+    DynamicsError
+        One class per cause; the families name theirs.
+    """
+    motion = problem.motion
+    if isinstance(motion, ClassicalMotion):
+        return solve_classical(problem, integrates=problem.method == "integration")
+    if isinstance(motion, StateMotion):
+        return _integrate(problem, motion.omega, motion.gamma)
+    if "integration" in choose(problem, "periodic").asked:
+        state = planar_start(problem.body, problem.potential, motion)
+        return _integrate(problem, state[:3], state[3:])
+    return with_enough_bits(problem, _ask_in_turn)
+
+
+def enclose(
+    body: RigidBody,
+    potential: Potential,
+    motion: PlanarMotion | StateMotion | ClassicalMotion,
+    times: Sequence[Fraction],
+    bits: int,
+    *,
+    methods: Sequence[EnclosureMethod] = ("elliptic", "integral"),
+    about_a_period: float | None = None,
+) -> Certified:
+    """Return the enclosures of :func:`.certify`, which prove what compiled doubles find."""
+    return certify(
+        body,
+        potential,
+        motion,
+        times,
+        bits,
+        methods=methods,
+        about_a_period=about_a_period,
+        find_arc=arc_in_doubles,
+    )
+
+
+def speed_in_doubles(problem: Problem) -> float | None:
+    """Return about the largest |ω| of a planar motion; None if compiled doubles do not decide which it is."""
+    if is_plain():
+        return None
+    # The compiler is loaded only where it is needed.
+    from workers.solvers.compiled.solve import solve_spectral  # noqa: PLC0415
+
+    assert isinstance(problem.motion, PlanarMotion)
+    found = solve_spectral(problem.body, problem.potential, problem.motion, tier="draft")
+    speed = inf if found is None else float(found.bounds.largest)
+    return speed if isfinite(speed) else None
+
+
+def _ask_in_turn(problem: Problem, found: Place) -> Motion:
+    is_periodic = found.window.kind == "periodic"
+    place = periodic_place(found) if is_periodic else found
+    reached, last = inf, None
+    for family in choose(problem, "periodic" if is_periodic else "not periodic").families:
+        if not family.takes(problem, place):
+            continue
+        motion = family.solve(problem, place)
+        if not isinstance(motion, Declined):
+            return motion
+        if problem.accuracy.measure == "above 1" and isfinite(motion.reached) and reached == inf:
+            speed = speed_in_doubles(problem)
+            # Whoever has the motion in units of its own need not ask more precise solvers in vain.
+            if speed is not None and speed >= QUICK_SPEED:
+                raise OwnUnitsNeededError(motion.reached, problem.tolerance, speed)
+        reached, last = motion.reached, motion.found
+    if last is not None and isfinite(reached) and choose_enclosures(problem).when == "where needed":
+        # Its samples will be enclosures, next to a function of time with the error that it showed.
+        return last
+    raise AccuracyNotMetError(reached, problem.tolerance)
+
+
+def _integrate(
+    problem: Problem, omega: Sequence[Fraction | float], gamma: Sequence[Fraction | float]
+) -> Motion:
+    times = sample_times(problem.time, None)
+    return integrate_state(
+        problem.body,
+        problem.potential,
+        omega,
+        gamma,
+        times.doubles,
+        tolerance=problem.tolerance,
+        rests=times.rests,
+    )
