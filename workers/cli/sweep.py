@@ -42,7 +42,7 @@ from service.storage.codecs.packing import SOLVED, ChunkPoints, bounds_of
 from service.terminal import STANDARD_STREAM, OutputFile, answer, read_document, say
 from workers.cli.compile import compile_solvers
 from workers.computation.compiled_code import GROUPS, fixed_way, is_ready, why_no_folder
-from workers.sweeping.local_pool import Crew
+from workers.sweeping.local_pool import LocalPool
 
 FloatArray = NDArray[np.float64]
 
@@ -195,18 +195,18 @@ def _run(
 ) -> int:
     way = _way_of(found)
     sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.planar.block"])
-    crew = Crew(found, document, sandbox, way=way, workers=workers, seconds=settings.job_seconds)
+    pool = LocalPool(found, document, sandbox, way=way, workers=workers, seconds=settings.job_seconds)
     stop, tally, began = StopAsked(), Tally(), time.monotonic()
     try:
         with stop, _progress() as progress:
             task = progress.add_task("", total=found.points, refused=0)
-            for computed in crew.points(lambda: stop.is_asked):
+            for computed in pool.points(lambda: stop.is_asked):
                 if computed is not None:
                     first, points = computed
                     tally.add(points)
                     if file is not None:
                         file.write_table(table_of(found, first, points))
-                progress.update(task, completed=crew.computed, refused=tally.refused)
+                progress.update(task, completed=pool.computed, refused=tally.refused)
     finally:
         sandbox.close()
     if file is not None:
@@ -214,7 +214,7 @@ def _run(
     told.tell(found, tally, time.monotonic() - began)
     if way == "plain" and tally.refused:
         say(f"compiled kernels may solve what was refused without them: {FASTER}")
-    missing = crew.missing()
+    missing = pool.missing()
     return _fail(_told_missing(found, missing), _FAILED) if missing else _DONE
 
 

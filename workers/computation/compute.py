@@ -42,7 +42,7 @@ from workers.computation.compiled_code import (
     way_for,
     why_no_folder,
 )
-from workers.computation.outputs import InUnits, errors_of, find_out, in_units, require_promise
+from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_units, require_promise
 from workers.computation.summary import Document, summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
@@ -166,12 +166,12 @@ def _solve_in(
         solved, proven, enclosures = certified_samples(posed, solved)
         certified, enclosures = units.certified(proven), units.enclosures(enclosures)
     motion = _require_finite(units.motion(solved), problem.tolerance)
-    findings = find_out(problem, motion, InUnits(units, posed, solved))
+    outputs = compute_outputs(problem, motion, InUnits(units, posed, solved))
     # The orientation is more columns on the same pieces.
-    attitude = None if findings.orientation is None else findings.orientation.dense
+    attitude = None if outputs.orientation is None else outputs.orientation.dense
     errors = errors_of(motion, attitude)
     require_promise(problem.accuracy, errors)
-    summary = summarise(document, problem, motion, findings, certified, errors)
+    summary = summarise(document, problem, motion, outputs, certified, errors)
     dense = motion.dense if attitude is None else attitude
     columns = _columns(problem, motion, dense)
     columns |= {name: part for name, part in enclosures.items() if name.partition(".")[0] in columns}

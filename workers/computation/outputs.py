@@ -68,7 +68,7 @@ class FurtherDrift:
 
 
 @dataclass(frozen=True, slots=True)
-class Findings:
+class Outputs:
     """Each is None, or empty, unless it was asked for."""
 
     drifts: Drifts | None
@@ -92,7 +92,7 @@ class InUnits:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def find_out(problem: Problem, motion: Motion, solved: InUnits) -> Findings:
+def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Outputs:
     """Return what the problem's outputs ask for; raises what the solvers of its parts raise.
 
     Integrals of numbers that are large enough are beyond doubles, and not told.
@@ -123,7 +123,7 @@ def find_out(problem: Problem, motion: Motion, solved: InUnits) -> Findings:
             closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
-    return Findings(drifts, further, orientation, stability, closed_trace, tuple(notices), relations)
+    return Outputs(drifts, further, orientation, stability, closed_trace, tuple(notices), relations)
 
 
 def takes_doubles(problem: Problem) -> bool:

@@ -90,11 +90,11 @@ class TakingTerms(TypedDict):
     """The terms on which further jobs are claimed."""
 
     lease_seconds: float
-    owed: Sequence[Lane]
+    starved: Sequence[Lane]
     together: int
 
 
-class Portions:
+class BatchSizes:
     """Numbers of jobs: those that a worker claims at a time, and those of them that one child gets."""
 
     def __init__(self, size: BatchSize, slots: int, lease_seconds: float) -> None:
@@ -103,7 +103,7 @@ class Portions:
         self._is_last = False
         """The queue had fewer jobs than were asked for, the last time."""
 
-    def terms(self, owed: Sequence[Lane], places: int = 1, waiting: int = 0) -> TakingTerms:
+    def terms(self, starved: Sequence[Lane], places: int = 1, waiting: int = 0) -> TakingTerms:
         """Return the terms of taking jobs for some places, beside those that wait already.
 
         Of short ones also a batch for each child is taken, which waits until one has done its own.
@@ -111,7 +111,7 @@ class Portions:
         batches = places + (self._slots if self.size.most >= AHEAD else 0)
         return {
             "lease_seconds": self._lease_seconds,
-            "owed": owed,
+            "starved": starved,
             "together": max(1, self.size.most * batches // places - waiting),
         }
 
@@ -178,8 +178,8 @@ class ChildRun:
 
     claims: tuple[Claim, ...]
     """In the order in which they are computed."""
-    owed: tuple[Lane, ...]
-    """Lanes whose jobs were taken out of order, since they were owed one."""
+    starved: tuple[Lane, ...]
+    """Lanes whose jobs were taken out of order, since they were starved one."""
     future: Future[Any]
     ledger: Ledger | None
     """The ledger of a batch; None for a job that is alone."""

@@ -29,7 +29,7 @@ from contextlib import suppress
 from functools import partial
 
 from service.jobs.kernels import KERNELS, Kernels
-from service.local.wakeup import WorkerLine
+from service.local.wakeup import WorkerSocket
 from service.local.worker_process import worker_command
 from service.sandbox import (
     Sandbox,
@@ -307,7 +307,7 @@ def _note_fault(call: Call, faults: list[str]) -> None:
 def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: int | None) -> None:
     """Run one worker in this process until SIGTERM, SIGINT, or the end of the service that started it.
 
-    ``wake_fd`` is the descriptor of a wake-up socket from :class:`service.local.wakeup.Doorbell`. With one,
+    ``wake_fd`` is the descriptor of a wake-up socket from :class:`service.local.wakeup.WakeUp`. With one,
     the children start and warm up while the service still migrates the database.
 
     Raises
@@ -319,7 +319,7 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
     """
     use_one_thread()
     modules = [*(computation.__module__ for computation in tasks.computations.values()), *tasks.preload]
-    line = None if wake_fd is None else WorkerLine(wake_fd)
+    service = None if wake_fd is None else WorkerSocket(wake_fd)
     sandbox = Sandbox(slots, memory_mb=settings.job_memory_mb, preload=modules)
     waker = Waker()
     # From here on the end needs a clean-up.
@@ -332,25 +332,25 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
             from workers.process.worker import Equipment, use_database  # noqa: PLC0415
 
             keep_what_is_loaded()
-            if line is None or _is_database_ready(line, waker, stop):
+            if service is None or _is_database_ready(service, waker, stop):
                 warming.go_on()
-                equipment = Equipment(sandbox, warming, waker, line, stop)
+                equipment = Equipment(sandbox, warming, waker, service, stop)
                 use_database(tasks.computations, settings, slots, equipment)
         finally:
             sandbox.close()
-            if line is not None:
-                line.close()
+            if service is not None:
+                service.close()
             waker.close()
 
 
-def _is_database_ready(line: WorkerLine, waker: Waker, stop: StopAsked) -> bool:
+def _is_database_ready(service: WorkerSocket, waker: Waker, stop: StopAsked) -> bool:
     """Wait for the first message of the service; False if the end comes before."""
     with selectors.PollSelector() as selector:
-        for bell in (line, waker):
-            selector.register(bell, selectors.EVENT_READ)
+        for source in (service, waker):
+            selector.register(source, selectors.EVENT_READ)
         while not stop.is_asked:
             heard = [key.fileobj for key, _ in selector.select()]
-            if line in heard:
-                return line.is_open()
+            if service in heard:
+                return service.is_open()
             waker.clear()
     return False

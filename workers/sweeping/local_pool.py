@@ -23,7 +23,7 @@ QUEUED = 2
 """Submitted chunks for each child, so that no child is ever idle."""
 
 
-class Crew:
+class LocalPool:
     """Computes a sweep chunk by chunk.
 
     Parameters

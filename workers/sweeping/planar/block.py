@@ -29,7 +29,7 @@ from workers.sweeping.parameters.points import (
 )
 from workers.sweeping.parameters.programs import AffineProgram, Group, affine_program, grouped
 from workers.sweeping.planar.by_roots import sweep_by_roots
-from workers.sweeping.planar.doubles import Sampling, Swept, sweep_sets
+from workers.sweeping.planar.doubles import BlockResult, Sampling, sweep_sets
 from workers.sweeping.planar.exclusions import have_no_motion_at, keep_their_sign
 from workers.sweeping.planar.outputs import OUTPUTS, KeptIntegrals, KeptOutputs
 from workers.sweeping.planar.records import (
@@ -187,7 +187,7 @@ class BlockSolver:
 
     def _swept(
         self, here: "_Here", group: Group, units: Units, sampling: Sampling, tier: Tier
-    ) -> Swept | None:
+    ) -> BlockResult | None:
         quick, side, places = self._quick, here.side, group.places
         body, at = units.body(quick.problem.body), quick.start_place
         sizes = None if at is None else np.abs(here.points.doubles[at, places])

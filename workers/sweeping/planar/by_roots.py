@@ -27,7 +27,7 @@ from workers.solvers.compiled.records import FOUND, Records, copied, new_records
 from workers.solvers.compiled.solve import solve_rational
 from workers.solvers.compiled.time_map.sampling import sample_one
 from workers.sweeping.parameters.family import SweepFamily
-from workers.sweeping.planar.doubles import Sampling, Swept, logarithms_of, pass_a_pole
+from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, pass_a_pole
 
 FloatArray = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def sweep_by_roots(
     lambdas_squared: Sequence[fmpq],
     sampling: Sampling,
     starts: Sequence[Fraction] | None = None,
-) -> Swept:
+) -> BlockResult:
     """Solve the potentials of ``rows`` to the last digit, each on the curve of the same place's λ².
 
     ``starts`` are the |g1| at the starts, where each point has its own. What is not of this kind, or not
@@ -131,12 +131,12 @@ class _Found:
             rows = self._samples[n]
             sample_one(run.loops, run.panels, asked.doubles, asked.rests, columns, self._desk, rows)
 
-    def swept(self) -> Swept:
+    def swept(self) -> BlockResult:
         """Return all of them."""
         bounds = bounds_of(self._about)
         errors = bounds.error_at(self._latest, self._periods, self._uncertain)
         is_solved = (self._about["panels"] > 0) & ~np.isnan(errors)
-        return Swept(
+        return BlockResult(
             self._periods,
             # What the second double of the period says is left out of the first.
             self._lows + self._uncertain,

@@ -29,7 +29,7 @@ IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class Swept:
+class BlockResult:
     """Motions of one program, NaN where one was not decided."""
 
     periods: FloatArray
@@ -52,7 +52,7 @@ class Swept:
     speeds: FloatArray
     """Largest |p| or |r| of each, about."""
 
-    def in_units(self, units: Units) -> "Swept":
+    def in_units(self, units: Units) -> "BlockResult":
         """Return what was solved in these units in the client's; nothing changes in the client's own."""
         if not units.k:
             return self
@@ -67,7 +67,7 @@ class Swept:
             speeds=self.speeds * units.quick,
         )
 
-    def with_others(self, places: IntArray, others: "Swept") -> "Swept":
+    def with_others(self, places: IntArray, others: "BlockResult") -> "BlockResult":
         """Return these motions with ``others`` at ``places`` (others,), where another way has solved them."""
         solved = others.is_kept
         places = places[solved]
@@ -123,7 +123,7 @@ def sweep_sets(
     starts: FloatArray | None = None,
     times: Sequence[Times] | None = None,
     rests: FloatArray | None = None,
-) -> Swept | None:
+) -> BlockResult | None:
     """Solve the program with each of the ``rows`` of constants, on the curve of the same place's λ².
 
     ``motion`` gives everything but λ, and but |g1| at its start where there are ``starts``, shape (sets,).
@@ -150,7 +150,7 @@ def sweep_loops(
     starts: FloatArray | None = None,
     times: Sequence[Times] | None = None,
     rests: FloatArray | None = None,
-) -> Swept:
+) -> BlockResult:
     """Solve the program with each of the ``rows`` on its own loop, as :func:`sweep_sets` does.
 
     With ``times`` each has its own; else those of ``sampling`` are those of all.
@@ -189,7 +189,7 @@ def _lateness(batch: Batch) -> FloatArray:
     return late
 
 
-def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArray) -> Swept:
+def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArray) -> BlockResult:
     """Solve one after the other: each motion has times of its own, as it has in periods."""
     sets, first = len(batch.loops), asked_of[0]
     assert not isinstance(first, TimeList)
@@ -219,7 +219,7 @@ def _swept(
     latest: FloatArray | float,
     times: FloatArray,
     samples: FloatArray,
-) -> Swept:
+) -> BlockResult:
     bounds = bounds_of(found)
     bounds = replace(bounds, time=bounds.time + late)
     # Of samples up to |t| = latest; inf where not decided.
@@ -227,7 +227,7 @@ def _swept(
     is_solved = (found["panels"] > 0) & ~np.isnan(errors)
     # What the second double of a period says is left out of the first.
     period_errors = np.abs(loops["period_lo"]) + found["period_error"]
-    return Swept(
+    return BlockResult(
         found["period"],
         period_errors,
         np.where(is_solved, errors, np.inf),

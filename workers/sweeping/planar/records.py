@@ -14,7 +14,7 @@ from service.dynamics.reduction.windows import NoMotionError
 from service.schemas.sweep.sweep import Sweep
 from workers.sweeping.parameters.coefficients import Coefficients
 from workers.sweeping.parameters.family import Energies, Path, Poles, SweepFamily
-from workers.sweeping.planar.doubles import Swept
+from workers.sweeping.planar.doubles import BlockResult
 
 if TYPE_CHECKING:
     from workers.sweeping.planar.by_roots import RationalFamily
@@ -105,7 +105,7 @@ class FoundPoints:
         return SolvedBlock(self.solved, self.refused, self.numbers, self.series)
 
     def add(
-        self, places: IntArray, solved: BoolArray, numbers: Mapping[str, FloatArray], swept: Swept
+        self, places: IntArray, solved: BoolArray, numbers: Mapping[str, FloatArray], swept: BlockResult
     ) -> None:
         """Fill in the points of a group."""
         self.solved[places] = solved
@@ -131,7 +131,7 @@ def printed_errors(numbers: Mapping[str, FloatArray], kept: Container[str]) -> d
     }
 
 
-def numbers_of_motions(swept: Swept, has_times: bool) -> dict[str, FloatArray]:
+def numbers_of_motions(swept: BlockResult, has_times: bool) -> dict[str, FloatArray]:
     """Return period and errors as a job tells them."""
     # Without functions of time a job claims no error of them.
     error = swept.errors if has_times else np.zeros(len(swept.errors))

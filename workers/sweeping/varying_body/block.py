@@ -28,7 +28,7 @@ from workers.solvers.compiled.frame import Bodies, loops_of
 from workers.sweeping.parameters.family import rounded
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.parameters.programs import nearest_double
-from workers.sweeping.planar.doubles import Sampling, Swept, logarithms_of, sweep_loops
+from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, sweep_loops
 from workers.sweeping.planar.exclusions import keep_their_sign
 from workers.sweeping.planar.records import (
     INADMISSIBLE,
@@ -254,7 +254,7 @@ class MovingSolver:
         found.refuse(NO_MOTION, places[rest[have_no_motion(judged, loops[rest], motion)]])
 
     def _keep_smooth(
-        self, decided: BoolArray, swept: Swept, motion: PlanarMotion, members: Sequence[_Point]
+        self, decided: BoolArray, swept: BlockResult, motion: PlanarMotion, members: Sequence[_Point]
     ) -> None:
         """Leave motions to single jobs that pass a pole by a convention."""
         with ctx.workprec(PRECISION):
