@@ -100,7 +100,7 @@ def _counted(record: Record, drawn: str) -> list[str]:
     """Return tables of what became of problems."""
     families = SUBJECTS[record.subject]
     tiers = {tier: [record.tallies[f"{tier} {family}"] for family in families] for tier in TIERS}
-    unknown = f"AtlasResult without a reference, and so not counted above: {_listed(record.unknown)}."
+    unknown = f"Drawn without a reference, and so not counted above: {_listed(record.unknown)}."
     return [
         *_table(tiers, families),
         "",

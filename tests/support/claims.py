@@ -10,7 +10,7 @@ from flint import arb, ctx
 from service.dynamics.problem import PlanarMotion, Tier
 from service.dynamics.solution.dense_output import FloatArray
 from service.schemas.problem.problem import read_problem
-from tests.support.random_documents import AtlasResult, Document, Family, draw_problem, with_times
+from tests.support.random_documents import Document, Drawn, Family, draw_problem, with_times
 from workers.computation.compute import solve
 from workers.solvers.certified.certify import Certified
 from workers.solvers.choose import enclose
@@ -32,7 +32,7 @@ LATEST = 4.0
 class Case:
     """A problem with its times and its enclosures."""
 
-    drawn: AtlasResult
+    drawn: Drawn
     times: list[float]
     reference: Certified
 

@@ -22,8 +22,8 @@ def draw_document(document_json: str) -> AtlasResult | Refused:
     answer = examine_atlas_of_job(document_json)
     if read_atlas(json.loads(document_json)).wants_stability:
         answer = with_stability(document_json, answer, waits=True)
-    found = json.loads(answer)
-    return Refused(found["error"]) if "error" in found else AtlasResult(encode_document(found["verdict"]))
+    result = json.loads(answer)
+    return Refused(result["error"]) if "error" in result else AtlasResult(encode_document(result["verdict"]))
 
 
 def with_stability(document_json: str, atlas_json: str, *, waits: bool = False) -> str:
@@ -45,9 +45,9 @@ def with_stability(document_json: str, atlas_json: str, *, waits: bool = False) 
 def _along(document: Document, window: int, lambdas: list[float], waits: bool) -> Document:
     columns: dict[str, list[object]] = {name: [] for name in (*TOLD, "reason")}
     for lambda_ in lambdas:
-        found, reason = _at(document, window, lambda_, waits)
+        result, reason = _at(document, window, lambda_, waits)
         for column, name in TOLD.items():
-            columns[column].append(None if found is None else found[name])
+            columns[column].append(None if result is None else result[name])
         columns["reason"].append(reason)
     return dict(columns)
 

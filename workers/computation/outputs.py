@@ -118,8 +118,8 @@ def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Output
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
     if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
         try:
-            found = _stability(solved.problem, problem.motion, solved.motion)
-            stability = _finite(solved.units.stability(found))
+            assessed = _stability(solved.problem, problem.motion, solved.motion)
+            stability = _finite(solved.units.stability(assessed))
             closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
@@ -141,21 +141,21 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
     AccuracyNotMetError
         That of a finer motion does not keep it either.
     """
-    found = _attitude(problem, motion)
-    missed = _missed(problem, motion, found.dense)
+    orientation = _attitude(problem, motion)
+    missed = _missed(problem, motion, orientation.dense)
     if missed is None:
-        return found
+        return orientation
     # What the attitude makes of the errors of the variables is known by now.
     group = missed[1]
     finer = FINER * motion.dense.error * problem.tolerance * max(1.0, group.size) / group.absolute
     finer = min(max(finer, float(SMALLEST_TOLERANCE)), problem.tolerance)
     with suppress(DynamicsError):
         other = find_motion(replace(problem, accuracy=replace(problem.accuracy, tolerance=finer)))
-        found = _attitude(problem, other)
-        missed = _missed(problem, motion, found.dense)
+        orientation = _attitude(problem, other)
+        missed = _missed(problem, motion, orientation.dense)
     if missed is not None:
         raise AccuracyNotMetError(missed[1].absolute, problem.tolerance, group=missed)
-    return found
+    return orientation
 
 
 def _missed(problem: Problem, motion: Motion, attitude: DenseOutput) -> tuple[str, GroupError] | None:
@@ -184,33 +184,39 @@ def _stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stabil
         # The compiler is loaded only where it is needed.
         from workers.solvers.stability.by_doubles import stability_by_doubles  # noqa: PLC0415
 
-        found = stability_by_doubles(
+        stability = stability_by_doubles(
             problem.body, problem.potential, planar, motion.window, problem.tolerance
         )
-        if found is not None:
-            return found
+        if stability is not None:
+            return stability
     return with_enough_bits(problem, _assess)
 
 
-def _finite(found: Stability) -> Stability:
+def _finite(stability: Stability) -> Stability:
     """Return the stability if doubles have it; raises StabilityUndefinedError."""
-    numbers = found.trace, found.error, found.multipliers_error, found.exponent, found.exponent_error
+    numbers = (
+        stability.trace,
+        stability.error,
+        stability.multipliers_error,
+        stability.exponent,
+        stability.exponent_error,
+    )
     if not all(map(isfinite, numbers)):
         raise StabilityUndefinedError(
             "the multipliers, or their errors, are beyond all doubles", pointer="/outputs"
         )
-    return found
+    return stability
 
 
-def _assess(problem: Problem, found: Place) -> Stability:
-    if found.window.kind != "periodic":
+def _assess(problem: Problem, placed: Place) -> Stability:
+    if placed.window.kind != "periodic":
         raise StabilityUndefinedError(
-            f"multipliers belong to periodic motions, and this one is not periodic ({found.window.kind})",
+            f"multipliers belong to periodic motions, and this one is not periodic ({placed.window.kind})",
             pointer="/outputs",
         )
-    orbit = make_orbit(found.start)
+    orbit = make_orbit(placed.start)
     period = time_map_of(orbit).period
-    return assess_stability(problem.body, problem.potential, found.start, period, problem.tolerance)
+    return assess_stability(problem.body, problem.potential, placed.start, period, problem.tolerance)
 
 
 def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
@@ -229,8 +235,8 @@ def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
 def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:
     planar = isinstance(problem.motion, PlanarMotion)
     sign = problem.motion.sign_of_g1 if isinstance(problem.motion, PlanarMotion) else None
-    found = find_further_integrals(problem.body, problem.potential, g1_sign=sign)
-    kept = (k for k in found if k.kind == "general" or planar or _has_zero_areas(problem, motion))
+    integrals = find_further_integrals(problem.body, problem.potential, g1_sign=sign)
+    kept = (k for k in integrals if k.kind == "general" or planar or _has_zero_areas(problem, motion))
     return tuple(FurtherDrift(k, *further_drift(k, motion.samples)) for k in kept)
 
 

@@ -131,15 +131,17 @@ def _invariants(outputs: Outputs) -> tuple[Document | None, list[Notice]]:
     """Return the integrals, and a warning that tells those whose numbers are beyond doubles."""
     if outputs.drifts is None:
         return None, []
-    found: dict[str, Document] = {name: {"drift": drift} for name, drift in asdict(outputs.drifts).items()}
+    integrals: dict[str, Document] = {
+        name: {"drift": drift} for name, drift in asdict(outputs.drifts).items()
+    }
     for each in outputs.further:
         kind = each.integral.kind
-        found[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}
-    found |= {f"relation: {name}": {"drift": drift} for name, drift in outputs.relations.items()}
-    beyond = [name for name, numbers in found.items() if not _are_finite(numbers)]
-    told: Document = {name: numbers for name, numbers in found.items() if name not in beyond}
+        integrals[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}
+    integrals |= {f"relation: {name}": {"drift": drift} for name, drift in outputs.relations.items()}
+    beyond = [name for name, numbers in integrals.items() if not _are_finite(numbers)]
+    finite: Document = {name: numbers for name, numbers in integrals.items() if name not in beyond}
     text = f"left out, since doubles do not reach so far: {', '.join(beyond)}"
-    return told, [Notice("invariants_not_finite", text, "/outputs")] if beyond else []
+    return finite, [Notice("invariants_not_finite", text, "/outputs")] if beyond else []
 
 
 def _are_finite(numbers: Document) -> bool:

@@ -275,19 +275,19 @@ class Runner:
         self._leases.forget(claim)
         self._waiting.forget(claim.job_id)
 
-    def _begin(self, claimed: ClaimedJobs, starved: Sequence[Lane], places: int) -> tuple[str, ...]:
+    def _begin(self, claimed: ClaimedJobs, starved: Sequence[Lane], children: int) -> tuple[str, ...]:
         """Start the jobs to compute; return the ids of those solved already. ``starved`` lanes came first.
 
-        Problems beyond a batch for each place wait.
+        Problems beyond a batch for each child wait.
         """
         problems, others = may_share(claimed.claims)
-        self._batch_sizes.note(len(problems), self._batch_sizes.terms(starved, places, len(self._waiting)))
+        self._batch_sizes.note(len(problems), self._batch_sizes.terms(starved, children, len(self._waiting)))
         if self._waiting and not others:
             self._wait(problems)
             self._start(self._next_waiting(), starved)
         else:
-            now = places * self._batch_sizes.share(len(problems))
-            for claims in shared_out([*others, *problems[:now]], places):
+            now = children * self._batch_sizes.share(len(problems))
+            for claims in shared_out([*others, *problems[:now]], children):
                 self._start(claims, starved)
             self._wait(problems[now:])
         for lane in starved:

@@ -248,9 +248,9 @@ class Warming:
 
     def _tells(self, is_compiled: Callable[[], bool]) -> bool:
         """Tell whether some child says so; one that cannot say anything does not."""
-        told = list[bool]()
-        _at_once([lambda: told.append(self._sandbox.run(is_compiled, seconds=LIMIT_SECONDS))])
-        return any(told)
+        answers = list[bool]()
+        _at_once([lambda: answers.append(self._sandbox.run(is_compiled, seconds=LIMIT_SECONDS))])
+        return any(answers)
 
     def _in_every_child(self, call: Call) -> list[str]:
         # Each goes to the child with the fewest calls: if all are queued before one ends, each gets one.

@@ -86,11 +86,11 @@ class LocalPool:
 
     def missing(self) -> list[Range]:
         """Return the points that were not yielded."""
-        gaps, place = list[Range](), 0
+        gaps, index = list[Range](), 0
         for each in [*sorted(self.done, key=lambda done: done.first), Range(self._sweep.points, 0)]:
-            if each.first > place:
-                gaps.append(Range(place, each.first - place))
-            place = max(place, each.first + each.count)
+            if each.first > index:
+                gaps.append(Range(index, each.first - index))
+            index = max(index, each.first + each.count)
         return gaps
 
     def _handed_out(self, *, in_order: bool) -> Iterator[tuple[int, ChunkPoints]]:
@@ -102,9 +102,9 @@ class LocalPool:
 
     def _send(self) -> None:
         while len(self._under_way) < QUEUED * self._workers and (chunk := self._next_chunk()):
-            place = {"first": chunk.first, "count": chunk.count}
-            asked = {"sweep": self._document, "way": self._way, **place}
-            future = self._sandbox.submit(compute_chunk, json.dumps(asked), seconds=self._seconds)
+            part = {"first": chunk.first, "count": chunk.count}
+            request = {"sweep": self._document, "way": self._way, **part}
+            future = self._sandbox.submit(compute_chunk, json.dumps(request), seconds=self._seconds)
             self._under_way[future] = chunk
 
     def _next_chunk(self) -> Range | None:

@@ -96,18 +96,18 @@ class SlicedSolver:
             shape = tuple(self._lengths[k] for k in self._inner)
             inner = np.ravel_multi_index([at[k] for k in self._inner], shape) if shape else 0 * indices
         parts: dict[_Numbers, list[int]] = {}
-        for place, outer in enumerate(zip(*(at[k].tolist() for k in self._outer), strict=True)):
-            parts.setdefault(self._numbers(outer), []).append(place)
+        for index, outer in enumerate(zip(*(at[k].tolist() for k in self._outer), strict=True)):
+            parts.setdefault(self._numbers(outer), []).append(index)
         return [(outer, np.array(here), inner[here]) for outer, here in parts.items()]
 
     def _numbers(self, outer: Sequence[int]) -> _Numbers:
-        """Return the numbers at these places on the outer axes."""
-        for known, axis, place in zip(self._known, self._outer, outer, strict=True):
-            if place not in known:
+        """Return the numbers at these positions on the outer axes."""
+        for known, axis, index in zip(self._known, self._outer, outer, strict=True):
+            if index not in known:
                 if len(known) >= KEPT_NUMBERS:
                     known.clear()
-                known[place] = self._sweep.axes[axis].axis.value(place)
-        return tuple(known[place] for known, place in zip(self._known, outer, strict=True))
+                known[index] = self._sweep.axes[axis].axis.value(index)
+        return tuple(known[index] for known, index in zip(self._known, outer, strict=True))
 
     def _slice(self, outer: _Numbers) -> _Slice:
         found = self._slices.get(outer)
@@ -122,7 +122,7 @@ class SlicedSolver:
         plan = None if sweep is None else make_plan(sweep)
         if plan is None:
             return _Slice(is_judged=False, blocks=None)
-        blocks = None if plan.quick is None else BlockSolver(plan.sweep, plan.quick)
+        blocks = None if plan.compiled is None else BlockSolver(plan.sweep, plan.compiled)
         return _Slice(plan.is_judged, blocks)
 
 
@@ -144,7 +144,7 @@ def outer_axes(sweep: Sweep, least: int = 1) -> tuple[int, ...] | None:
         ):
             continue
         first = slice_of(sweep, outer, [sweep.axes[k].axis.value(0) for k in outer]) if outer else None
-        if first is not None and make_plan(first).quick is not None:
+        if first is not None and make_plan(first).compiled is not None:
             return outer
     return None
 
@@ -162,9 +162,9 @@ def slice_of(sweep: Sweep, outer: Sequence[int], numbers: Sequence[Fraction]) ->
             return None
         # It has one point, which stands for all of them.
         axes, combine = (curve,), "grid"
-    found = replace(sweep, base=base, axes=axes, combine=combine)
+    inner = replace(sweep, base=base, axes=axes, combine=combine)
     try:
-        return replace(found, first_problem=read_problem(found.document(0)))
+        return replace(inner, first_problem=read_problem(inner.document(0)))
     except (DynamicsError, InvalidProblemError):
         return None
 

@@ -17,7 +17,7 @@ from workers.computation.compute import solve_checked
 from workers.sweeping import chunk, states
 from workers.sweeping.chunk import compute_chunk
 from workers.sweeping.plan import make_plan
-from workers.sweeping.varying_body.block import MovingSolver
+from workers.sweeping.varying_body.block import VaryingSolver
 
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}
 THREE_TERMS = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/50"}}
@@ -735,7 +735,7 @@ def test_points_of_other_bodies_and_exponents_go_in_blocks(name, monkeypatch):
     plan = make_plan(read_sweep(document))
     assert plan.quick is None
     solver = chunk.ChunkSolver(plan)
-    assert isinstance(solver._blocks, MovingSolver)
+    assert isinstance(solver._blocks, VaryingSolver)
     singly = []
     original = chunk.solve_point
     monkeypatch.setattr(

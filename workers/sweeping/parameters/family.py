@@ -122,9 +122,9 @@ def smooth_poles(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> 
         for member in family.members:
             if not make_loop(body, member.potential, motion).is_smooth_at_poles():
                 return None
-    found = np.stack([member.potential.hessian(POLES) for member in family.members])
-    found[1:] -= found[0]
-    return Poles(found)
+    hessians = np.stack([member.potential.hessian(POLES) for member in family.members])
+    hessians[1:] -= hessians[0]
+    return Poles(hessians)
 
 
 def _member(body: RigidBody, document: object) -> Member:
@@ -133,7 +133,7 @@ def _member(body: RigidBody, document: object) -> Member:
 
 
 def _is_linear_in(document: Mapping[str, object], path: Path) -> bool:
-    """Tell whether the place is that of a parameter or a coefficient; a formula is looked at besides."""
+    """Tell whether the path is that of a parameter or a coefficient; a formula is looked at besides."""
     match (document.get("type"), path):
         case ("expression", ("parameters", _)):
             return True
@@ -216,7 +216,7 @@ class Energies:
     ) -> list[tuple[float, float]]:
         """Return the energy of each point and the bound of its error as a job has them; NaN if in doubt."""
         known: dict[tuple[int, int], tuple[arb, ...]] = {}
-        found: list[tuple[float, float]] = []
+        energies: list[tuple[float, float]] = []
         with ctx.workprec(PRECISION):
             for row, square in zip(parameters, lambdas_squared, strict=True):
                 key = int(square.p), int(square.q)
@@ -226,8 +226,8 @@ class Energies:
                 total = terms[0]
                 for p, term in zip(row, terms[1:], strict=True):
                     total = total + arb(p) * term
-                found.append(rounded(total, float(arb(max(map(abs, row), default=fmpq(0))))))
-        return found
+                energies.append(rounded(total, float(arb(max(map(abs, row), default=fmpq(0))))))
+        return energies
 
 
 def energies_of(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> Energies | None:

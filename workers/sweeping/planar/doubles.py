@@ -67,18 +67,18 @@ class BlockResult:
             speeds=self.speeds * units.quick,
         )
 
-    def with_others(self, places: IntArray, others: "BlockResult") -> "BlockResult":
-        """Return these motions with ``others`` at ``places`` (others,), where another way has solved them."""
+    def with_others(self, indices: IntArray, others: "BlockResult") -> "BlockResult":
+        """Return these motions with ``others`` at ``indices``, where another way has solved them."""
         solved = others.is_kept
-        places = places[solved]
+        indices = indices[solved]
 
         def put(mine: FloatArray, theirs: FloatArray) -> FloatArray:
             whole = mine.copy()
-            whole[places] = theirs[solved]
+            whole[indices] = theirs[solved]
             return whole
 
         passes_pole, kept = self.passes_pole.copy(), self.is_kept.copy()
-        passes_pole[places], kept[places] = others.passes_pole[solved], True
+        passes_pole[indices], kept[indices] = others.passes_pole[solved], True
         return replace(
             self,
             periods=put(self.periods, others.periods),
@@ -93,7 +93,7 @@ class BlockResult:
 
 
 DEPTHS = (1.0 / math.cosh(13.0), 1e-9, 1e-14, 1e-25, 1e-50, 1e-100)
-"""|sin v| from the last place near a pole that the solver looks at to where one power is left."""
+"""|sin v| from the last point near a pole that the solver looks at to where one power is left."""
 
 
 AT_START = SampleTimes(np.zeros(1), np.zeros(1))
@@ -124,7 +124,7 @@ def sweep_sets(
     times: Sequence[Times] | None = None,
     rests: FloatArray | None = None,
 ) -> BlockResult | None:
-    """Solve the program with each of the ``rows`` of constants, on the curve of the same place's λ².
+    """Solve the program with each of the ``rows`` of constants, on the curve of the same row's λ².
 
     ``motion`` gives everything but λ, and but |g1| at its start where there are ``starts``, shape (sets,).
     ``rests`` are what the constants leave out, where the tier asks for them. None if motions of its kind are
@@ -168,7 +168,7 @@ def sweep_loops(
     asked = sample_times(sampling.time, None) if shared else NO_TIMES
     run = solve_batch(replace(batch, times=asked if len(sampling.columns) else NO_TIMES))
     latest = np.abs(asked.doubles).max() if shared else _latest(sampling, times, run.found)
-    return _swept(run.loops, run.found, late, latest, asked.doubles, run.samples)
+    return _solved(run.loops, run.found, late, latest, asked.doubles, run.samples)
 
 
 def logarithms_of(lambdas_squared: Sequence[fmpq]) -> list[float]:
@@ -209,10 +209,10 @@ def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArr
             if not len(batch.columns):
                 continue
             sample_one(run.loops, run.panels, times[n], asked.rests, batch.columns, desk, samples[n])
-    return _swept(loops, found, late, np.abs(times).max(axis=1), times, samples)
+    return _solved(loops, found, late, np.abs(times).max(axis=1), times, samples)
 
 
-def _swept(
+def _solved(
     loops: Records,
     found: Records,
     late: FloatArray,

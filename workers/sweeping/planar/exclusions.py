@@ -63,7 +63,7 @@ def keep_their_sign(program: Program, rows: FloatArray, approaches: FloatArray) 
 def slopes_along(
     program: Program, rows: FloatArray, g1: FloatArray, g2: FloatArray, g3: FloatArray
 ) -> FloatArray:
-    """Return D = g1 V_3 − g3 V_1: points by the rows of their constants, and any places of each.
+    """Return D = g1 V_3 − g3 V_1: points by the rows of their constants, and any points of each.
 
     Far down the terms of D are beyond the range of doubles, but not of what processors have besides. Where
     nothing has a larger range the caller finds that it knows less.

@@ -71,30 +71,30 @@ def have_no_motion(
         _read(judgement.squared_momentum(), moments, bool(exchanged), motion)
         for (moments, judgement), exchanged in zip(judged, mirrored, strict=True)
     ]
-    found = _stacked(sums)
+    stacked = _stacked(sums)
     errors = LOGARITHM * (1.0 + np.abs(logarithms))
     Z, G = equators(alpha, logarithms - errors, logarithms + errors)
     first, third = _exchanged(G, Z, mirrored), _exchanged(Z, G, mirrored)
     with np.errstate(all="ignore"):
-        scales = _times(_power(_column(first), found.first), _power(_column(third), found.third))
+        scales = _times(_power(_column(first), stacked.first), _power(_column(third), stacked.third))
 
     def signs(cells: Cells) -> IntArray:
         of = cells.owner
         with np.errstate(all="ignore"):
-            powers = _power(_column(sines(cells)), found.sine[of])
+            powers = _power(_column(sines(cells)), stacked.sine[of])
             low, high = heights_of(alpha[of], Z, G, cells)
             size = np.minimum(np.abs(low), np.abs(high)), np.maximum(np.abs(low), np.abs(high))
-            powers = _times(powers, _power(_column(size), found.height[of]))
+            powers = _times(powers, _power(_column(size), stacked.height[of]))
             lo, hi = _times(powers, (scales[0][of], scales[1][of]))
-            factors = found.coefficients[of] * np.where(
-                found.odd[of] > 0.0, np.sign(cells.hemisphere)[:, None], 1.0
+            factors = stacked.coefficients[of] * np.where(
+                stacked.odd[of] > 0.0, np.sign(cells.hemisphere)[:, None], 1.0
             )
             # Of a term that there is not, nothing is known about the powers.
             is_there = factors != 0.0
             low_terms = np.where(is_there, np.where(factors > 0.0, factors * lo, factors * hi), 0.0)
             high_terms = np.where(is_there, np.where(factors > 0.0, factors * hi, factors * lo), 0.0)
             slack = (
-                (16.0 + found.first.shape[1])
+                (16.0 + stacked.first.shape[1])
                 * ARITHMETIC
                 * np.maximum(np.abs(low_terms), np.abs(high_terms)).sum(axis=1)
             )
@@ -135,9 +135,9 @@ def _read(terms: PowerSum, moments: MomentsOfPoint, is_mirrored: bool, motion: P
 def _stacked(sums: Sequence["_Row | None"]) -> _Sums:
     width = max((len(each) for each in sums if each is not None), default=0)
     table = np.zeros((len(sums), max(width, 1), 6))
-    for place, each in enumerate(sums):
+    for index, each in enumerate(sums):
         if each:
-            table[place, : len(each)] = each
+            table[index, : len(each)] = each
     coefficients, first, third, sine, height, odd = np.moveaxis(table, 2, 0)
     return _Sums(coefficients, first, third, sine, height, odd)
 
