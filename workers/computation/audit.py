@@ -25,7 +25,7 @@ from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.storage.codecs.packing import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays
 from workers.computation.compute import solve_document, way_to_repeat
 
-TIMES = 33
+COMPARED_TIMES = 33
 """Number of times at which two functions of time are compared."""
 _EPSILON = 2.0**-52
 _NUMBERS: Mapping[str, tuple[str, ...]] = {
@@ -227,7 +227,7 @@ def _functions_apart(one: DenseOutput, other: DenseOutput) -> Difference | None:
     if not one.columns:
         return None
     start, stop = max(one.breaks[0], other.breaks[0]), min(one.breaks[-1], other.breaks[-1])
-    times = np.linspace(start, stop, TIMES)
+    times = np.linspace(start, stop, COMPARED_TIMES)
     try:
         values, others = trajectory_columns(one, times), trajectory_columns(other, times)
     except OutsideHorizonError as fault:
@@ -261,7 +261,7 @@ def _difference(difference: float, allowed: float) -> Difference:
     return Difference(difference, allowed, share)
 
 
-_TOLD = ("method", "tier", "error", "provenance")
+_REPORTED = ("method", "tier", "error", "provenance")
 """Facts that are reported of both solutions."""
 
 
@@ -288,8 +288,8 @@ def _document(
             name: {part: _finite(number) for part, number in asdict(difference).items()}
             for name, difference in comparison.differences.items()
         },
-        "stored": {name: stored.get(name) for name in _TOLD},
-        "found": {name: again.get(name) for name in _TOLD},
+        "stored": {name: stored.get(name) for name in _REPORTED},
+        "found": {name: again.get(name) for name in _REPORTED},
     }
 
 

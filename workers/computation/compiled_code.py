@@ -43,7 +43,7 @@ logger = logging.getLogger(__name__)
 
 
 LIBRARIES = ("numpy", "scipy", "numba", "python-flint")
-HIDING = ("NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "GLIBC_TUNABLES")
+HIDING_VARIABLES = ("NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "GLIBC_TUNABLES")
 """Environment variables that hide features of the processor from a library."""
 
 
@@ -55,7 +55,7 @@ def processor() -> str:
     library of the platform and the compiler do not say what they found.
     """
     # NPY_DISABLE_CPU_FEATURES is seen in what is found.
-    hidden = [f"{name}={os.environ[name]}" for name in HIDING[1:] if os.environ.get(name)]
+    hidden = [f"{name}={os.environ[name]}" for name in HIDING_VARIABLES[1:] if os.environ.get(name)]
     features = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
     kernels = _matrix_kernels()
     return " ".join([platform.machine(), *features, *([f"BLAS:{kernels}"] if kernels else []), *hidden])
@@ -118,7 +118,7 @@ UNUSED_SECONDS = 30 * 86400.0
 
 _PACKAGE = compiled.__name__
 _IMPORTS = re.compile(rb"^from (" + re.escape(_PACKAGE).encode() + rb"[\w.]*) import ", re.MULTILINE)
-_PLAIN = (bool, int, float, complex, str, bytes, tuple, np.ndarray, np.generic, np.dtype)
+_FROZEN_TYPES = (bool, int, float, complex, str, bytes, tuple, np.ndarray, np.generic, np.dtype)
 """Types of what kernels freeze."""
 
 
@@ -216,7 +216,9 @@ def stamp(module: str) -> str:
         parts += [name, hashlib.sha256(_source(name)).hexdigest()]
         values = {key: value for key, value in vars(loaded).items() if not key.startswith("__")}
         parts += [
-            f"{key}={_told(value)}" for key, value in sorted(values.items()) if isinstance(value, _PLAIN)
+            f"{key}={_told(value)}"
+            for key, value in sorted(values.items())
+            if isinstance(value, _FROZEN_TYPES)
         ]
     return _digest(parts)
 

@@ -290,7 +290,7 @@ def _columns(problem: Problem, motion: Motion, dense: DenseOutput) -> dict[str, 
     return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.rests)}
 
 
-CHECKED_TOLERANCE = 1e-9
+CROSS_CHECK_TOLERANCE = 1e-9
 """Tolerance of the function of time that is stored beside the enclosures, where a cross-check wants it."""
 
 
@@ -300,7 +300,7 @@ def beside_enclosures(problem: Problem) -> Accuracy:
     Its error is reported separately and never blocks the enclosures; only a cross-check
     needs it to be small.
     """
-    return Accuracy(CHECKED_TOLERANCE if problem.method == "both" else float("inf"), "certified")
+    return Accuracy(CROSS_CHECK_TOLERANCE if problem.method == "both" else float("inf"), "certified")
 
 
 def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certified, dict[str, FloatArray]]:

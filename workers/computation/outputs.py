@@ -50,11 +50,11 @@ from workers.solvers.units import Units, speed_of, speed_of_state
 from workers.solvers.ways import is_plain
 
 LAME_BITS = 128
-DOUBLES = ("draft", "standard")
+TIERS_IN_DOUBLES = ("draft", "standard")
 """Compiled tiers whose promise doubles keep for the outputs too."""
-FINER = 0.5
+ATTITUDE_ERROR_SHARE = 0.5
 """Share of the error that a motion may have for its attitude, which is asked of a second one."""
-ZERO_AREAS = 1e-12
+ZERO_AREAS_SHARE = 1e-12
 """|I3| below this share of the angular momentum counts as zero: that is its rounding."""
 
 
@@ -128,7 +128,7 @@ def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Output
 
 def takes_doubles(problem: Problem) -> bool:
     """Tell whether the outputs of a problem are tried in compiled doubles first, as its motion is."""
-    return compiled_tier(problem) in DOUBLES and not is_plain()
+    return compiled_tier(problem) in TIERS_IN_DOUBLES and not is_plain()
 
 
 def _orientation(problem: Problem, motion: Motion) -> Orientation:
@@ -147,7 +147,8 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
         return orientation
     # What the attitude makes of the errors of the variables is known by now.
     group = missed[1]
-    finer = FINER * motion.dense.error * problem.tolerance * max(1.0, group.size) / group.absolute
+    share = ATTITUDE_ERROR_SHARE * motion.dense.error * problem.tolerance
+    finer = share * max(1.0, group.size) / group.absolute
     finer = min(max(finer, float(SMALLEST_TOLERANCE)), problem.tolerance)
     with suppress(DynamicsError):
         other = find_motion(replace(problem, accuracy=replace(problem.accuracy, tolerance=finer)))
@@ -244,12 +245,12 @@ def _has_zero_areas(problem: Problem, motion: Motion) -> bool:
     omega, gamma = motion.samples[:1, :3], motion.samples[:1, 3:]
     moments = [float(moment) for moment in (problem.body.A, problem.body.B or 0, problem.body.C)]
     momentum = float(np.linalg.norm(np.array(moments) * omega))
-    return abs(float(areas_integral(problem.body, omega, gamma)[0])) <= ZERO_AREAS * momentum
+    return abs(float(areas_integral(problem.body, omega, gamma)[0])) <= ZERO_AREAS_SHARE * momentum
 
 
 T = TypeVar("T")
 
-PLAIN = (AccuracyNotMetError, OwnUnitsNeededError)
+ERRORS_WITHOUT_TIMES = (AccuracyNotMetError, OwnUnitsNeededError)
 """Errors that tell no times: others would tell them in the units they were met in."""
 
 
@@ -266,8 +267,8 @@ def in_units(problem: Problem, solve: Callable[[Units], T]) -> T:
         return _in_own(problem, speed_of(problem), solve)
     try:
         return solve(Units())
-    except (*PLAIN, StepCollapseError) as missed:
-        if isinstance(missed, AccuracyNotMetError) and type(missed) not in PLAIN:
+    except (*ERRORS_WITHOUT_TIMES, StepCollapseError) as missed:
+        if isinstance(missed, AccuracyNotMetError) and type(missed) not in ERRORS_WITHOUT_TIMES:
             raise
         speed = missed.speed if isinstance(missed, OwnUnitsNeededError) else speed_of(problem)
         reached = missed.reached if isinstance(missed, AccuracyNotMetError) else inf
@@ -300,7 +301,7 @@ def _in_own(problem: Problem, speed: float, solve: Callable[[Units], T]) -> T:
     except DynamicsError as fault:
         if isinstance(fault, AccuracyNotMetError) and fault.group is not None:
             raise
-        if type(fault) in PLAIN and isinstance(fault, AccuracyNotMetError) and speed > 0.0:
+        if type(fault) in ERRORS_WITHOUT_TIMES and isinstance(fault, AccuracyNotMetError) and speed > 0.0:
             reached = fault.reached * max(1.0, units.quick)
             is_relative = accuracy.measure != "absolute"
             raise _of_both(reached, accuracy.tolerance, speed, is_relative=is_relative) from None

@@ -28,7 +28,7 @@ Call = tuple[Mapping[str, object], Sequence[object]]
 
 _BEGUN, _STOP = 0, 1
 """Places of the two bytes: the number of jobs that were begun, and whether no other one may be."""
-AHEAD = 8
+LEAST_SIZE_AHEAD = 8
 """Least batch size with which next batches are claimed before there are free children for them."""
 
 
@@ -108,7 +108,7 @@ class BatchSizes:
 
         Of short ones also a batch for each child is taken, which waits until one has done its own.
         """
-        batches = children + (self._slots if self.size.most >= AHEAD else 0)
+        batches = children + (self._slots if self.size.most >= LEAST_SIZE_AHEAD else 0)
         return {
             "lease_seconds": self._lease_seconds,
             "starved": starved,
@@ -122,7 +122,7 @@ class BatchSizes:
     def share(self, number: int) -> int:
         """Return how many of so many problems a child gets: the last ones of a queue are shared out."""
         most = self.size.most
-        return min(most, max(AHEAD, -(-number // self._slots))) if self._is_last else most
+        return min(most, max(LEAST_SIZE_AHEAD, -(-number // self._slots))) if self._is_last else most
 
 
 class Waiting:

@@ -46,9 +46,9 @@ from workers.process.tasks import Call, WarmUp, WorkerTasks
 logger = logging.getLogger(__name__)
 
 
-TELL_SECONDS = 10.0
+PROGRESS_LOG_SECONDS = 10.0
 """How often the log tells how far it is."""
-_LOOK_SECONDS = 0.2
+_POLL_SECONDS = 0.2
 _TRIES = 3
 _NOT_STARTED = 127
 """As a shell has it."""
@@ -139,7 +139,7 @@ class Compiling:
         for reader in readers:
             reader.start()
         while task.poll() is None and not should_stop():
-            time.sleep(_LOOK_SECONDS)
+            time.sleep(_POLL_SECONDS)
         if task.returncode is None or task.returncode < 0:
             # Killed alone it leaves its second process behind, which has our pipes, too.
             with suppress(ProcessLookupError):
@@ -153,17 +153,17 @@ class Compiling:
         return code, " ".join(said[-1:]).strip()
 
     def _read(self, task: "subprocess.Popen[str]") -> None:
-        told_at = -TELL_SECONDS
+        told_at = -PROGRESS_LOG_SECONDS
         for line in task.stdout or ():
             with suppress(ValueError, TypeError):
                 self.kernels = Kernels.read(json.loads(line))
-                if time.monotonic() >= told_at + TELL_SECONDS:
+                if time.monotonic() >= told_at + PROGRESS_LOG_SECONDS:
                     told_at = time.monotonic()
                     logger.info("%s", self.kernels)
                     self._wake()
 
 
-LIMIT_SECONDS = 120.0
+WARM_UP_SECONDS = 120.0
 """Loading everything takes some seconds, more on a busy machine; nothing is compiled here."""
 
 _QUEUE_SECONDS = 5.0
@@ -249,7 +249,7 @@ class Warming:
     def _tells(self, is_compiled: Callable[[], bool]) -> bool:
         """Tell whether some child says so; one that cannot say anything does not."""
         answers = list[bool]()
-        _at_once([lambda: answers.append(self._sandbox.run(is_compiled, seconds=LIMIT_SECONDS))])
+        _at_once([lambda: answers.append(self._sandbox.run(is_compiled, seconds=WARM_UP_SECONDS))])
         return any(answers)
 
     def _in_every_child(self, call: Call) -> list[str]:
@@ -261,18 +261,18 @@ class Warming:
                 are_queued.wait(_QUEUE_SECONDS)
             are_queued.abort()  # a call that is repeated waits for nobody
 
-        warm_one = partial(self._sandbox.run, call, seconds=LIMIT_SECONDS, submitted=wait_for_others)
+        warm_one = partial(self._sandbox.run, call, seconds=WARM_UP_SECONDS, submitted=wait_for_others)
         return _at_once([warm_one] * self._slots)
 
     def _in_new_children(self, order: Call | None, call: Call) -> list[str]:
-        faults = [] if order is None else _at_once([lambda: self._sandbox.run(order, seconds=LIMIT_SECONDS)])
-        return faults + _at_once([partial(self._replace, k, call) for k in range(self._slots)])
+        ordering = [] if order is None else [lambda: self._sandbox.run(order, seconds=WARM_UP_SECONDS)]
+        return _at_once(ordering) + _at_once([partial(self._replace, k, call) for k in range(self._slots)])
 
     def _replace(self, slot: int, call: Call) -> None:
         try:
-            self._sandbox.replace(slot, call, seconds=LIMIT_SECONDS)
+            self._sandbox.replace(slot, call, seconds=WARM_UP_SECONDS)
         except SandboxCrashError:  # perhaps killed from outside
-            self._sandbox.replace(slot, call, seconds=LIMIT_SECONDS)
+            self._sandbox.replace(slot, call, seconds=WARM_UP_SECONDS)
 
 
 def _at_once(calls: list[Call]) -> list[str]:
@@ -293,7 +293,7 @@ def _note_fault(call: Call, faults: list[str]) -> None:
     try:
         call()
     except SandboxTimeoutError:
-        faults.append(f"not finished after {LIMIT_SECONDS:g} s")
+        faults.append(f"not finished after {WARM_UP_SECONDS:g} s")
     except SandboxMemoryError:
         faults.append("more memory needed than one job may take")
     except SandboxCrashError as fault:

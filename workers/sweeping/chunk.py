@@ -89,15 +89,15 @@ def _refused(sweep: Sweep, code: str) -> SweepPoint:
     return SweepPoint(code, [np.nan] * len(sweep.keep), {})
 
 
-ENOUGH_SECONDS = 2.0
+MOST_CHUNK_SECONDS = 2.0
 """Seconds after which a chunk ends with the points it has."""
 BLOCK_POINTS = 256
-MOST_VERDICTS = 1000
+MOST_CACHED_VERDICTS = 1000
 """Number of verdicts of points solved one by one, after which all are forgotten."""
-BLOCK_NUMBERS = 400_000
+MOST_SERIES_NUMBERS = 400_000
 """Numbers of a block's series at most."""
 
-LARGE_SLICE = 100
+OWN_PLAN_POINTS = 100
 """Points from which on a plan for those with the same body and exponents is cheaper than one for each."""
 
 _NOTHING = np.empty(0)
@@ -126,7 +126,7 @@ def compute_chunk(document_json: str) -> ChunkOutcome:
     try:
         with on_way(way):
             solver = _solver_of(sweep, way, waits=document.get("waits") is True)
-            points = solver.solve(document["first"], document["count"], began + ENOUGH_SECONDS)
+            points = solver.solve(document["first"], document["count"], began + MOST_CHUNK_SECONDS)
     except NotReadyError as fault:
         raise NeedsKernelsError from fault
     return chunk_outcome(points, time.perf_counter() - began)
@@ -158,7 +158,7 @@ class ChunkSolver:
             from workers.sweeping.varying_body import block as varying  # noqa: PLC0415
 
             data = plan_varying(plan.sweep)
-            outer = slices.outer_axes(plan.sweep, 1 if data is None else LARGE_SLICE)
+            outer = slices.outer_axes(plan.sweep, 1 if data is None else OWN_PLAN_POINTS)
             if outer is not None:
                 self._blocks = self._slices = slices.SlicedSolver(plan.sweep, outer)
             elif data is not None:
@@ -183,7 +183,8 @@ class ChunkSolver:
         sweep = self._plan.sweep
         if self._blocks is None:
             return 1
-        return max(1, min(BLOCK_POINTS, BLOCK_NUMBERS // max(sweep.samples * len(sweep.series_columns), 1)))
+        numbers_of_point = max(sweep.samples * len(sweep.series_columns), 1)
+        return max(1, min(BLOCK_POINTS, MOST_SERIES_NUMBERS // numbers_of_point))
 
     def _solve_block(self, chunk: "_Chunk", first: int, count: int, until: float) -> bool:
         """Add a block to the results; False if time was up before its end."""
@@ -226,7 +227,7 @@ class ChunkSolver:
     def _alone(self, index: int) -> SweepPoint:
         slices = self._slices
         is_judged = self._plan.is_judged or (slices is not None and slices.is_judged(index))
-        if not self._judged % MOST_VERDICTS:
+        if not self._judged % MOST_CACHED_VERDICTS:
             self._verdicts = Kept({})
         self._judged += 1
         return solve_point(

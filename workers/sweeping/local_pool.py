@@ -15,11 +15,11 @@ from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.packing import ChunkPoints, decode_points
 from workers.sweeping.chunk import compute_chunk
 
-LOOK_SECONDS = 0.1
+STOP_CHECK_SECONDS = 0.1
 """How often to check whether to stop."""
-AHEAD = 16
+WAITING_CHUNKS_PER_CHILD = 16
 """Chunks for each child that may wait for an earlier one."""
-QUEUED = 2
+QUEUED_CHUNKS_PER_CHILD = 2
 """Submitted chunks for each child, so that no child is ever idle."""
 
 
@@ -79,7 +79,7 @@ class LocalPool:
                 yield from self._handed_out(in_order=False)
                 return
             self._send()
-            wait(self._under_way, timeout=LOOK_SECONDS, return_when=FIRST_COMPLETED)
+            wait(self._under_way, timeout=STOP_CHECK_SECONDS, return_when=FIRST_COMPLETED)
             self._collect()
             yield None
             yield from self._handed_out(in_order=True)
@@ -101,7 +101,8 @@ class LocalPool:
             yield first, points
 
     def _send(self) -> None:
-        while len(self._under_way) < QUEUED * self._workers and (chunk := self._next_chunk()):
+        most = QUEUED_CHUNKS_PER_CHILD * self._workers
+        while len(self._under_way) < most and (chunk := self._next_chunk()):
             part = {"first": chunk.first, "count": chunk.count}
             request = {"sweep": self._document, "way": self._way, **part}
             future = self._sandbox.submit(compute_chunk, json.dumps(request), seconds=self._seconds)
@@ -112,7 +113,7 @@ class LocalPool:
         if self._rests:
             return Range(*heapq.heappop(self._rests))
         left = self._sweep.points - self._next
-        if not left or len(self._ready) > AHEAD * self._workers:
+        if not left or len(self._ready) > WAITING_CHUNKS_PER_CHILD * self._workers:
             return None
         if self._point_seconds is None:
             size = min(PILOT_POINTS, self._most, left)

@@ -47,7 +47,7 @@ FEW = (
 """Numbers that have few values."""
 _TIME_FIELDS = ("start", "stop", "periods")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
-MOST_CORNERS = 16
+CHECKED_CORNERS = 16
 """Points of a sweep whose formulas are looked at before blocks are planned."""
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
 _BY_DOUBLES = {"orientation", "stability"}
@@ -255,7 +255,7 @@ def _is_solved_as_stated(sweep: Sweep) -> bool:
         ends = [((0, length - 1) if moved else (0,)) for length, moved in zip(lengths, moves, strict=True)]
         corners = [
             sum(at * step for at, step in zip(corner, steps, strict=True))
-            for corner in islice(product(*ends), MOST_CORNERS)
+            for corner in islice(product(*ends), CHECKED_CORNERS)
         ]
     for index in dict.fromkeys(corners if any(moves) else [0]):
         with suppress(DynamicsError, InvalidProblemError):

@@ -27,10 +27,10 @@ IntArray = NDArray[np.int64]
 
 
 _Numbers = tuple[Fraction, ...]
-KEPT_NUMBERS = 100_000
-KEPT_SLICES = 512
+MOST_CACHED_NUMBERS = 100_000
+MOST_CACHED_PLANS = 512
 """Plans at hand, for sweeps whose slices take turns."""
-NEW_SLICES = 8
+NEW_SLICES_PER_BLOCK = 8
 """New slices of one block at most: each needs a verdict, and a block ends before the time of its chunk
 does."""
 
@@ -59,7 +59,7 @@ class SlicedSolver:
     def points_together(self, first: int, most: int) -> int:
         """Return how many points from ``first`` on, at most ``most``, have not too many new slices."""
         new = [here[0] for outer, here, _ in self._parts(first, most) if outer not in self._slices]
-        return most if len(new) <= NEW_SLICES else int(new[NEW_SLICES])
+        return most if len(new) <= NEW_SLICES_PER_BLOCK else int(new[NEW_SLICES_PER_BLOCK])
 
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
@@ -104,7 +104,7 @@ class SlicedSolver:
         """Return the numbers at these positions on the outer axes."""
         for known, axis, index in zip(self._known, self._outer, outer, strict=True):
             if index not in known:
-                if len(known) >= KEPT_NUMBERS:
+                if len(known) >= MOST_CACHED_NUMBERS:
                     known.clear()
                 known[index] = self._sweep.axes[axis].axis.value(index)
         return tuple(known[index] for known, index in zip(self._known, outer, strict=True))
@@ -112,7 +112,7 @@ class SlicedSolver:
     def _slice(self, outer: _Numbers) -> _Slice:
         found = self._slices.get(outer)
         if found is None:
-            if len(self._slices) >= KEPT_SLICES:
+            if len(self._slices) >= MOST_CACHED_PLANS:
                 self._slices.clear()
             found = self._slices[outer] = self._make_slice(outer)
         return found

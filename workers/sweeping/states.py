@@ -48,14 +48,19 @@ from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_
 from workers.sweeping.plan import position_in_state
 from workers.sweeping.planar.records import SolvedBlock, printed_errors
 from workers.sweeping.varying_body.models import model_of
-from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, Template, shared_template
+from workers.sweeping.varying_body.templates import (
+    MOMENTS,
+    MOST_TEMPLATES,
+    Key,
+    Model,
+    MomentsOfPoint,
+    Template,
+    shared_template,
+)
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
-
-
-MOST_TEMPLATES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,11 +171,10 @@ def _are_alike(one: SharedGradient, other: SharedGradient) -> bool:
     )
 
 
-MOST_SETTINGS = 64
+MOST_CACHED_INTEGRATORS = 64
 """Integrators of bodies and potentials that are kept at once."""
-MOST_VALUES = 2**17
+MOST_SAMPLE_VALUES = 2**17
 """Samples that are held beside those of the sweep: some 8 MB."""
-_MOMENTS = ("A", "B", "C")
 _TOLD = {"energy": 2, "energy.error": 3, "error": 0}
 """Numbers that a sweep may keep, by their position among the results; a general motion has no others."""
 
@@ -193,7 +197,7 @@ class StateSolver:
         self._neighbours = np.array([neighbour_of(number) for number in self._start])
         potential = sweep.base["potential"]
         varies = any(axis.path[0] == "potential" for axis in sweep.axes)
-        has_moments = isinstance(potential, dict) and any(has_symbol(potential, name) for name in _MOMENTS)
+        has_moments = isinstance(potential, dict) and any(has_symbol(potential, name) for name in MOMENTS)
         self._reads = varies or has_moments or not isinstance(potential, dict)
         """Whether the potential of a point is read from its document."""
         self._shared = SharedModels.of(sweep, problem)
@@ -212,7 +216,7 @@ class StateSolver:
         states, neighbours, is_usable = self._starts(points)
         for group in self._groups(points, first, is_usable):
             rows = max(1, len(self._times.doubles)) if series else 1
-            portion = max(1, MOST_VALUES // rows)
+            portion = max(1, MOST_SAMPLE_VALUES // rows)
             for begin in range(0, len(group.indices), portion):
                 part = group.part(begin, begin + portion)
                 self._solve_group(part, states[part.indices], neighbours[part.indices], block)
@@ -323,7 +327,7 @@ class StateSolver:
             if which is None or which >= 6:
                 exact.append(_fraction(points.exact(axis, index)))
                 if which is not None:
-                    moments[_MOMENTS[which - 6]] = exact[-1]
+                    moments[MOMENTS[which - 6]] = exact[-1]
         return self._integrator(tuple(exact), moments, first + index)
 
     def _integrator(
@@ -331,7 +335,7 @@ class StateSolver:
     ) -> CompiledIntegrator | None:
         """Return that of a point's body and potential; None if there is none."""
         if exact not in self._settings:
-            if len(self._settings) >= MOST_SETTINGS:
+            if len(self._settings) >= MOST_CACHED_INTEGRATORS:
                 self._settings.clear()
             self._settings[exact] = self._new_integrator(moments, index)
         return self._settings[exact]

@@ -643,7 +643,7 @@ def plans_are_made_anew():
 @pytest.fixture
 def no_hurry(monkeypatch):
     """The first compiled point of an installation is compiled."""
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 600.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 600.0)
 
 
 def computed(document, first=0, count=None):
@@ -853,7 +853,7 @@ def test_a_chunk_may_begin_anywhere():
 @pytest.mark.parametrize("name", ["standard", "parameters and lambda", "no motion"])
 def test_a_chunk_without_time_hands_back_at_least_one_point(name, monkeypatch):
     document = {**IN_BLOCKS, **ONE_BY_ONE}[name]
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 0.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 0.0)
     monkeypatch.setattr(chunk, "BLOCK_POINTS", 1)
     outcome = computed(document)
     assert outcome.count == 1

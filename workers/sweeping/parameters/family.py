@@ -40,7 +40,7 @@ FloatArray = NDArray[np.float64]
 Path = tuple[str, ...]
 
 POLES = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
-CANCELLATION = 2.0
+MOST_HESSIAN_CANCELLATION = 2.0
 """Second derivatives at a pole that cancel beyond this factor are looked at point by point."""
 
 _LISTS: Mapping[str, frozenset[str]] = {
@@ -112,7 +112,7 @@ class Poles:
         weights = np.concatenate([np.ones((len(parameters), 1)), parameters], axis=1)
         sizes = np.abs(self.hessians).max(axis=(1, 2, 3))
         whole = np.abs(np.tensordot(weights, self.hessians, axes=1)).max(axis=(1, 2, 3))
-        plain: NDArray[np.bool_] = np.abs(weights) @ sizes <= CANCELLATION * (1.0 + whole)
+        plain: NDArray[np.bool_] = np.abs(weights) @ sizes <= MOST_HESSIAN_CANCELLATION * (1.0 + whole)
         return plain
 
 
@@ -188,9 +188,9 @@ def degree_in(tree: Tree, names: set[str]) -> int:
     return fold_tree(tree, degree)
 
 
-KNOWN_BITS = 110
+ENERGY_BITS = 110
 """A ball of this relative accuracy has lost no more than 50 bits by cancellation."""
-TINY = 2.0**-30
+CANCELLED_ENERGY_SHARE = 2.0**-30
 """Share of the parameters below which an energy is the rest of a cancellation."""
 
 
@@ -262,10 +262,10 @@ def rounded(energy: arb, scale: float) -> tuple[float, float]:
     if energy.is_zero():
         # A job's ball has 0 in it; how wide it is, is told by no formula.
         return 0.0, math.nan
-    if not energy.is_finite() or energy.rel_accuracy_bits() < KNOWN_BITS:
+    if not energy.is_finite() or energy.rel_accuracy_bits() < ENERGY_BITS:
         return math.nan, math.nan
     value = _one_double(energy)
-    if not abs(value) > TINY * scale:
+    if not abs(value) > CANCELLED_ENERGY_SHARE * scale:
         return math.nan, math.nan
     # Of an exact double only the rest of the job's own ball is left.
     return value, math.nextafter(_one_double(abs(energy - value)), math.inf)

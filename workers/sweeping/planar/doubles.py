@@ -45,7 +45,7 @@ class BlockResult:
     is_kept: BoolArray
     """The motions that have the digits of ``high`` within a period."""
     approaches: FloatArray | None
-    """Poisson variables of points on the way to each pole, shape (sets, 2, depths, 3); see :data:`DEPTHS`.
+    """Poisson variables of points on the way to each pole, shape (sets, 2, POLE_DEPTHS, 3).
 
     None where nobody needs to look there.
     """
@@ -92,12 +92,12 @@ class BlockResult:
         )
 
 
-DEPTHS = (1.0 / math.cosh(13.0), 1e-9, 1e-14, 1e-25, 1e-50, 1e-100)
+POLE_DEPTHS = (1.0 / math.cosh(13.0), 1e-9, 1e-14, 1e-25, 1e-50, 1e-100)
 """|sin v| from the last point near a pole that the solver looks at to where one power is left."""
 
 
 AT_START = SampleTimes(np.zeros(1), np.zeros(1))
-SURE = 2.0**-20
+LEAST_START_SLOPE = 2.0**-20
 """Least |g1'| and |g3'| at a given start: below, doubles do not tell that the start is inside the window."""
 
 
@@ -184,7 +184,7 @@ def _lateness(batch: Batch) -> FloatArray:
     states = np.abs(solve_batch(replace(batch, times=AT_START, columns=ALL)).samples[:, 0])
     slowest = states[:, 4] * np.minimum(states[:, 0], states[:, 2])
     late = np.full(len(slowest), np.inf)
-    is_sure = slowest > SURE
+    is_sure = slowest > LEAST_START_SLOPE
     late[is_sure] = START_ULPS * EPSILON / slowest[is_sure]
     return late
 
@@ -271,8 +271,8 @@ def pass_a_pole(loops: Records, found: Records) -> BoolArray:
 
 
 def _approaches(loops: Records) -> FloatArray:
-    """Return the points with |sin v| = ``DEPTHS`` on the half of the loop where the motion is asked."""
-    depths = np.array(DEPTHS)
+    """Return the points with |sin v| = ``POLE_DEPTHS`` on the half of the loop where the motion is asked."""
+    depths = np.array(POLE_DEPTHS)
     first = (loops["sign1"] * loops["g"])[:, None] * depths ** loops["alpha"][:, None]
     third = loops["half"][:, None] * loops["z"][:, None] * depths
     second = np.sqrt(1.0 - first * first - third * third)

@@ -123,7 +123,7 @@ class KeptIntegrals:
 
 
 OUTPUTS = frozenset(name for name in NUMBERS if name.partition(".")[0] in ("stability", "precession"))
-MOST_VERTICAL, MOST_TURNS = 1e-3, 1e4
+LEAST_AXIS_SINE, MOST_TURN_RADIANS = 1e-3, 1e4
 """Sine of the angle between an axis and the vertical, and |ω| times the period: beyond them a job may find
 that the attitude is not resolved, and single jobs decide."""
 
@@ -200,8 +200,8 @@ class OutputsOfGroup:
     def _precession(self, constants: FloatArray, loop: Records) -> dict[str, float] | None:
         run = solve_batch(Batch(self.group.program, constants[None, :], loop, "standard"))
         orbit, about = run.loops[0], run.found[0]
-        is_plain = min(float(orbit["z"]), float(orbit["g"])) >= MOST_VERTICAL
-        if not (about["panels"] and is_plain and about["largest"] * about["period"] <= MOST_TURNS):
+        is_plain = min(float(orbit["z"]), float(orbit["g"])) >= LEAST_AXIS_SINE
+        if not (about["panels"] and is_plain and about["largest"] * about["period"] <= MOST_TURN_RADIANS):
             return None
         one = three = Estimate(0.0, 0.0)
         if orbit["rotates"]:

@@ -40,6 +40,7 @@ from workers.sweeping.planar.records import (
 )
 from workers.sweeping.varying_body.empty_sums import have_no_motion
 from workers.sweeping.varying_body.templates import (
+    MOST_TEMPLATES,
     Key,
     Model,
     MomentsOfPoint,
@@ -53,10 +54,9 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
 
-MOST_BITS = 1000
+MOST_NUMBER_BITS = 1000
 """Largest size of a number in a potential, in bits: what is made of such ones keeps the limits of
 formulas."""
-MOST_TEMPLATES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,7 @@ class VaryingSolver:
         self, moments: MomentsOfPoint, numbers: list[fmpq]
     ) -> tuple[Template, list[float], list[fmpq], Judgement] | None:
         values = self._plan.model.values(moments, numbers)
-        if values is None or any(value.height_bits() > MOST_BITS for value in values):
+        if values is None or any(value.height_bits() > MOST_NUMBER_BITS for value in values):
             return None
         entry = self._template(moments, numbers, values)
         if entry is None:

@@ -25,7 +25,7 @@ from service.dynamics.verdict.proofs.power_sums import Judgement
 from service.dynamics.verdict.proofs.reading_powers import PowerSum, number_of
 from workers.solvers.compiled.records import Records
 from workers.sweeping.parameters.programs import nearest_double
-from workers.sweeping.planar.exclusions import LOGARITHM
+from workers.sweeping.planar.exclusions import LOG_LAMBDA_ERROR
 from workers.sweeping.varying_body.templates import MomentsOfPoint
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +36,7 @@ IntArray = NDArray[np.int64]
 Bounds = tuple[FloatArray, FloatArray]
 
 MOST_TERMS = 64
-SMALLEST = 1e-290
+SMALLEST_SAFE_NUMBER = 1e-290
 """Numbers below it may have lost digits."""
 
 
@@ -72,7 +72,7 @@ def have_no_motion(
         for (moments, judgement), exchanged in zip(judged, mirrored, strict=True)
     ]
     stacked = _stacked(sums)
-    errors = LOGARITHM * (1.0 + np.abs(logarithms))
+    errors = LOG_LAMBDA_ERROR * (1.0 + np.abs(logarithms))
     Z, G = equators(alpha, logarithms - errors, logarithms + errors)
     first, third = _exchanged(G, Z, mirrored), _exchanged(Z, G, mirrored)
     with np.errstate(all="ignore"):
@@ -147,13 +147,14 @@ def _power(base: Bounds, exponent: FloatArray) -> Bounds:
     low, high = np.power(base[0], exponent), np.power(base[1], exponent)
     low, high = np.where(exponent < 0.0, high, low), np.where(exponent < 0.0, low, high)
     error = np.where(exponent == 0.0, 0.0, FUNCTIONS + np.abs(exponent) * ARITHMETIC * LARGEST_LOGARITHM)
-    return np.where(low > SMALLEST, low * (1.0 - error), 0.0), np.maximum(high * (1.0 + error), SMALLEST)
+    lower = np.where(low > SMALLEST_SAFE_NUMBER, low * (1.0 - error), 0.0)
+    return lower, np.maximum(high * (1.0 + error), SMALLEST_SAFE_NUMBER)
 
 
 def _times(left: Bounds, right: Bounds) -> Bounds:
     """Return bounds of a product of numbers ≥ 0, not rounded outwards but for those that doubles lose."""
     low, high = left[0] * right[0], left[1] * right[1]
-    return np.where(low > SMALLEST, low, 0.0), np.maximum(high, SMALLEST)
+    return np.where(low > SMALLEST_SAFE_NUMBER, low, 0.0), np.maximum(high, SMALLEST_SAFE_NUMBER)
 
 
 def _column(bounds: Bounds) -> Bounds:

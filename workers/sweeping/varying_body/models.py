@@ -17,11 +17,10 @@ from service.dynamics.potentials.potential import Potential
 from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.coefficients import ExactParts, SplitParameters, parts_of
 from workers.sweeping.parameters.family import Path, degree_in, potential_of
-from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, kind_of
+from workers.sweeping.varying_body.templates import MOMENTS, Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
 """A ratio of primes, far from any number that a formula would fold."""
-_MOMENTS = ("A", "B", "C")
 _ONLY = (fmpq(1),)
 """The coefficients of the first term of either list."""
 _NONE = fmpq(0)
@@ -216,7 +215,7 @@ def _expression(
         tree = parse(str(document.get("expression")))
         if not _is_plain(tree, varying):
             return None
-        split = SplitParameters(tuple(varying), {*parameters, *names, *_MOMENTS})
+        split = SplitParameters(tuple(varying), {*parameters, *names, *MOMENTS})
         holed = format_tree(fold_tree(tree, split.build)[0])
         fixed = {name: _ratio(exact_number(value)) for name, value in parameters.items() if name not in names}
     except (FormulaError, ValueError):

@@ -24,6 +24,9 @@ from workers.sweeping.parameters.programs import nearest_double, numbers_of
 
 FloatArray = NDArray[np.float64]
 Key = tuple[object, ...]
+MOMENTS = ("A", "B", "C")
+MOST_TEMPLATES = 64
+"""Structures of a potential that one sweep has templates for; other points are left to single jobs."""
 
 
 class MomentsOfPoint(NamedTuple):
