@@ -29,10 +29,10 @@ from service.dynamics.potentials.families.general_solution import Quadrant
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.verdict.verdict import Verdict, decide
-from service.schemas.problem.potentials import MODELS
-from service.schemas.reading.documents import with_values
+from service.schemas.problem.trusted import potential_of
+from service.schemas.reading.documents import Part, with_values
 
 FloatArray = NDArray[np.float64]
 
@@ -94,12 +94,6 @@ def prove_family(
     return family if proved else None
 
 
-def potential_of(body: RigidBody, document: object) -> Potential:
-    """Return the potential of a document; raises what its family raises, or ValueError for its form."""
-    kind = document.get("type") if isinstance(document, dict) else None
-    return MODELS[str(kind)].model_validate(document).to_domain(body)
-
-
 @dataclass(frozen=True, slots=True)
 class Poles:
     """The condition for motions through the poles to need no convention: V is twice differentiable there."""
@@ -118,7 +112,7 @@ class Poles:
 
 def smooth_poles(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> Poles | None:
     """Return the second derivatives at the poles if every member is smooth there, else None."""
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         for member in family.members:
             if not make_loop(body, member.potential, motion).is_smooth_at_poles():
                 return None
@@ -127,8 +121,8 @@ def smooth_poles(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> 
     return Poles(hessians)
 
 
-def _member(body: RigidBody, document: object) -> Member:
-    potential = potential_of(body, document)
+def _member(body: RigidBody, document: Part) -> Member:
+    potential = potential_of(document, body)
     return Member(potential, decide(body, potential))
 
 
@@ -217,7 +211,7 @@ class Energies:
         """Return the energy of each point and the bound of its error as a job has them; NaN if in doubt."""
         known: dict[tuple[int, int], tuple[arb, ...]] = {}
         energies: list[tuple[float, float]] = []
-        with ctx.workprec(PRECISION):
+        with ctx.workprec(REDUCTION_BITS):
             for row, square in zip(parameters, lambdas_squared, strict=True):
                 key = int(square.p), int(square.q)
                 terms = known.get(key)

@@ -12,13 +12,13 @@ from service.dynamics.accuracy import keeps
 from service.dynamics.motion import COLUMNS, group_errors
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Times
-from service.schemas.reading.documents import with_values
+from service.schemas.problem.trusted import potential_of
+from service.schemas.reading.documents import Part, with_values
 from service.schemas.sweep.sweep import Sweep, json_number
-from workers.solvers.choose import QUICK, compiled_tier
+from workers.solvers.choose import QUICK_SPEED, compiled_tier
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.units import Units
-from workers.sweeping.parameters.family import potential_of
 from workers.sweeping.parameters.points import (
     Parameters,
     SweptPoints,
@@ -117,7 +117,7 @@ class BlockSolver:
             if self._plan.problem.accuracy.measure == "above 1" and missed.any():
                 # As a job does: who misses a tier is asked in its own units if it is quick.
                 speeds = self._speeds(here, group)
-                own[missed & (speeds >= QUICK)] = speeds[missed & (speeds >= QUICK)]
+                own[missed & (speeds >= QUICK_SPEED)] = speeds[missed & (speeds >= QUICK_SPEED)]
         if self._outputs.are_any:
             return
         units = [Units.of(speed, self._plan.problem.body) for speed in own.tolist()]
@@ -225,7 +225,7 @@ class BlockSolver:
         def potential_at(n: int) -> Potential:
             if not self._plan.axes:
                 return problem.potential
-            return potential_of(problem.body, self._potential_at(points, int(indices[n])))
+            return potential_of(self._potential_at(points, int(indices[n])), problem.body)
 
         wanted, sign = np.flatnonzero(decided), side.motion.sign_of_g1
         return self._integrals.along(group, sign, energies, samples, wanted, potential_at)
@@ -291,12 +291,12 @@ class BlockSolver:
             self._programs[key] = affine_program(body, made.document, made.paths, key) if known else None
         return self._programs[key]
 
-    def _potential_at(self, points: SweptPoints, index: int) -> object:
+    def _potential_at(self, points: SweptPoints, index: int) -> Part:
         values = {
             path: json_number(_fraction(points.exact(axis, index)))
             for path, axis in zip(self._plan.paths, self._plan.axes, strict=True)
         }
-        return with_values(dict(self._plan.potential), dict(values))
+        return with_values(self._plan.potential, dict(values))
 
 
 @dataclass(frozen=True, slots=True)
