@@ -171,8 +171,7 @@ def slice_of(sweep: Sweep, outer: Sequence[int], numbers: Sequence[Fraction]) ->
 def _own_curve(base: Mapping[str, object]) -> SweepAxis | None:
     """Return an axis with the one value that λ or nu has, for a slice of a single point."""
     motion = base["motion"]
-    assert isinstance(motion, dict)
     for name in ("lambda", "nu"):
-        if name in motion:
+        if isinstance(motion, dict) and name in motion:
             return SweepAxis(f"/motion/{name}", ("motion", name), ListedAxis((exact_number(motion[name]),)))
     return None
