@@ -14,7 +14,7 @@ from typing import Generic, Protocol, TypeVar
 
 from service.jobs.kernels import Way
 from service.jobs.queue import Lane
-from service.jobs.records import Attempt, Claim, Job, JobPage, Outcome, SolveOutcome, Taken
+from service.jobs.records import Attempt, Claim, ClaimedJobs, Job, JobPage, Outcome, SolveOutcome
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
 from service.verdicts.cache_rows import Entry, Examination
@@ -92,7 +92,7 @@ class Dispatcher(Protocol[Transaction]):
         ...
 
     def take(
-        self, transaction: Transaction, count: int, owed: Sequence[Lane] = (), together: int = 1
+        self, transaction: Transaction, count: int, starved: Sequence[Lane] = (), together: int = 1
     ) -> Sequence[str] | None:
         """Return the ids of at most ``count`` jobs, to be claimed in this transaction, in that order.
 
@@ -187,9 +187,9 @@ class JobStore(Protocol):
         count: int,
         *,
         lease_seconds: float,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
-    ) -> Taken:
+    ) -> ClaimedJobs:
         """Take up to ``count`` queued jobs, in the order of :class:`~service.jobs.store.Dispatcher`.
 
         In place of one problem there may be up to ``together``. No two workers get the same job.
@@ -211,9 +211,9 @@ class JobStore(Protocol):
         *,
         then_take: int = 0,
         lease_seconds: float = 0.0,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
-    ) -> tuple[bool, Taken]:
+    ) -> tuple[bool, ClaimedJobs]:
         """Store the result of a job, mark it finished and take ``count`` others, in one transaction.
 
         The points that a chunk did not compute are queued again. Returns whether
@@ -227,9 +227,9 @@ class JobStore(Protocol):
         *,
         then_take: int = 0,
         lease_seconds: float = 0.0,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
-    ) -> tuple[frozenset[str], Taken]:
+    ) -> tuple[frozenset[str], ClaimedJobs]:
         """Do the same for several problems of one worker, in one transaction.
 
         Returns the ids of those whose claims held; the others change nothing.

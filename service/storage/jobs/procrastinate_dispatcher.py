@@ -90,11 +90,11 @@ class ProcrastinateDispatcher:
             )
 
     def take(
-        self, connection: Connection, count: int, owed: Sequence[Lane] = (), together: int = 1
+        self, connection: Connection, count: int, starved: Sequence[Lane] = (), together: int = 1
     ) -> Sequence[str] | None:
         """Return the first jobs of the queue that are ready, and finish their deliveries."""
         chosen = Chosen(connection, _TAKE)
-        chosen.choose(count, owed, together)
+        chosen.choose(count, starved, together)
         # Their deliveries were finished with the others.
         self.dispatch(connection, chosen.passed_over)
         return chosen.ids or None

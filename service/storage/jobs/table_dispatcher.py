@@ -81,9 +81,9 @@ class Chosen:
         """Problems that equal a chosen one: when that is solved, they share its solution."""
         self._digests: set[str] = set()
 
-    def choose(self, count: int, owed: Sequence[Lane], together: int) -> None:
+    def choose(self, count: int, starved: Sequence[Lane], together: int) -> None:
         """Lock first a job of each lane that is owed one, then the head of the queue."""
-        chosen = sum(self._add(1, 1, lane, together) for lane in owed[:count])
+        chosen = sum(self._add(1, 1, lane, together) for lane in starved[:count])
         if chosen < count:
             self._add(count - chosen, count, None, together)
 
@@ -126,11 +126,11 @@ class TableDispatcher:
         """Do nothing: the row of a queued job is its delivery."""
 
     def take(
-        self, connection: Connection, count: int, owed: Sequence[Lane] = (), together: int = 1
+        self, connection: Connection, count: int, starved: Sequence[Lane] = (), together: int = 1
     ) -> Sequence[str] | None:
         """Return the first jobs of the queue that are ready."""
         chosen = Chosen(connection, _STATEMENTS)
-        chosen.choose(count, owed, together)
+        chosen.choose(count, starved, together)
         return chosen.ids or None
 
     def repair(self, connection: Connection) -> int:

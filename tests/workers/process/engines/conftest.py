@@ -55,7 +55,7 @@ def submit(installation, log):
         job = installation.jobs.submit(
             {"log": str(log), "number": number, **chore}, number[-60:], priority=priority
         )
-        installation.bell.ring()
+        installation.wake_up.notify()
         return job
 
     return submit

@@ -7,7 +7,7 @@ from pathlib import Path
 from sqlalchemy import Connection, text
 
 from service.jobs.store import Dispatcher
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUp
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.jobs.dispatching import dispatcher_of
@@ -31,7 +31,7 @@ class Installation:
         self.jobs = SqlJobStore(self.database, self.dispatcher)
         self.solutions = SolutionStore(self.database)
         self.sweeps = SweepStore(self.database, self.dispatcher)
-        self.bell = Doorbell()
+        self.wake_up = WakeUp()
         self._url = url
         self._workers: list[Worker] = []
 
@@ -50,7 +50,7 @@ class Installation:
             "host_name": "the-host" if is_local else f"host-{host}",
             # Before, at, and after the time of the database.
             "clock_shift": (host % 3 - 1) * HOUR,
-            "doorbell": self.bell if is_local else None,
+            "wake_up": self.wake_up if is_local else None,
             "begins_with": () if is_local else network_apart(),
             **options,
         }
@@ -66,7 +66,7 @@ class Installation:
             )
             with self.database.write() as session:
                 session.execute(statement, {"queue": QUEUE, "task": TASK, "job": job_id})
-        self.bell.ring()
+        self.wake_up.notify()
 
     def lose_deliveries(self) -> None:
         """Forget what was delivered and not yet taken."""
@@ -85,7 +85,7 @@ class Installation:
         """Kill the workers, close the rest."""
         for worker in self._workers:
             worker.clean_up()
-        self.bell.close()
+        self.wake_up.close()
         self.database.close()
 
 
