@@ -74,9 +74,9 @@ def request_body(
     return {"requestBody": {"required": required, "content": content}}
 
 
-def describe(app: FastAPI) -> dict[str, object]:
+def describe(app: FastAPI) -> dict[str, Any]:
     """Return the OpenAPI document of ``app``, with the models of bodies and refusals."""
-    document: dict[str, object] = get_openapi(
+    document: dict[str, Any] = get_openapi(
         title="polhode", version=version_of("polhode"), description=DESCRIPTION, routes=app.routes
     )
     _, definitions = models_json_schema(
@@ -93,7 +93,6 @@ def describe(app: FastAPI) -> dict[str, object]:
     )
     _describe_refusals(definitions["$defs"])
     components = document.setdefault("components", {})
-    assert isinstance(components, dict)
     schemas = components.setdefault("schemas", {})
     schemas.update(definitions["$defs"])
     components["schemas"] = dict(sorted(schemas.items()))
@@ -107,19 +106,17 @@ def describe(app: FastAPI) -> dict[str, object]:
     _describe_access(document)
     _describe_conditions(document)
     paths = document["paths"]
-    assert isinstance(paths, dict)
     describe_links(paths)
     describe_examples(document)
     return document
 
 
-def _describe_refusals(schemas: dict[str, dict[str, object]]) -> None:
+def _describe_refusals(schemas: dict[str, dict[str, Any]]) -> None:
     """Add what pydantic cannot express: required fields of refusals, and refusals inside a list's answer."""
     problem = schemas["ProblemDetailsOut"]
     problem["required"] = ["type", "title", "status", "detail"]
     problem["examples"] = [_REFUSAL]
     properties = schemas["JobItemOut"]["properties"]
-    assert isinstance(properties, dict)
     refusal = {"$ref": _TEMPLATE.format(model="ProblemDetailsOut")}
     properties["problem"] = {
         "anyOf": [refusal, {"type": "null"}],
@@ -127,10 +124,9 @@ def _describe_refusals(schemas: dict[str, dict[str, object]]) -> None:
     }
 
 
-def _describe_access(document: Mapping[str, object]) -> None:
+def _describe_access(document: Mapping[str, Any]) -> None:
     """Add to every operation the role it needs, and the refusals common to all."""
     paths = document["paths"]
-    assert isinstance(paths, dict)
     for_all = {str(status): entry for status, entry in refusals(500).items()}
     with_keys = {str(status): entry for status, entry in refusals(401, 403, 429, 503).items()}
     for path, operations in paths.items():
@@ -141,10 +137,9 @@ def _describe_access(document: Mapping[str, object]) -> None:
             operation["responses"] = dict(sorted({**further, **operation["responses"]}.items()))
 
 
-def _describe_conditions(document: Mapping[str, object]) -> None:
+def _describe_conditions(document: Mapping[str, Any]) -> None:
     """Add to every GET whose answer has a tag how to ask again."""
     paths = document["paths"]
-    assert isinstance(paths, dict)
     for path, operations in paths.items():
         if "get" not in operations or path in VOLATILE:
             continue

@@ -7,11 +7,11 @@ its checksum, and found anew.
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
 from service.dynamics.numerics import NUMERICS
+from service.schemas.reading.documents import Part
 from service.versions import version_of
 
 
@@ -68,14 +68,11 @@ def examination_version() -> str:
     return "/".join(map(str, parts))
 
 
-def keys_of(canonical: Mapping[str, object]) -> ExaminationKeys:
+def keys_of(canonical: Part) -> ExaminationKeys:
     """Return the keys of a canonical problem with a planar motion."""
     setting, motion = _setting(canonical), canonical["motion"]
-    assert isinstance(motion, Mapping)
     curve = {name: motion[name] for name in _OF_CURVE if name in motion}
-    time = canonical["time"]
-    assert isinstance(time, Mapping)
-    ways = [canonical["method"] == "integration", "periods" in time, canonical.get("accept")]
+    ways = [canonical["method"] == "integration", "periods" in canonical["time"], canonical.get("accept")]
     return ExaminationKeys(
         verdict=_key("verdict", *setting),
         windows=_key("windows", *setting, curve),
@@ -83,10 +80,9 @@ def keys_of(canonical: Mapping[str, object]) -> ExaminationKeys:
     )
 
 
-def _setting(canonical: Mapping[str, object]) -> tuple[object, ...]:
+def _setting(canonical: Part) -> tuple[object, ...]:
     """Return the moments and the potential; B only where a formula may name it: it plays no other part."""
     body, potential = canonical["body"], canonical["potential"]
-    assert isinstance(body, Mapping)
     names_B = "B" in json.dumps(potential)
     return body["A"], body["C"], body["B"] if names_B else None, potential
 

@@ -28,6 +28,7 @@ from service.dynamics.verdict.refutations.counterexample import Counterexample, 
 from service.dynamics.verdict.refutations.jumps import Jump
 from service.dynamics.verdict.simple_form import is_simplified, simplified, with_simpler
 from service.dynamics.verdict.verdict import NumericEvidence, Verdict, decide
+from service.schemas.reading.documents import Document
 from service.verdicts.refusals import deadline
 
 Written = list[object]
@@ -65,8 +66,6 @@ def read_ball(written: list[Any]) -> arb:
     # half a unit less than the radius becomes the radius.
     return arb(mid, ((rad << shift + 1) - 1, scale - shift - 1))
 
-
-Document = dict[str, object]
 
 _POINT = ("g1", "g2", "g3", "c", "P")
 

@@ -32,11 +32,10 @@ from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.questions import Question, trusted_question
 from service.schemas.problem.trusted import centre_of, trusted_problem
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document, Part
 from service.verdicts.cached import Kept, Keys, verdict_deadline
 from service.verdicts.documents import (
     NAMELESS,
-    Document,
     Points,
     decomposition_document,
     decomposition_of,
@@ -112,7 +111,7 @@ def examine_problem(document_json: str, *, explains: bool = True) -> str:
 class Examined:
     """The answer of :func:`examine_problem`, and results that need not be found again in the same process."""
 
-    answer: Document
+    answer: Part
     problem: Problem | None
     """The problem that was read; None if the document states none."""
 

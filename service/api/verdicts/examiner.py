@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from http import HTTPStatus
-from typing import Any  # a document that was read from JSON
 
 from starlette.concurrency import run_in_threadpool
 
@@ -31,9 +30,7 @@ from service.verdicts.formulas import examine_question_with_formulas, simplify_f
 from service.verdicts.memory import KeptExaminations
 
 
-async def examine(
-    verdicts: VerdictQueue, examination: Call, text: str, claimant: Claimant
-) -> Mapping[str, object] | None:
+async def examine(verdicts: VerdictQueue, examination: Call, text: str, claimant: Claimant) -> Part | None:
     """Return the examination's answer to the JSON document ``text``: a verdict, or None if it needs none.
 
     Raises
@@ -46,11 +43,11 @@ async def examine(
     return verdict_in(json.loads(await verdicts.ask(examination, text, claimant)))
 
 
-def verdict_in(answer: Mapping[str, Any]) -> Mapping[str, object] | None:
+def verdict_in(answer: Part) -> Part | None:
     """Return the verdict in an answer of the child, None if it has none; raise the error in it."""
     if "error" in answer:
         raise _refusal(answer["error"])
-    verdict: Mapping[str, object] | None = answer["verdict"]
+    verdict: Part | None = answer["verdict"]
     return verdict
 
 
@@ -72,7 +69,7 @@ async def examine_with_formulas(
     claimant: Claimant,
     *,
     seconds: float,
-) -> Mapping[str, object] | None:
+) -> Part | None:
     """Return the verdict with its formulas, which are simplified for ``seconds`` at most; raises as examine.
 
     A formula for which SymPy takes too long or too much memory stays as it is, and so does one for which the
@@ -83,7 +80,6 @@ async def examine_with_formulas(
     if verdict is None:
         return None
     works = verdict["works"]
-    assert isinstance(works, list)
     answers: list[str] = []
     deadline = time.monotonic() + seconds
     for work in works:

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 
-from sqlalchemy import ForeignKey, Index, String, Text, Uuid
+from sqlalchemy import JSON, ForeignKey, Index, String, Text, Uuid
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.schemas.reading.marks import LONGEST_NOTE
+from service.schemas.replies.summary import SolutionSummary
 from service.storage.tables.base import ASKED_DOCUMENT, Base, Document
 
 ASKED = (
@@ -38,7 +39,7 @@ class SolutionRow(Base):
     job_id: Mapped[str] = mapped_column(Uuid(as_uuid=False), unique=True)
     digest: Mapped[str] = mapped_column(index=True)
     problem: Mapped[Document]
-    summary: Mapped[Document]
+    summary: Mapped[SolutionSummary] = mapped_column(JSON())
     created_at: Mapped[float]
     family: Mapped[str | None] = mapped_column(String(32))
     method: Mapped[str | None] = mapped_column(String(32))
