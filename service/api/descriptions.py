@@ -22,6 +22,7 @@ from service.schemas.replies.job import ProblemDetailsOut
 from service.schemas.sweep.reading import SweepIn
 from service.versions import version_of
 
+Part = Mapping[str, Any]
 _SCHEME = "key"
 _TEMPLATE = "#/components/schemas/{model}"
 
@@ -105,8 +106,7 @@ def describe(app: FastAPI) -> dict[str, Any]:
     }
     _describe_access(document)
     _describe_conditions(document)
-    paths = document["paths"]
-    describe_links(paths)
+    describe_links(document["paths"])
     describe_examples(document)
     return document
 
@@ -124,12 +124,11 @@ def _describe_refusals(schemas: dict[str, dict[str, Any]]) -> None:
     }
 
 
-def _describe_access(document: Mapping[str, Any]) -> None:
+def _describe_access(document: Part) -> None:
     """Add to every operation the role it needs, and the refusals common to all."""
-    paths = document["paths"]
     for_all = {str(status): entry for status, entry in refusals(500).items()}
     with_keys = {str(status): entry for status, entry in refusals(401, 403, 429, 503).items()}
-    for path, operations in paths.items():
+    for path, operations in document["paths"].items():
         for method, operation in operations.items():
             role = ACCESS[path][method.upper()]
             further = for_all if role is OPEN else {**for_all, **with_keys}
@@ -137,10 +136,9 @@ def _describe_access(document: Mapping[str, Any]) -> None:
             operation["responses"] = dict(sorted({**further, **operation["responses"]}.items()))
 
 
-def _describe_conditions(document: Mapping[str, Any]) -> None:
+def _describe_conditions(document: Part) -> None:
     """Add to every GET whose answer has a tag how to ask again."""
-    paths = document["paths"]
-    for path, operations in paths.items():
+    for path, operations in document["paths"].items():
         if "get" not in operations or path in VOLATILE:
             continue
         operation = operations["get"]
@@ -203,8 +201,6 @@ def describe_examples(document: dict[str, Any]) -> None:
                     elif named := given.get(status, {}).get(media_type):
                         content["examples"] = {name: {"value": value} for name, value in named.items()}
 
-
-Part = Mapping[str, Any]
 
 LEADS_TO: Mapping[str, Mapping[str, str]] = {
     "JobOut": {"job_id": "/id", "solution_id": "/solution"},

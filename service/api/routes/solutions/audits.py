@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from http import HTTPStatus
 from typing import Annotated
 
@@ -13,7 +14,7 @@ from service.api.bodies import BodyIfAny, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.heavy_answers import while_connected
+from service.api.middleware.heavy_answers import listed, while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
@@ -151,9 +152,7 @@ async def list_audits(
     """List the audits of a solution, newest first or as asked: `where` and `order` are about their jobs."""
     standing = await run_in_threadpool(standing_of, inside.database, solution_id)
     listing = read_listing(asked, audits_of(standing.id))
-    if listing.query.is_estimated:
-        return listing.estimate()
-    return await run_in_threadpool(_page, request, standing.id, listing, inside)
+    return await listed(request, inside, listing, partial(_page, request, standing.id, listing, inside))
 
 
 def _page(request: Request, solution_id: str, listing: Listing, inside: Resources) -> Response:
