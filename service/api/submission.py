@@ -90,13 +90,13 @@ async def accept(inside: Resources, problem: Submission, holder: ApiKey | None) 
 
     def prepare() -> tuple[AccuracyTable | None, Mapping[str, str]]:
         table = _reserve(inside, holder, [problem])
-        return table, {} if problem.keys is None else inside.examiner.kept([problem])
+        return table, {} if problem.keys is None else inside.examiner.cached([problem])
 
-    table, kept = await run_in_threadpool(prepare)
+    table, cached = await run_in_threadpool(prepare)
     if problem.keys is not None:
         claimant = Claimant(None if holder is None else holder.id)
         found = inside.examiner.known(problem)
-        problem = found or (await inside.examiner.examine([problem], claimant, kept=kept))[0]
+        problem = found or (await inside.examiner.examine([problem], claimant, cached=cached))[0]
     window = window_of(problem.verdict)
     return problem if table is None else await run_in_threadpool(problem.settled, window, table)
 

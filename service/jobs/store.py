@@ -14,10 +14,10 @@ from typing import Generic, Protocol, TypeVar
 
 from service.jobs.kernels import Way
 from service.jobs.queue import Lane
-from service.jobs.records import Attempt, Claim, Job, JobPage, Outcome, SolveOutcome, Taken
+from service.jobs.records import Attempt, Claim, ClaimedJobs, Job, JobPage, Outcome, SolveOutcome
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
-from service.verdicts.cache_rows import Entry, Examination
+from service.verdicts.cache_rows import CacheRow, Examination
 
 KEPT_SECONDS = 86400.0
 """How long an answer is given again."""
@@ -117,7 +117,7 @@ class JobStore(Protocol):
         priority: int = 0,
         key_id: str | None = None,
         examination: Examination | None = None,
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Marks = UNMARKED,
     ) -> Job:
@@ -139,7 +139,7 @@ class JobStore(Protocol):
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
         examinations: Sequence[Examination | None] = (),
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Sequence[Marks] = (),
     ) -> tuple[Job, ...]:
@@ -189,7 +189,7 @@ class JobStore(Protocol):
         lease_seconds: float,
         owed: Sequence[Lane] = (),
         together: int = 1,
-    ) -> Taken:
+    ) -> ClaimedJobs:
         """Take up to ``count`` queued jobs, in the order of :class:`~service.jobs.store.Dispatcher`.
 
         In place of one problem there may be up to ``together``. No two workers get the same job.
@@ -213,7 +213,7 @@ class JobStore(Protocol):
         lease_seconds: float = 0.0,
         owed: Sequence[Lane] = (),
         together: int = 1,
-    ) -> tuple[bool, Taken]:
+    ) -> tuple[bool, ClaimedJobs]:
         """Store the result of a job, mark it finished and take ``count`` others, in one transaction.
 
         The points that a chunk did not compute are queued again. Returns whether
@@ -229,7 +229,7 @@ class JobStore(Protocol):
         lease_seconds: float = 0.0,
         owed: Sequence[Lane] = (),
         together: int = 1,
-    ) -> tuple[frozenset[str], Taken]:
+    ) -> tuple[frozenset[str], ClaimedJobs]:
         """Do the same for several problems of one worker, in one transaction.
 
         Returns the ids of those whose claims held; the others change nothing.

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 from sqlalchemy.orm import configure_mappers
 
-from service.jobs.records import Claim, Drawn, Refused, Solved
+from service.jobs.records import AtlasResult, Claim, Refused, Solved
 from service.jobs.store import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.schemas.reading.marks import Marks
 from service.storage.codecs.packing import encode_document
@@ -67,7 +67,7 @@ class Stores:
         assert self.jobs.finish(claim, replace(SOLVED, comparison=comparison))[0]
 
     def finish_atlas(self, claim: Claim) -> None:
-        assert self.jobs.finish(claim, Drawn(encode_document(ATLAS)))[0]
+        assert self.jobs.finish(claim, AtlasResult(encode_document(ATLAS)))[0]
 
     def finish_chunk(self, claim: Claim, points: int | None = None) -> None:
         payload = dict(claim.payload)

@@ -34,7 +34,7 @@ from service.schemas.reading.documents import Part
 from service.schemas.replies.summary import SolutionSummary
 from service.storage.codecs.packing import encode_arrays, encode_dense
 from service.storage.solutions.shipped_accuracy import shipped_table
-from service.verdicts.cached import Kept, read_windows
+from service.verdicts.cached import ResultCache, read_windows
 from service.verdicts.examination import Examined, examine_document
 from workers import solvers
 from workers.computation.compiled_code import (
@@ -71,7 +71,7 @@ def solve_document(
 ) -> SolveOutcome:
     """Solve the problem in ``document_json``; what cannot be solved is told in the outcome, not raised.
 
-    ``windows_json`` has the windows of its curve, if they were kept: they are not found again. Without a
+    ``windows_json`` has the windows of its curve, if they were cached: they are not found again. Without a
     ``way`` it is the compiled one if its kernels are ready, and a plain one waits for them: no refusal of a
     solver is final. So does a given one that ``waits``. A document that nobody has validated is ``read`` by
     who does.
@@ -193,17 +193,17 @@ def solve_checked(
     document_json: str,
     *,
     explains: bool = True,
-    kept: Kept | None = None,
+    cache: ResultCache | None = None,
     way: Way | None = None,
     waits: bool = False,
 ) -> SolveOutcome:
     """Examine and solve a problem whose potential and motion have not been examined yet.
 
-    Where there is no motion, an error that ``explains`` says for which λ there are. In ``kept`` are verdicts
+    Where there is no motion, an error that ``explains`` says for which λ there are. In ``cache`` are verdicts
     that were found before. The way is that of :func:`solve_document`.
     """
     document = json.loads(document_json)
-    examined = examine_document(document, explains=explains, kept=kept, read=read_problem)
+    examined = examine_document(document, explains=explains, cache=cache, read=read_problem)
     return _solve_examined(document, examined, way, waits=waits)
 
 

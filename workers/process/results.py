@@ -9,7 +9,7 @@ from functools import partial
 from typing import TypedDict
 
 from service.jobs.kernels import NEVER, WAITS, NeedsKernelsError, Outlook
-from service.jobs.records import Claim, JobKind, Outcome, SolveOutcome, Taken
+from service.jobs.records import Claim, ClaimedJobs, JobKind, Outcome, SolveOutcome
 from service.jobs.store import JobStore
 from service.logs import Complaints, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
@@ -93,7 +93,7 @@ class Results:
 
     def store(
         self, claim: Claim, outcome_of: Callable[[], Outcome], then_take: int, terms: TakingTerms
-    ) -> Taken | None:
+    ) -> ClaimedJobs | None:
         """Store the result of one job, or why it has none, and take others by the same commit.
 
         None if none were asked for: those of a job without a result are taken by nobody.
@@ -109,7 +109,7 @@ class Results:
 
     def store_all(
         self, ended: Sequence[tuple[Claim, SolveOutcome]], then_take: int, terms: TakingTerms
-    ) -> Taken | None:
+    ) -> ClaimedJobs | None:
         """Store the results of a batch, and take others by the same commit; None as in :meth:`store`."""
         try:
             held, taken = self._store.finish_problems(ended, then_take=then_take, **terms)

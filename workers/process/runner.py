@@ -14,7 +14,7 @@ from typing import Any  # Any: an outcome, or those of a batch
 
 from service.jobs.kernels import Outlook
 from service.jobs.queue import BATCH_SECONDS, BatchSize, Lane, LaneShares
-from service.jobs.records import Claim, JobKind, Outcome, SolveOutcome, Taken
+from service.jobs.records import Claim, ClaimedJobs, JobKind, Outcome, SolveOutcome
 from service.jobs.store import JobStore
 from service.logs import about, call_about
 from service.sandbox import Sandbox, SandboxCrashError, SandboxTimeoutError, result_of
@@ -117,7 +117,7 @@ class Runner:
             owed = self._shares.owed()[:free]
             taken = self._store.take(self._name, free, **self._portions.terms(owed, free))
             finished += self._begin(taken, owed, free)
-            if taken == Taken():
+            if taken == ClaimedJobs():
                 break
         return finished
 
@@ -141,11 +141,11 @@ class Runner:
                 taken = self._finish_alone(run, then_take, owed)
             else:
                 taken = self._finish_batch(run, then_take, owed)
-            self._is_dry = taken == Taken()
+            self._is_dry = taken == ClaimedJobs()
             self._remove(run)
             waiting = {claim.job_id for claim in self._waiting}
             finished += (claim.job_id for claim in run.claims if claim.job_id not in waiting)
-            if taken is not None and taken != Taken():
+            if taken is not None and taken != ClaimedJobs():
                 finished += self._begin(taken, owed, 1)
         return finished
 
@@ -276,7 +276,7 @@ class Runner:
         self._leases.forget(claim)
         self._waiting.forget(claim.job_id)
 
-    def _begin(self, taken: Taken, owed: Sequence[Lane], places: int) -> tuple[str, ...]:
+    def _begin(self, taken: ClaimedJobs, owed: Sequence[Lane], places: int) -> tuple[str, ...]:
         """Start the jobs to compute; return the ids of those solved already. ``owed`` lanes came first.
 
         Problems beyond a batch for each place wait.
@@ -318,7 +318,7 @@ class Runner:
             self._forget(claim)
             self._shares.end(claim.lane, 0.0, was_owed=claim.lane in run.owed)
 
-    def _finish_alone(self, run: ChildRun, then_take: int, owed: Sequence[Lane]) -> Taken | None:
+    def _finish_alone(self, run: ChildRun, then_take: int, owed: Sequence[Lane]) -> ClaimedJobs | None:
         (claim,) = run.claims
         with about(**fields_of(claim)):
             if claim.kind is JobKind.SOLVE:
@@ -327,7 +327,7 @@ class Runner:
                 claim, lambda: result_of(run.future), then_take, self._portions.terms(owed)
             )
 
-    def _finish_batch(self, run: ChildRun, then_take: int, owed: Sequence[Lane]) -> Taken | None:
+    def _finish_batch(self, run: ChildRun, then_take: int, owed: Sequence[Lane]) -> ClaimedJobs | None:
         try:
             outcomes: list[SolveOutcome | None] = result_of(run.future)
         except (Exception, CancelledError) as fault:

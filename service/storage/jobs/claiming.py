@@ -17,7 +17,7 @@ from sqlalchemy import (
 )
 
 from service.jobs.queue import Lane
-from service.jobs.records import Claim, JobKind, JobState, StoredSolution, Taken
+from service.jobs.records import Claim, ClaimedJobs, JobKind, JobState, StoredSolution
 from service.jobs.store import Dispatcher
 from service.storage.database.database import is_postgres
 from service.storage.examinations import sound_content
@@ -136,7 +136,7 @@ def take_jobs(
     lease_seconds: float,
     owed: Sequence[Lane] = (),
     together: int = 1,
-) -> Taken | None:
+) -> ClaimedJobs | None:
     """Claim the next jobs; finish at once those whose problem has a stored solution by now.
 
     None if nothing was delivered. The claims may be empty: every delivered job may be out of date.
@@ -153,7 +153,7 @@ def take_jobs(
         and claim.audited is None
         and succeed(connection, claim, solutions[claim.digest], reused=True)
     ]
-    return Taken(
+    return ClaimedJobs(
         tuple(claim for claim in claims if claim not in reused), tuple(claim.job_id for claim in reused)
     )
 

@@ -10,11 +10,12 @@ from service.jobs.kernels import Way
 from service.jobs.queue import Lane
 from service.jobs.records import (
     SUBMITTED,
+    AtlasResult,
     Attempt,
     AttemptOutcome,
     ChunkOutcome,
     Claim,
-    Drawn,
+    ClaimedJobs,
     Job,
     JobFinishedError,
     JobKind,
@@ -25,7 +26,6 @@ from service.jobs.records import (
     Refused,
     Solved,
     SolveOutcome,
-    Taken,
 )
 from service.jobs.store import Dispatcher, Receipt
 from service.schemas.query.conditions import ListQuery
@@ -46,7 +46,7 @@ from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
-from service.verdicts.cache_rows import Entry, Examination
+from service.verdicts.cache_rows import CacheRow, Examination
 
 _JOBS = table_of(JobRow)
 _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
@@ -70,7 +70,7 @@ class SqlJobStore:
         priority: int = 0,
         key_id: str | None = None,
         examination: Examination | None = None,
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Marks = UNMARKED,
     ) -> Job:
@@ -94,7 +94,7 @@ class SqlJobStore:
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
         examinations: Sequence[Examination | None] = (),
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Sequence[Marks] = (),
     ) -> tuple[Job, ...]:
@@ -157,7 +157,7 @@ class SqlJobStore:
 
     def claim(self, worker: str, *, lease_seconds: float) -> Claim | None:
         """Take the first job of the queue that has to be computed."""
-        while (taken := self.take(worker, 1, lease_seconds=lease_seconds)) != Taken():
+        while (taken := self.take(worker, 1, lease_seconds=lease_seconds)) != ClaimedJobs():
             for claim in taken.claims:
                 return claim
         return None
@@ -170,14 +170,14 @@ class SqlJobStore:
         lease_seconds: float,
         owed: Sequence[Lane] = (),
         together: int = 1,
-    ) -> Taken:
+    ) -> ClaimedJobs:
         """Take the first jobs of the queue, in its order."""
         while True:
             with self._database.write_rows() as connection:
                 taken = take_jobs(connection, self._dispatcher, worker, count, lease_seconds, owed, together)
             if taken is None:
-                return Taken()
-            if taken != Taken():
+                return ClaimedJobs()
+            if taken != ClaimedJobs():
                 return taken
 
     def heartbeat(self, claim: Claim, *, lease_seconds: float) -> bool:
@@ -208,14 +208,14 @@ class SqlJobStore:
         lease_seconds: float = 0.0,
         owed: Sequence[Lane] = (),
         together: int = 1,
-    ) -> tuple[bool, Taken]:
+    ) -> tuple[bool, ClaimedJobs]:
         """Finish a job and take others by one commit."""
 
-        def take(connection: Connection) -> Taken:
+        def take(connection: Connection) -> ClaimedJobs:
             taken = take_jobs(
                 connection, self._dispatcher, claim.worker, then_take, lease_seconds, owed, together
             )
-            return taken or Taken()
+            return taken or ClaimedJobs()
 
         if isinstance(outcome, ChunkOutcome):
             with self._database.write() as session:
@@ -223,7 +223,7 @@ class SqlJobStore:
         if isinstance(outcome, Refused):
             with self._database.write() as session:
                 return self._fail(session, claim, outcome.error), take(session.connection())
-        if isinstance(outcome, Drawn):
+        if isinstance(outcome, AtlasResult):
             with self._database.write() as session:
                 return store_atlas(session, claim, outcome), take(session.connection())
         with self._database.write_rows() as connection:
@@ -237,7 +237,7 @@ class SqlJobStore:
         lease_seconds: float = 0.0,
         owed: Sequence[Lane] = (),
         together: int = 1,
-    ) -> tuple[frozenset[str], Taken]:
+    ) -> tuple[frozenset[str], ClaimedJobs]:
         """Finish several problems and take others by one commit."""
         worker = ended[0][0].worker
         solved = [(claim, outcome) for claim, outcome in ended if isinstance(outcome, Solved)]
@@ -247,7 +247,7 @@ class SqlJobStore:
             connection = session.connection()
             held |= store_and_charge_all(connection, solved)
             taken = take_jobs(connection, self._dispatcher, worker, then_take, lease_seconds, owed, together)
-            return frozenset(held), taken or Taken()
+            return frozenset(held), taken or ClaimedJobs()
 
     def finish_failure(self, claim: Claim, error: Mapping[str, object]) -> bool:
         """Mark the job failed for good; a chunk is split into smaller ones."""

@@ -8,7 +8,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
-from service.jobs.records import Drawn, JobState, Solved
+from service.jobs.records import AtlasResult, JobState, Solved
 from service.schemas.reading.marks import Marks
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import Database
@@ -63,7 +63,7 @@ def live(database):
     AuditStore(database, TableDispatcher()).submit(audited.solution_id, PROBLEM, "audited", key_id=key.id)
     assert jobs.finish(claim(jobs), Solved(SUMMARY, b"dense", b"samples", {"verdict": "agrees"}))[0]
     AtlasStore(database, TableDispatcher()).submit({"lambda": [1, 2]}, "drawn", key_id=key.id)
-    assert jobs.finish(claim(jobs), Drawn(encode_document({"parts": []})))[0]
+    assert jobs.finish(claim(jobs), AtlasResult(encode_document({"parts": []})))[0]
     jobs.submit(PROBLEM, "refused")
     jobs.finish_failure(claim(jobs), {"code": "no_motion", "detail": "none"})
     jobs.submit(PROBLEM, "lost")

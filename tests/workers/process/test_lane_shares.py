@@ -5,7 +5,7 @@ from concurrent.futures import Future
 import pytest
 
 from service.jobs.queue import Lane
-from service.jobs.records import Claim, JobKind, Solved, Taken
+from service.jobs.records import Claim, ClaimedJobs, JobKind, Solved
 from workers.process import runner as runner_module
 from workers.process.results import JobLimits
 from workers.process.runner import Runner
@@ -33,7 +33,7 @@ class FakeStore:
         lanes = [lane for lane in owed[:count] if lane in self.waiting]
         lanes += [min(self.waiting)] * (count - len(lanes)) if self.waiting else []
         self.handed_out += lanes
-        return Taken(tuple(map(self._claim, lanes)))
+        return ClaimedJobs(tuple(map(self._claim, lanes)))
 
     def finish(self, claim, outcome, *, then_take=0, lease_seconds=0.0, owed=(), together=1):
         return True, self.take("worker", then_take, lease_seconds=lease_seconds, owed=owed)
