@@ -139,7 +139,6 @@ class _Checked:
 def _checked(content: bytes) -> _Checked:
     document = read_json(content)
     asked = read_atlas(document)
-    assert isinstance(document, dict)
     return _Checked(document, json.dumps(document), asked.wants_stability)
 
 

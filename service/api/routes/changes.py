@@ -19,7 +19,7 @@ from service.api.replies.responses import JobId, SolutionId, SweepId, json_conte
 from service.api.tagged import solution_tag
 from service.jobs.keys import ApiKey
 from service.jobs.records import Job, SweepRecord
-from service.schemas.reading.documents import Fault, InvalidProblemError
+from service.schemas.reading.documents import Fault, InvalidProblemError, Part
 from service.schemas.reading.marks import MOST_LABELS, Marks, patched
 from service.schemas.reading.marks_in import MarksPatchIn
 from service.schemas.reading.parts import read_parts
@@ -141,17 +141,16 @@ def _change(
     return Response(answer, media_type=JSON, headers={"ETag": tag_of_content(answer)})
 
 
-def _read(content: bytes) -> dict[str, object]:
+def _read(content: bytes) -> Part:
     """Return a valid change."""
-    document = read_json(content)
+    document: Part = read_json(content)
     _, faults = read_parts(document, MarksPatchIn, {})
     if faults:
         raise _refused(faults)
-    assert isinstance(document, dict)
     return document
 
 
-def _changed(given: Marked, patch: dict[str, object]) -> Marks:
+def _changed(given: Marked, patch: Part) -> Marks:
     """Return the labels and the note after the change."""
     marks = patched(given.marks, patch)
     if (count := len(marks.labels)) > MOST_LABELS:

@@ -35,7 +35,7 @@ from service.schemas.problem.problem import check_problem, check_question
 from service.schemas.problem.questions import Question
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.problem.trusted import ONE_AT_A_TIME
-from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError, Part
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
@@ -131,7 +131,7 @@ class _Asked:
 
 async def _judged(
     inside: Resources, asked: _Asked, formats: Sequence[Format], claimant: Claimant
-) -> Mapping[str, object] | None:
+) -> Part | None:
     if not formats:
         return await examine(inside.verdicts, examine_question, asked.text, claimant)
     seconds = inside.settings.formula_seconds
@@ -141,7 +141,6 @@ async def _judged(
 def _checked(content: bytes, settings: Settings) -> _Asked:
     document = read_json(content)
     question, whole = check_question(document)
-    assert isinstance(document, dict)
     if whole is not None:
         check_problem_samples(whole.problem, settings)
     return _Asked(question, whole, document, json.dumps(document))
@@ -151,22 +150,21 @@ def _planned(
     inside: Resources,
     asked: _Asked,
     checked: CheckedProblem,
-    verdict: Mapping[str, object] | None,
+    verdict: Part | None,
 ) -> Response:
     if verdict is None:
         with ONE_AT_A_TIME:
             found = classification_of(asked.question)
         plan = plan_document(checked.problem, None)
         verdict = {**dict.fromkeys(VerdictOut.model_fields), "warnings": [], "plan": plan, "classical": found}
-    plan = _completed(inside, asked.document, checked, verdict["plan"])
-    return json_response(VerdictOut.model_validate({**verdict, "plan": plan}))
+    completed = _completed(inside, asked.document, checked, verdict["plan"])
+    return json_response(VerdictOut.model_validate({**verdict, "plan": completed}))
 
 
 def _completed(
-    inside: Resources, document: Mapping[str, object], checked: CheckedProblem, plan: object
-) -> dict[str, object]:
+    inside: Resources, document: Mapping[str, object], checked: CheckedProblem, plan: Part
+) -> Part:
     """Add to the plan of a job the expected seconds and a stored solution."""
-    assert isinstance(plan, dict)
     window, table = plan["window"], AccuracyStore(inside.database).current()
     problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
     accepted = Submission(problem, checked).settled(window, table)

@@ -4,6 +4,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from service.schemas.reading.documents import Document
+
 MOST_LABELS = 16
 LONGEST_KEY, LONGEST_VALUE, LONGEST_NOTE = 63, 128, 2000
 LABEL_KEY = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_.-]{0,61}[A-Za-z0-9])?\Z")
@@ -24,7 +26,7 @@ class Marks:
 UNMARKED = Marks()
 
 
-def split_marks(document: Mapping[str, object]) -> tuple[dict[str, object], Marks]:
+def split_marks(document: Mapping[str, object]) -> tuple[Document, Marks]:
     """Return a valid document without its marks, and the marks."""
     rest = {name: value for name, value in document.items() if name not in FIELDS}
     return rest, patched(UNMARKED, {name: document[name] for name in FIELDS if name in document})

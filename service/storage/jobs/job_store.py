@@ -46,7 +46,7 @@ from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
-from service.verdicts.cache_rows import Entry, Examination
+from service.verdicts.cache_rows import CacheRow, Examination
 
 _JOBS = table_of(JobRow)
 _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
@@ -70,7 +70,7 @@ class SqlJobStore:
         priority: int = 0,
         key_id: str | None = None,
         examination: Examination | None = None,
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Marks = UNMARKED,
     ) -> Job:
@@ -94,7 +94,7 @@ class SqlJobStore:
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
         examinations: Sequence[Examination | None] = (),
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         marks: Sequence[Marks] = (),
     ) -> tuple[Job, ...]:

@@ -20,7 +20,7 @@ from service.storage.marks import marks_of
 from service.storage.searching.sources import audits_of
 from service.storage.tables.jobs import AuditRow, JobRow
 from service.storage.tables.solutions import SolutionRow
-from service.verdicts.cache_rows import Entry, Examination
+from service.verdicts.cache_rows import CacheRow, Examination
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class AuditStore:
         priority: int = 0,
         key_id: str | None = None,
         examination: Examination | None = None,
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> Job:
         """Store a job that solves ``problem``, that of a solution or one like it, to compare the two.

@@ -4,7 +4,7 @@
 of its job; so every stored solution comes from a succeeded job.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
 
@@ -15,6 +15,7 @@ from service.jobs.records import SolutionNotFoundError
 from service.schemas.query.conditions import ListQuery, Value
 from service.schemas.reading.documents import Part
 from service.schemas.reading.marks import Marks
+from service.schemas.replies.summary import SolutionSummary
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, is_id, rows_of_page
 from service.storage.jobs.finishing import solved
@@ -32,7 +33,7 @@ class Solution:
     job_id: str
     """The job that computed it; later jobs may have reused it."""
     problem: Part
-    summary: Mapping[str, object]
+    summary: SolutionSummary
     created_at: datetime
     marks: Marks
 

@@ -108,7 +108,6 @@ def _checked(content: bytes, problem: Mapping[str, object], settings: Settings) 
     _, faults = read_parts(document, AuditIn, MEMBERS)
     if faults:
         raise InvalidProblemError(faults)
-    assert isinstance(document, dict)
     return check(audited_problem(dict(problem), document), settings)
 
 

@@ -182,12 +182,10 @@ def _stored(inside: Resources, solution_id: str, packet: bytes) -> _Samples:
     stored = decode_arrays(packet)
     columns = {name: values for name, values in stored.items() if not is_part(name)}
     _require_series(columns)
-    error = summary["error"]
-    assert isinstance(error, int | float)
     own = _own_errors(summary.get("errors"))
     if QUATERNION[0] in columns:
         own |= orientation_errors(decode_dense(inside.solutions.dense(solution_id)), columns["t"])
-    return _Samples(columns, float(error), own, "stored")
+    return _Samples(columns, float(summary["error"]), own, "stored")
 
 
 def _own_errors(told: object) -> dict[str, float]:

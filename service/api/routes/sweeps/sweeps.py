@@ -1,6 +1,5 @@
 """/v1/sweeps: submit, list, show and cancel sweeps, and list the jobs that compute their points."""
 
-from collections.abc import Mapping
 from functools import partial
 from http import HTTPStatus
 from typing import Annotated
@@ -24,7 +23,7 @@ from service.jobs.keys import ApiKey
 from service.jobs.records import Job, JobState, SweepRecord
 from service.jobs.store import GivenKey
 from service.schemas.query.conditions import in_state
-from service.schemas.reading.documents import Fault
+from service.schemas.reading.documents import Fault, Part
 from service.schemas.reading.marks import split_marks
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
@@ -98,10 +97,9 @@ async def submit_sweep(
     return await inside.idempotency.once(given, work)
 
 
-def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Sweep]:
+def _checked(content: bytes, settings: Settings) -> tuple[Part, Sweep]:
     document = read_json(content)
     sweep = read_sweep(document, max_points=settings.max_sweep_points)
-    assert isinstance(document, dict)
     if sweep.samples > settings.max_samples:
         message = f"{sweep.samples} samples; 1 to {settings.max_samples} are accepted here"
         raise InvalidSweepError([Fault("/base/time", "out_of_range", message)])
@@ -109,13 +107,13 @@ def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Swe
 
 
 def _submit(
-    document: dict[str, object],
+    document: Part,
     sweep: Sweep,
     inside: Resources,
     holder: ApiKey | None,
     given: GivenKey | None,
 ) -> Response:
-    priority = _priority(document)
+    priority = int(document.get("priority", 0))
     check_priority(holder, priority, "/priority")
     inside.limits.reserve_points(holder, sweep.points)
     # Labels can be changed later; the document cannot.
@@ -136,12 +134,6 @@ def _submit(
 def _submitted(record: SweepRecord) -> Response:
     headers = {"Location": f"/v1/sweeps/{record.id}"}
     return json_response(sweep_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
-
-
-def _priority(document: Mapping[str, object]) -> int:
-    priority = document.get("priority", 0)
-    assert isinstance(priority, int | float)
-    return int(priority)
 
 
 @router.get(
