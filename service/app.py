@@ -12,7 +12,7 @@ from service.api.dependencies import ReadingThreads, Resources, SharedAnswer
 from service.api.events.poller import ChangePoller
 from service.api.events.watcher import EventWatcher
 from service.api.heavy_reads import HeavyReads
-from service.api.keys.idempotency import IdempotencyDesk
+from service.api.keys.idempotency import IdempotencyGuard
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
@@ -30,7 +30,6 @@ from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
 from service.storage.examinations import ExaminationStore
 from service.storage.jobs.changes import ChangeReader
-from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
 from service.storage.keys.idempotency_store import IdempotencyStore
@@ -40,7 +39,7 @@ from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
-from service.storage.upkeep.retention import DAY_SECONDS, Forgetting, Retention
+from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
 from service.verdicts.memory import KeptExaminations
 from service.verdicts.starting import VerdictChildren, verdict_children
@@ -73,19 +72,19 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        database, dispatcher = Database(settings.database_url), dispatcher_of(settings)
+        database = Database(settings.database_url, announces_jobs=settings.engine == "postgres")
         children = sandbox or VerdictChildren(settings).ready()
         statistics = Statistics(database, seen_seconds=SILENT_LEASES * settings.lease_seconds)
         keys = KeyStore(database)
         days = settings.samples_days
-        retention = Retention(database, older_than_seconds=None if days is None else days * DAY_SECONDS)
         ring, reads = KeyRing(keys), CachedReads(database)
         answers = IdempotencyStore(database)
-        forgetting = Forgetting(answers)
+        older_than_seconds = None if days is None else days * DAY_SECONDS
+        retention = Retention(database, answers, older_than_seconds=older_than_seconds)
         presence = ServicePresence(database, host=settings.host_name)
         examinations = ExaminationStore(database)
         kept = KeptExaminations(examinations)
-        sweeps = SweepStore(database, dispatcher)
+        sweeps = SweepStore(database)
         poller = ChangePoller(ChangeReader(database), sweeps, documents_of(database, settings))
         events = EventWatcher(poller, capacity=settings.event_streams)
         bell.when_anything(events.wake, events.stop)
@@ -96,10 +95,10 @@ def create_app(
         app.state.resources = Resources(
             settings=settings,
             database=database,
-            jobs=SqlJobStore(database, dispatcher),
+            jobs=SqlJobStore(database),
             solutions=SolutionStore(database),
-            audits=AuditStore(database, dispatcher),
-            atlases=AtlasStore(database, dispatcher),
+            audits=AuditStore(database),
+            atlases=AtlasStore(database),
             sweeps=sweeps,
             sandbox=children,
             verdicts=verdicts,
@@ -113,7 +112,7 @@ def create_app(
             checks=SharedAnswer(lambda: checks_of(app.state.resources), monitoring),
             keys=ring,
             limits=LimitGuard(settings, keys),
-            idempotency=IdempotencyDesk(answers),
+            idempotency=IdempotencyGuard(answers),
             answers=Cache(_ANSWER_BYTES, len),
             reads=reads,
             presence=presence,
@@ -130,7 +129,6 @@ def create_app(
             await events.close()
             await to_thread.run_sync(heavy.close, limiter=CapacityLimiter(1))
             presence.close()
-            forgetting.close()
             retention.close()
             await to_thread.run_sync(verdicts.close, limiter=CapacityLimiter(1))
             if sandbox is None:

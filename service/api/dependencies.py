@@ -17,7 +17,7 @@ from fastapi import Depends, Request
 
 from service.api.events.watcher import EventWatcher
 from service.api.heavy_reads import HeavyReads
-from service.api.keys.idempotency import IdempotencyDesk
+from service.api.keys.idempotency import IdempotencyGuard
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
@@ -108,7 +108,7 @@ class Resources:
     metrics: Metrics
     keys: KeyRing
     limits: LimitGuard
-    idempotency: IdempotencyDesk
+    idempotency: IdempotencyGuard
     answers: Cache[str, bytes]
     """Bytes of answers that were written before, by their entity tags: one names exactly one content."""
     reads: CachedReads

@@ -155,14 +155,14 @@ class ChunkOutcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class AtlasResult:
     """The atlas that a document asked for."""
 
     data: bytes
     """Encoded by :mod:`service.storage.codecs.packing`."""
 
 
-Outcome = SolveOutcome | ChunkOutcome | Drawn
+Outcome = SolveOutcome | ChunkOutcome | AtlasResult
 
 
 @dataclass(frozen=True, slots=True)

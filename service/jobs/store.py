@@ -1,7 +1,4 @@
-"""The protocols of the job store and of dispatchers, and receipts of requests that a client may send twice.
-
-The store is the source of truth; a dispatcher only says which of its jobs to look at next. It delivers and
-takes jobs within the caller's transaction: both take effect with the commit, or not at all.
+"""The protocol of the job store, and receipts of requests that a client may send twice.
 
 Every write of a worker checks its claim (job, worker, attempt): it returns False and changes nothing if the
 claim was lost, by an expired lease or a cancellation.
@@ -63,47 +60,6 @@ def fingerprint(*parts: bytes) -> str:
     for part in parts:
         digest.update(len(part).to_bytes(8, "big") + part)
     return digest.hexdigest()
-
-
-Transaction = TypeVar("Transaction", contravariant=True)
-
-
-@dataclass(frozen=True, slots=True)
-class Delivery:
-    """A job that may be claimed."""
-
-    job_id: str
-    attempt: int
-    """How often it was claimed before; each attempt has its own delivery."""
-    priority: int
-    ready_at: float
-    """Not claimed before, in seconds since 1970 by the database's clock."""
-
-
-class Dispatcher(Protocol[Transaction]):
-    """Delivers ids of jobs to workers in order, within the transaction that makes them claimable.
-
-    The order is: first one job of each lane that is owed one; then by larger
-    priority, earlier lane, smaller turn, older job of a key.
-    """
-
-    def dispatch(self, transaction: Transaction, deliveries: Sequence[Delivery]) -> None:
-        """Deliver jobs that this transaction has queued."""
-        ...
-
-    def take(
-        self, transaction: Transaction, count: int, owed: Sequence[Lane] = (), together: int = 1
-    ) -> Sequence[str] | None:
-        """Return the ids of at most ``count`` jobs, to be claimed in this transaction, in that order.
-
-        Where these are problems, ``together`` of them may take the place of one: the next ones of the same
-        priority (and of the same lane, if that is owed one). None if there are none.
-        """
-        ...
-
-    def repair(self, transaction: Transaction) -> int:
-        """Deliver again the due jobs whose delivery was lost; return their number."""
-        ...
 
 
 class JobStore(Protocol):
@@ -190,7 +146,7 @@ class JobStore(Protocol):
         owed: Sequence[Lane] = (),
         together: int = 1,
     ) -> Taken:
-        """Take up to ``count`` queued jobs, in the order of :class:`~service.jobs.store.Dispatcher`.
+        """Take up to ``count`` queued jobs, in the order of the queue.
 
         In place of one problem there may be up to ``together``. No two workers get the same job.
         """
@@ -269,10 +225,6 @@ class JobStore(Protocol):
 
     def give_back_all(self, claims: Sequence[Claim], why: str) -> None:
         """Queue several jobs again in one transaction, those whose claims still hold."""
-        ...
-
-    def repair(self) -> int:
-        """Deliver again the due jobs whose delivery was lost; return their number."""
         ...
 
     def reconcile(self, *, max_attempts: int, retry_seconds: float) -> tuple[str, ...]:

@@ -16,14 +16,13 @@ from dataclasses import dataclass, replace
 
 from sqlalchemy.orm import configure_mappers
 
-from service.jobs.records import Claim, Drawn, Refused, Solved
+from service.jobs.records import AtlasResult, Claim, Refused, Solved
 from service.jobs.store import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.schemas.reading.marks import Marks
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import VARIABLE, Database
 from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.sweeps import deleting
@@ -67,7 +66,7 @@ class Stores:
         assert self.jobs.finish(claim, replace(SOLVED, comparison=comparison))[0]
 
     def finish_atlas(self, claim: Claim) -> None:
-        assert self.jobs.finish(claim, Drawn(encode_document(ATLAS)))[0]
+        assert self.jobs.finish(claim, AtlasResult(encode_document(ATLAS)))[0]
 
     def finish_chunk(self, claim: Claim, points: int | None = None) -> None:
         payload = dict(claim.payload)
@@ -342,7 +341,7 @@ DEEDS: tuple[Callable[[Stores], None], ...] = (
 @contextmanager
 def stores_of(url: str) -> Iterator[Stores]:
     database = Database(url)
-    audits, atlases = AuditStore(database, TableDispatcher()), AtlasStore(database, TableDispatcher())
+    audits, atlases = AuditStore(database), AtlasStore(database)
     yield Stores(database, SqlJobStore(database), SweepStore(database), audits, atlases)
     database.close()
 

@@ -2,7 +2,7 @@
 
 import json
 
-from service.jobs.records import Drawn, Refused
+from service.jobs.records import AtlasResult, Refused
 from service.schemas.atlas.reading import read_atlas
 from service.storage.codecs.packing import encode_document
 from service.verdicts.atlases import examine_atlas_of_job
@@ -17,13 +17,13 @@ SAME = ("body", "potential", "accept")
 """Members that a problem has in common with the document of an atlas."""
 
 
-def draw_document(document_json: str) -> Drawn | Refused:
+def draw_document(document_json: str) -> AtlasResult | Refused:
     """Draw what a document of :func:`~service.schemas.atlas.reading.read_atlas` asks for."""
     answer = examine_atlas_of_job(document_json)
     if read_atlas(json.loads(document_json)).wants_stability:
         answer = with_stability(document_json, answer, waits=True)
     found = json.loads(answer)
-    return Refused(found["error"]) if "error" in found else Drawn(encode_document(found["verdict"]))
+    return Refused(found["error"]) if "error" in found else AtlasResult(encode_document(found["verdict"]))
 
 
 def with_stability(document_json: str, atlas_json: str, *, waits: bool = False) -> str:

@@ -61,7 +61,7 @@ TITLES: Mapping[str, str] = {
     "host_not_local": "The host name is not a loopback name",
     "separatrix_undecided": "A separatrix, or a very long period",
     "several_windows": "There are several motions",
-    "essential_singularity": "p² is like no power beside a place",
+    "essential_singularity": "p² behaves like no power of the distance next to a point",
     "signs_unsettled": "It is undecided where motions exist",
     "start_needed": "A start must be given",
     "start_outside_window": "The motion does not pass the start",

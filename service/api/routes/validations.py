@@ -105,7 +105,7 @@ async def validate(
     """Tell whether a potential admits planar motions, with the proof, and list the motions.
 
     A document with a motion and times is a whole problem. It is refused with
-    the errors that `POST /v1/jobs` would give; otherwise `plan` tells what its job
+    the errors that `POST /v1/jobs` would give; otherwise `plan` says what its job
     would do. Nothing is stored.
     """
     asked = await inside.reading.run(len(content), _checked, content, inside.settings)

@@ -80,6 +80,6 @@ class MarksPatchIn(WireModel):
 
     labels: _LabelChanges | None = Field(
         default=None,
-        description="Values by their keys; null removes a label, and in the place of them all every label.",
+        description="Values by their keys; null removes a label, and in place of the object all labels.",
     )
     note: Note | None = Field(default=None, description=f"{NOTE_HELP} null removes it.")

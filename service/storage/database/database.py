@@ -148,9 +148,15 @@ class Database:
     """An engine with a way to read and a way to write. Safe to share between threads, not across a fork.
 
     The database must exist: :func:`service.storage.database.migration.migrate` makes it.
+
+    Parameters
+    ----------
+    announces_jobs
+        Whether Postgres tells workers of other machines of queued jobs.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, *, announces_jobs: bool = False) -> None:
+        self.announces_jobs = announces_jobs
         self.file = file_of(make_url(url))
         self.engine = make_engine(url, file=self.file)
         self._writer = self.engine.execution_options(**{_BEGIN: "BEGIN IMMEDIATE"})

@@ -112,7 +112,7 @@ def finish(session: Session, claim: Claim, outcome: ChunkOutcome) -> list[JobRow
         return None
     end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.SUCCEEDED)
     sweep.way = sweep.way or claim.way
-    asked, most = _range(claim.problem)
+    asked, most = range_of(claim.problem), most_of(claim.problem)
     if not 1 <= outcome.count <= asked.count:
         raise ValueError(f"{outcome.count} points came back of a chunk of {asked.count}")
     sweep.point_seconds = outcome.seconds / outcome.count
@@ -131,7 +131,7 @@ def replace_failed(session: Session, sweep: SweepRow | None, job_id: str) -> lis
     job = session.get_one(JobRow, job_id, populate_existing=True)
     if job.state != JobState.FAILED.value:
         return []
-    asked, most = _range(job.problem)
+    asked, most = range_of(job.problem), most_of(job.problem)
     if asked.count > 1:
         return queue_chunks(session, sweep, cut(asked, PARTS), most, alone=job.alone)
     # Here and not at the top: it loads NumPy, which a worker needs for nothing else.
@@ -144,7 +144,7 @@ def replace_failed(session: Session, sweep: SweepRow | None, job_id: str) -> lis
 
 def first_problem(sweep: SweepRow, claim: Claim) -> Document:
     """Return what the chunk of ``claim`` is to compute if its sweep begins again."""
-    _, most = _range(claim.problem)
+    most = most_of(claim.problem)
     return _problem(pilot(sweep.points, most), most)
 
 
@@ -153,7 +153,7 @@ def begin_again(session: Session, sweep: SweepRow, claim: Claim, way: Way) -> No
 
     The others are deleted: who computes one has lost it.
     """
-    _, most = _range(claim.problem)
+    most = most_of(claim.problem)
     points = SweepChunkRow.sweep_id == sweep.id
     freed = session.scalar(select(func.sum(func.length(SweepChunkRow.data))).where(points)) or 0
     session.execute(delete(SweepChunkRow).where(points).execution_options(synchronize_session=False))
@@ -236,8 +236,11 @@ def _problem(chunk: Range, most: int) -> Document:
     return {"first": chunk.first, "count": chunk.count, "most": most}
 
 
-def _range(problem: Document) -> tuple[Range, int]:
-    """Return the points of a chunk's job, and how large a chunk of its sweep may be."""
-    first, count, most = problem["first"], problem["count"], problem["most"]
-    assert isinstance(first, int) and isinstance(count, int) and isinstance(most, int)  # noqa: PT018
-    return Range(first, count), most
+def range_of(problem: Document) -> Range:
+    """Return the points that a chunk's job computes."""
+    return Range(int(str(problem["first"])), int(str(problem["count"])))
+
+
+def most_of(problem: Document) -> int:
+    """Return how large a chunk of the sweep of a chunk's job may be."""
+    return int(str(problem["most"]))

@@ -24,7 +24,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import Session
 from sqlalchemy.sql import ColumnElement
 
-from service.jobs.records import AttemptOutcome, Claim, Drawn, JobState, Solved
+from service.jobs.records import AtlasResult, AttemptOutcome, Claim, JobState, Solved
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import is_postgres
 from service.storage.database.rows import new_id
@@ -212,7 +212,7 @@ def _store_each(connection: Connection, ended: Sequence[tuple[Claim, Solved]]) -
     return held
 
 
-def store_atlas(session: Session, claim: Claim, outcome: Drawn) -> bool:
+def store_atlas(session: Session, claim: Claim, outcome: AtlasResult) -> bool:
     """Store the atlas of a claimed job on the account of its key, if the claim holds."""
     if not move(session, JobState.SUCCEEDED, *fence(claim), progress=1.0):
         return False

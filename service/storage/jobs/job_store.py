@@ -10,11 +10,11 @@ from service.jobs.kernels import Way
 from service.jobs.queue import Lane
 from service.jobs.records import (
     SUBMITTED,
+    AtlasResult,
     Attempt,
     AttemptOutcome,
     ChunkOutcome,
     Claim,
-    Drawn,
     Job,
     JobFinishedError,
     JobKind,
@@ -27,7 +27,7 @@ from service.jobs.records import (
     SolveOutcome,
     Taken,
 )
-from service.jobs.store import Dispatcher, Receipt
+from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
 from service.storage.database.database import Database
@@ -37,15 +37,14 @@ from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
 from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_atlas
 from service.storage.jobs.moves import end_attempt, fence, history, lose, move
-from service.storage.jobs.records import delivery_of, job_of, page_of_jobs
+from service.storage.jobs.queue import announce
+from service.storage.jobs.records import job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
-from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.idempotency_store import write_key
 from service.storage.marks import marks_of, rewrite
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
-from service.storage.tables.sweeps import SweepRow
 from service.verdicts.cache_rows import Entry, Examination
 
 _JOBS = table_of(JobRow)
@@ -57,10 +56,8 @@ _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
 class SqlJobStore:
     """The :class:`~service.jobs.store.JobStore` in SQLite or Postgres."""
 
-    def __init__(self, database: Database, dispatcher: Dispatcher[Connection] | None = None) -> None:
-        """Without a dispatcher, workers poll the table."""
+    def __init__(self, database: Database) -> None:
         self._database = database
-        self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
 
     def submit(
         self,
@@ -110,7 +107,7 @@ class SqlJobStore:
                 examinations=examinations,
                 marks=marks,
             )
-            self._deliver(session, [row for row in rows if row.state == JobState.QUEUED.value])
+            self._announce(session, any(row.state == JobState.QUEUED.value for row in rows))
             jobs = tuple(map(job_of, rows, marks or [UNMARKED] * len(rows)))
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer(jobs))
@@ -174,7 +171,7 @@ class SqlJobStore:
         """Take the first jobs of the queue, in its order."""
         while True:
             with self._database.write_rows() as connection:
-                taken = take_jobs(connection, self._dispatcher, worker, count, lease_seconds, owed, together)
+                taken = take_jobs(connection, worker, count, lease_seconds, owed, together)
             if taken is None:
                 return Taken()
             if taken != Taken():
@@ -212,9 +209,7 @@ class SqlJobStore:
         """Finish a job and take others by one commit."""
 
         def take(connection: Connection) -> Taken:
-            taken = take_jobs(
-                connection, self._dispatcher, claim.worker, then_take, lease_seconds, owed, together
-            )
+            taken = take_jobs(connection, claim.worker, then_take, lease_seconds, owed, together)
             return taken or Taken()
 
         if isinstance(outcome, ChunkOutcome):
@@ -223,7 +218,7 @@ class SqlJobStore:
         if isinstance(outcome, Refused):
             with self._database.write() as session:
                 return self._fail(session, claim, outcome.error), take(session.connection())
-        if isinstance(outcome, Drawn):
+        if isinstance(outcome, AtlasResult):
             with self._database.write() as session:
                 return store_atlas(session, claim, outcome), take(session.connection())
         with self._database.write_rows() as connection:
@@ -246,7 +241,7 @@ class SqlJobStore:
             held = {claim.job_id for claim, outcome in refused if self._fail(session, claim, outcome.error)}
             connection = session.connection()
             held |= store_and_charge_all(connection, solved)
-            taken = take_jobs(connection, self._dispatcher, worker, then_take, lease_seconds, owed, together)
+            taken = take_jobs(connection, worker, then_take, lease_seconds, owed, together)
             return frozenset(held), taken or Taken()
 
     def finish_failure(self, claim: Claim, error: Mapping[str, object]) -> bool:
@@ -270,7 +265,8 @@ class SqlJobStore:
             terms = detail, max_attempts, retry_seconds
             if not lose(session, fence(claim), attempt, *terms, has_begun=has_begun):
                 return False
-            self._deliver_after_loss(session, sweep, claim.job_id)
+            chunks.replace_failed(session, sweep, claim.job_id)
+            self._announce(session)
             return True
 
     def give_back(self, claim: Claim, why: str = "the worker stopped", *, pause_seconds: float = 0.0) -> bool:
@@ -300,11 +296,6 @@ class SqlJobStore:
                 for claim in claims:
                     self._give_back(session, claim, why)
 
-    def repair(self) -> int:
-        """Deliver again the due jobs whose delivery was lost."""
-        with self._database.write_rows() as connection:
-            return self._dispatcher.repair(connection)
-
     def reconcile(self, *, max_attempts: int, retry_seconds: float = 0.0) -> tuple[str, ...]:
         """Requeue, or fail, every job whose lease has ended."""
         expired = JobRow.state == JobState.RUNNING.value, JobRow.lease_until < DatabaseNow()
@@ -320,13 +311,14 @@ class SqlJobStore:
                 sweep = chunks.hold(session, sweep_id)
                 terms = "the lease ended without a heartbeat", max_attempts, retry_seconds
                 if lose(session, still, (job_id, attempt), *terms, has_begun=False):
-                    self._deliver_after_loss(session, sweep, job_id)
+                    chunks.replace_failed(session, sweep, job_id)
+                    self._announce(session)
                     changed.append(job_id)
         return tuple(changed)
 
     def _finish_chunk(self, session: Session, claim: Claim, outcome: ChunkOutcome) -> bool:
         queued = chunks.finish(session, claim, outcome)
-        self._deliver(session, queued or ())
+        self._announce(session, bool(queued))
         return queued is not None
 
     def _fail(self, session: Session, claim: Claim, error: Mapping[str, object]) -> bool:
@@ -335,7 +327,7 @@ class SqlJobStore:
             return False
         code = str(error.get("code", ""))
         end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.FAILED, code)
-        self._deliver(session, chunks.replace_failed(session, sweep, claim.job_id))
+        self._announce(session, bool(chunks.replace_failed(session, sweep, claim.job_id)))
         return True
 
     def _give_back(
@@ -346,18 +338,13 @@ class SqlJobStore:
         if not move(session, JobState.QUEUED, *fence(claim), **values):
             return False
         end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.RETURNED, why)
-        self._deliver(session, [session.get_one(JobRow, claim.job_id)])
+        self._announce(session)
         return True
 
-    def _deliver(self, session: Session, queued: Sequence[JobRow]) -> None:
-        session.flush()
-        self._dispatcher.dispatch(session.connection(), [delivery_of(row) for row in queued])
-
-    def _deliver_after_loss(self, session: Session, sweep: SweepRow | None, job_id: str) -> None:
-        """Deliver the requeued job, or the jobs that replace a failed chunk."""
-        further = chunks.replace_failed(session, sweep, job_id)
-        job = session.get_one(JobRow, job_id, populate_existing=True)
-        self._deliver(session, [job, *further] if job.state == JobState.QUEUED.value else further)
+    def _announce(self, session: Session, has_queued: bool = True) -> None:
+        session.flush()  # for a claim of the same transaction
+        if has_queued:
+            announce(self._database, session.connection())
 
 
 def _job(session: Session, row: JobRow) -> Job:

@@ -1,7 +1,6 @@
 """Converts rows of jobs and attempts to the records of service.jobs, and reads pages of them."""
 
 from service.jobs.records import Attempt, AttemptOutcome, Job, JobKind, JobPage, JobState
-from service.jobs.store import Delivery
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
@@ -32,11 +31,6 @@ def job_of(row: JobRow, marks: Marks) -> Job:
         marks=marks,
         kind=JobKind(row.kind),
     )
-
-
-def delivery_of(row: JobRow) -> Delivery:
-    """Return the delivery of a queued job, from which it may be claimed."""
-    return Delivery(row.id, row.attempt, row.priority, row.ready_at)
 
 
 def attempt_of(row: AttemptRow) -> Attempt:

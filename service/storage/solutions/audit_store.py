@@ -3,17 +3,18 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, select
+from sqlalchemy import select
 
 from service.jobs.queue import Lane
 from service.jobs.records import AuditNotFoundError, Job, JobPage, SolutionNotFoundError
-from service.jobs.store import Dispatcher, Receipt
+from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
 from service.storage.examinations import store_rows
-from service.storage.jobs.records import delivery_of, job_of, page_of_jobs
+from service.storage.jobs.queue import announce
+from service.storage.jobs.records import job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
 from service.storage.marks import marks_of
@@ -45,8 +46,8 @@ class AuditPage:
 class AuditStore:
     """Writes and reads audits."""
 
-    def __init__(self, database: Database, dispatcher: Dispatcher[Connection]) -> None:
-        self._database, self._dispatcher = database, dispatcher
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
     def submit(
         self,
@@ -84,7 +85,7 @@ class AuditStore:
                 examinations=[examination],
                 audited=solution_id,
             )
-            self._dispatcher.dispatch(session.connection(), [delivery_of(row)])
+            announce(self._database, session.connection())
             job = job_of(row, UNMARKED)
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer((job,)))

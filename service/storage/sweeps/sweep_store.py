@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import Any  # the types of the columns of a table that is not mapped
 
-from sqlalchemy import Connection, Select, bindparam, select
+from sqlalchemy import Select, bindparam, select
 from sqlalchemy.orm import Session, defer
 
 from service.jobs.chunking import RECENT_SECONDS, ChunkRun, pilot, remaining_seconds
@@ -20,15 +20,14 @@ from service.jobs.records import (
     SweepProgress,
     SweepRecord,
 )
-from service.jobs.store import Dispatcher, Receipt
+from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.query.facts import facts_of
 from service.schemas.reading.marks import UNMARKED, Marks
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant, is_id, new_id, optional_instant, rows_of_page
 from service.storage.jobs import chunks
-from service.storage.jobs.records import delivery_of
-from service.storage.jobs.table_dispatcher import TableDispatcher
+from service.storage.jobs.queue import announce
 from service.storage.keys.idempotency_store import write_key
 from service.storage.marks import insert_labels, marks_of, rewrite
 from service.storage.searching.pages import find
@@ -54,10 +53,8 @@ class StoredChunk:
 class SweepStore:
     """Writes and reads sweeps and their points."""
 
-    def __init__(self, database: Database, dispatcher: Dispatcher[Connection] | None = None) -> None:
-        """Without a dispatcher, workers poll the table."""
+    def __init__(self, database: Database) -> None:
         self._database = database
-        self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
 
     def submit(
         self,
@@ -94,9 +91,9 @@ class SweepStore:
             session.add(row)
             session.flush()
             insert_labels(session, SweepRow, [(row.id, row.created_at, marks)])
-            jobs = chunks.queue_chunks(session, row, [first], most)
+            chunks.queue_chunks(session, row, [first], most)
             session.flush()
-            self._dispatcher.dispatch(session.connection(), [delivery_of(job) for job in jobs])
+            announce(self._database, session.connection())
             record = _record(session, row)
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer(record))
@@ -260,14 +257,16 @@ def chunk_runs(session: Session, sweep_ids: Collection[str], since: float) -> di
     at_work = select(JobRow.sweep_id, JobRow.problem, JobRow.started_at).where(
         JobRow.state == JobState.RUNNING.value, JobRow.sweep_id.in_(sweep_ids)
     )
-    rows = [(str(each[0]), _first(each[1]), each[2], each[3]) for each in session.execute(ended)]
+    rows = [
+        (str(each[0]), chunks.range_of(each[1]).first, each[2], each[3]) for each in session.execute(ended)
+    ]
     brought = _points(session, {(sweep_id, first) for sweep_id, first, _, _ in rows})
     runs: dict[str, list[ChunkRun]] = {sweep_id: [] for sweep_id in sweep_ids}
     for sweep_id, first, started_at, ended_at in rows:
         if first:
             runs[sweep_id].append(ChunkRun(started_at, ended_at, brought.get((sweep_id, first), 0)))
     for each in session.execute(at_work):
-        if _first(each[1]) and each[2] is not None:
+        if chunks.range_of(each[1]).first and each[2] is not None:
             runs[str(each[0])].append(ChunkRun(each[2], None, 0))
     return runs
 
@@ -281,12 +280,6 @@ def _points(session: Session, starts: Collection[tuple[str, int]]) -> dict[tuple
         SweepChunkRow.first.in_({first for _, first in starts}),
     )
     return {(sweep_id, first): count for sweep_id, first, count in session.execute(statement)}
-
-
-def _first(problem: Mapping[str, object]) -> int:
-    first = problem["first"]
-    assert isinstance(first, int)
-    return first
 
 
 _SWEEPS = table_of(SweepRow)

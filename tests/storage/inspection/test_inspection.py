@@ -8,14 +8,13 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
-from service.jobs.records import Drawn, JobState, Solved
+from service.jobs.records import AtlasResult, JobState, Solved
 from service.schemas.reading.marks import Marks
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import Database
 from service.storage.database.sqlite_file import file_of
 from service.storage.inspection.inspect import inspect, invariants, repair
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.key_store import KeyStore
 from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
@@ -60,10 +59,10 @@ def live(database):
     solved = solve(jobs, "solved", key_id=key.id, marks=MARKS)
     audited = jobs.submit(PROBLEM, "solved")
     assert audited.reused
-    AuditStore(database, TableDispatcher()).submit(audited.solution_id, PROBLEM, "audited", key_id=key.id)
+    AuditStore(database).submit(audited.solution_id, PROBLEM, "audited", key_id=key.id)
     assert jobs.finish(claim(jobs), Solved(SUMMARY, b"dense", b"samples", {"verdict": "agrees"}))[0]
-    AtlasStore(database, TableDispatcher()).submit({"lambda": [1, 2]}, "drawn", key_id=key.id)
-    assert jobs.finish(claim(jobs), Drawn(encode_document({"parts": []})))[0]
+    AtlasStore(database).submit({"lambda": [1, 2]}, "drawn", key_id=key.id)
+    assert jobs.finish(claim(jobs), AtlasResult(encode_document({"parts": []})))[0]
     jobs.submit(PROBLEM, "refused")
     jobs.finish_failure(claim(jobs), {"code": "no_motion", "detail": "none"})
     jobs.submit(PROBLEM, "lost")

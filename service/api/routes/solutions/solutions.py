@@ -114,14 +114,14 @@ def _page(request: Request, listing: Listing, inside: Resources) -> Response:
 def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Show a solution without its arrays."""
     standing, marks = inside.reads.get(standing_and_marks, solution_id)
-    told = validator_headers(request, inside, (standing, marks))
+    headers = validator_headers(request, inside, (standing, marks))
 
     def content() -> bytes:
         # With the marks that are in the tag: they may have changed since.
         solution = replace(inside.solutions.get(solution_id), marks=marks)
         return json_content(solution_out(solution))
 
-    return Response(inside.answers.get_or_make(told["ETag"], content), media_type=JSON, headers=told)
+    return Response(inside.answers.get_or_make(headers["ETag"], content), media_type=JSON, headers=headers)
 
 
 def _filters(query: SolutionsQuery) -> Iterator[Condition]:

@@ -83,7 +83,7 @@ class TrajectoryQuery(QueryModel):
         ge=2,
         le=MOST_PREVIEWED,
         description="So many times at which the columns are drawn best, closer together where they are bent;"
-        f" over those of the problem, or from start to stop. {DEVIATION_HEADER} tells how far the drawn lines"
+        f" over those of the problem, or from start to stop. {DEVIATION_HEADER} says how far the drawn lines"
         " are off at most, as a share of a column's range.",
     )
     columns: str | None = Field(default=None, description="Names with commas between, such as t,g1,g3.")

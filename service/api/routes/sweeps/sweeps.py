@@ -87,7 +87,7 @@ async def submit_sweep(
     """Check a sweep and queue its first points; the others follow as those are done.
 
     The base must be a problem with the first value of each axis. Whether a
-    point has a motion is told by the point.
+    point has a motion is known when the point is computed.
     """
     given = read_key(idempotency_key, request, content, holder)
 
