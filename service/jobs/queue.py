@@ -44,13 +44,19 @@ class LaneShares:
     The balance of a lane is the time it should have had minus the time it has
     had; above zero, the lane is owed the next job. Neither credit nor debt builds
     up: the balance of an empty lane is reset to its first value, and a lane that
-    had the worker to itself is in debt for its last job only. At first, and after
-    each job, the lanes before it come first for as long as their share of the
-    time: seven seconds after a chunk of one second.
+    had the worker to itself is in debt for its last job only. After each job the
+    lanes before it come first for as long as their share of the time: seven
+    seconds after a chunk of one second.
+
+    Parameters
+    ----------
+    left
+        The part of the debt of one chunk that a new worker has left, from 0 to 1. Drawn at random for each
+        worker it gives all lanes their shares also where workers die before they have paid a whole debt.
     """
 
-    def __init__(self) -> None:
-        self._balance = {lane: _debt(lane, CHUNK_SECONDS) for lane in SHARES}
+    def __init__(self, left: float = 1.0) -> None:
+        self._balance = {lane: left * _debt(lane, CHUNK_SECONDS) for lane in SHARES}
         self._running: Counter[Lane] = Counter()
 
     def owed(self) -> tuple[Lane, ...]:

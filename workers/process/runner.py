@@ -6,6 +6,7 @@ may have happened. No transaction is open while a child computes.
 
 import json
 import logging
+import random
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
@@ -92,7 +93,7 @@ class Runner:
         self._leases = Leases(store, limits.lease_seconds)
         self._results = Results(store, limits, outlook)
         self._portions = Portions(BatchSize(), slots, limits.lease_seconds)
-        self._shares = LaneShares()
+        self._shares = LaneShares(random.random())
         self._is_dry = False
         """Nothing was left in the queue when results were stored, a moment ago."""
         self._reconcile_at = self._watch_at = 0.0

@@ -104,7 +104,8 @@ async def listed(
         return listing.estimate()
     is_quick = all(each.subject.name in _INDEXED for each in query.conditions)
     is_by_age = all(key.subject.name in _AGE for key in query.order)
-    if is_quick and is_by_age and query.offset <= _NEAR:
+    is_bounded = not query.is_counted or query.count_limit is not None
+    if is_quick and is_by_age and is_bounded and query.offset <= _NEAR:
         return await run_in_threadpool(make)
     return await made_in_a_slot(request, inside, make)
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from http import HTTPStatus
 from typing import Annotated
 
@@ -13,7 +14,7 @@ from service.api.bodies import BodyIfAny, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.heavy_answers import while_connected
+from service.api.middleware.heavy_answers import listed, while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
@@ -22,7 +23,8 @@ from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.records import audit_out
 from service.api.replies.responses import AuditId, SolutionId, json_response, refusals
 from service.api.routes.jobs import SubmitQuery
-from service.api.submission import Checked, accept, check
+from service.api.submission import accept, check
+from service.api.verdicts.examiner import Submission
 from service.jobs.records import Job
 from service.jobs.store import Receipt
 from service.schemas.problem.documents import MEMBERS, AuditIn, audited_problem
@@ -101,7 +103,7 @@ def _read(inside: Resources, solution_id: str) -> _Audited:
     return _Audited(standing.id, standing.digest, problem, len(json.dumps(problem)))
 
 
-def _checked(content: bytes, problem: Mapping[str, object], settings: Settings) -> Checked:
+def _checked(content: bytes, problem: Mapping[str, object], settings: Settings) -> Submission:
     document = read_json(content) if content else {}
     _, faults = read_parts(document, AuditIn, MEMBERS)
     if faults:
@@ -110,16 +112,18 @@ def _checked(content: bytes, problem: Mapping[str, object], settings: Settings) 
     return check(audited_problem(dict(problem), document), settings)
 
 
-async def _submit(audited: _Audited, problem: Checked, inside: Resources, terms: SubmissionTerms) -> Response:
-    examined = await accept(inside, problem, terms.holder)
+async def _submit(
+    audited: _Audited, problem: Submission, inside: Resources, terms: SubmissionTerms
+) -> Response:
+    accepted = await accept(inside, problem, terms.holder)
 
     def store(receipt: Receipt[Made] | None) -> Job:
-        accepted = examined.accepted()
+        digest = accepted.digest
         return inside.audits.submit(
             audited.id,
             # In the same words, if it is the same: then equal bits are expected.
-            audited.problem if accepted.digest == audited.digest else accepted.document,
-            accepted.digest,
+            audited.problem if digest == audited.digest else accepted.document,
+            digest,
             priority=terms.priority,
             key_id=terms.key_id,
             examination=accepted.examination,
@@ -149,9 +153,7 @@ async def list_audits(
     """List the audits of a solution, newest first or as asked: `where` and `order` are about their jobs."""
     standing = await run_in_threadpool(standing_of, inside.database, solution_id)
     listing = read_listing(asked, audits_of(standing.id))
-    if listing.query.is_estimated:
-        return listing.estimate()
-    return await run_in_threadpool(_page, request, standing.id, listing, inside)
+    return await listed(request, inside, listing, partial(_page, request, standing.id, listing, inside))
 
 
 def _page(request: Request, solution_id: str, listing: Listing, inside: Resources) -> Response:

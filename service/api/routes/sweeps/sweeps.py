@@ -189,18 +189,21 @@ def cancel_sweep(sweep_id: SweepId, inside: Inside, holder: Holder) -> Response:
     responses=refusals(404),
     openapi_extra=query_parameters(AskingQuery),
 )
-def list_sweep_jobs(
+async def list_sweep_jobs(
     sweep_id: SweepId,
     request: Request,
     asked: Annotated[Asked[AskingQuery], Depends(asked_of(AskingQuery))],
     inside: Inside,
 ) -> Response:
     """List the jobs that compute the points of a sweep, newest first or as asked."""
-    record = inside.sweeps.get(sweep_id)
+    record = await run_in_threadpool(inside.sweeps.get, sweep_id)
     listing = read_listing(asked, chunks_of(record.id))
-    if listing.query.is_estimated:
-        return listing.estimate()
-    page = inside.jobs.find_of_sweep(record.id, listing.query)
+    make = partial(_page_of_chunks, request, record.id, listing, inside)
+    return await listed(request, inside, listing, make)
+
+
+def _page_of_chunks(request: Request, sweep_id: str, listing: Listing, inside: Resources) -> Response:
+    page = inside.jobs.find_of_sweep(sweep_id, listing.query)
     return page_answer(request, listing, ChunkJobPageOut, page, list(map(_chunk, page.jobs)))
 
 
