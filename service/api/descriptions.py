@@ -16,8 +16,8 @@ from service.api.replies.errors import MEDIA_TYPE, ApiError
 from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
 from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
+from service.schemas.reading.annotation_in import MarksPatchIn
 from service.schemas.reading.documents import Fault
-from service.schemas.reading.marks_in import MarksPatchIn
 from service.schemas.replies.job import ProblemDetailsOut
 from service.schemas.sweep.reading import SweepIn
 from service.versions import version_of

@@ -13,7 +13,7 @@ from service.jobs.kernels import Way
 from service.jobs.queue import Lane
 from service.jobs.records import Attempt, Claim, Job, JobPage, Outcome, SolveOutcome, Taken
 from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.marks import UNMARKED, Marks
+from service.schemas.reading.annotation import UNANNOTATED, Annotation
 from service.verdicts.cache_rows import Entry, Examination
 
 KEPT_SECONDS = 86400.0
@@ -75,7 +75,7 @@ class JobStore(Protocol):
         examination: Examination | None = None,
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
-        marks: Marks = UNMARKED,
+        annotation: Annotation = UNANNOTATED,
     ) -> Job:
         """Store a job for a canonical problem document, on the account of a key.
 
@@ -97,12 +97,12 @@ class JobStore(Protocol):
         examinations: Sequence[Examination | None] = (),
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
-        marks: Sequence[Marks] = (),
+        annotations: Sequence[Annotation] = (),
     ) -> tuple[Job, ...]:
         """Do the same for several problems with their digests: all of them are stored, or none.
 
         They wait in ``lane``. ``examinations`` has one, or None, for each of them, or is empty; so has
-        ``marks`` their labels and notes.
+        ``annotations`` their labels and notes.
         """
         ...
 
@@ -122,7 +122,7 @@ class JobStore(Protocol):
         """Return the history of a job, oldest first."""
         ...
 
-    def mark(self, job_id: str, change: Callable[[Job], Marks]) -> Job:
+    def annotate(self, job_id: str, change: Callable[[Job], Annotation]) -> Job:
         """Give a job the labels and the note that ``change`` makes of its present state.
 
         Nothing is changed if it raises. Raises :class:`~service.jobs.records.JobNotFoundError`.

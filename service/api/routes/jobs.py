@@ -152,7 +152,7 @@ async def _submit_one(problem: Submission, inside: Resources, terms: SubmissionT
             receipt=receipt,
             examination=accepted.examination,
             found=accepted.entries,
-            marks=accepted.marks,
+            annotation=accepted.annotation,
         )
 
     return await queue(inside, terms, store, _shown)
@@ -184,7 +184,7 @@ def _queue_list(
         receipt=receipt_of(terms.given, lambda made: _list_submitted(answers, made)),
         examinations=[problem.examination for problem in accepted],
         found=[entry for problem in accepted for entry in problem.entries],
-        marks=[problem.marks for problem in accepted],
+        annotations=[problem.annotation for problem in accepted],
     )
     inside.doorbell.ring()
     return _list_submitted(answers, jobs)

@@ -25,12 +25,12 @@ from sqlalchemy.orm import Session
 from sqlalchemy.sql import ColumnElement
 
 from service.jobs.records import AtlasResult, AttemptOutcome, Claim, JobState, Solved
+from service.storage.annotations import LABELS_OF_JOB, copy_labels
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import is_postgres
 from service.storage.database.rows import new_id
 from service.storage.jobs.moves import end_attempt, fence, may_become, move
 from service.storage.keys.key_store import charge
-from service.storage.marks import LABELS_OF_JOB, copy_labels
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
 from service.storage.tables.labels import SolutionLabelRow

@@ -29,7 +29,8 @@ from service.jobs.records import (
 )
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.marks import UNMARKED, Marks
+from service.schemas.reading.annotation import UNANNOTATED, Annotation
+from service.storage.annotations import annotations_of, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, is_id
 from service.storage.examinations import store_rows
@@ -41,7 +42,6 @@ from service.storage.jobs.queue import announce
 from service.storage.jobs.records import job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
-from service.storage.marks import marks_of, rewrite
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
@@ -69,7 +69,7 @@ class SqlJobStore:
         examination: Examination | None = None,
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
-        marks: Marks = UNMARKED,
+        annotation: Annotation = UNANNOTATED,
     ) -> Job:
         """Store a job; it has succeeded already if an equal problem has been solved."""
         (job,) = self.submit_many(
@@ -79,7 +79,7 @@ class SqlJobStore:
             examinations=[examination],
             found=found,
             receipt=receipt,
-            marks=[marks],
+            annotations=[annotation],
         )
         return job
 
@@ -93,7 +93,7 @@ class SqlJobStore:
         examinations: Sequence[Examination | None] = (),
         found: Sequence[Entry] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
-        marks: Sequence[Marks] = (),
+        annotations: Sequence[Annotation] = (),
     ) -> tuple[Job, ...]:
         """Store a job for each problem and its digest, all of them or none, and the answer of a receipt."""
         with self._database.write() as session:
@@ -105,10 +105,10 @@ class SqlJobStore:
                 priority=priority,
                 key_id=key_id,
                 examinations=examinations,
-                marks=marks,
+                annotations=annotations,
             )
             self._announce(session, any(row.state == JobState.QUEUED.value for row in rows))
-            jobs = tuple(map(job_of, rows, marks or [UNMARKED] * len(rows)))
+            jobs = tuple(map(job_of, rows, annotations or [UNANNOTATED] * len(rows)))
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer(jobs))
             return jobs
@@ -131,14 +131,14 @@ class SqlJobStore:
         with self._database.read() as session:
             return history(session, _row(session, job_id).id)
 
-    def mark(self, job_id: str, change: Callable[[Job], Marks]) -> Job:
+    def annotate(self, job_id: str, change: Callable[[Job], Annotation]) -> Job:
         """Give a job the labels and the note that ``change`` makes of its present state."""
         with self._database.write() as session:
             row = _row(session, job_id, is_locked=True)
             job = _job(session, row)
-            marks = change(job)
-            rewrite(session, row, marks, job.marks.labels)
-            return replace(job, marks=marks)
+            annotation = change(job)
+            rewrite(session, row, annotation, job.annotation.labels)
+            return replace(job, annotation=annotation)
 
     def cancel(self, job_id: str) -> Job:
         """Cancel an unfinished job at once, even while it runs; its claim no longer holds."""
@@ -348,8 +348,8 @@ class SqlJobStore:
 
 
 def _job(session: Session, row: JobRow) -> Job:
-    (marks,) = marks_of(session, [row])
-    return job_of(row, marks)
+    (annotation,) = annotations_of(session, [row])
+    return job_of(row, annotation)
 
 
 def _row(session: Session, job_id: str, *, is_locked: bool = False) -> JobRow:

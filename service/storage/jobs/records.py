@@ -2,16 +2,16 @@
 
 from service.jobs.records import Attempt, AttemptOutcome, Job, JobKind, JobPage, JobState
 from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
+from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, optional_instant, rows_of_page
-from service.storage.marks import marks_of
 from service.storage.searching.pages import find
 from service.storage.searching.sources import Source
 from service.storage.tables.jobs import AttemptRow, JobRow
 
 
-def job_of(row: JobRow, marks: Marks) -> Job:
+def job_of(row: JobRow, annotation: Annotation) -> Job:
     """Return the record of a job, whose labels are in another table."""
     return Job(
         id=row.id,
@@ -28,7 +28,7 @@ def job_of(row: JobRow, marks: Marks) -> Job:
         started_at=optional_instant(row.started_at),
         finished_at=optional_instant(row.finished_at),
         key_id=row.key_id,
-        marks=marks,
+        annotation=annotation,
         kind=JobKind(row.kind),
     )
 
@@ -50,5 +50,5 @@ def page_of_jobs(database: Database, source: Source, query: ListQuery) -> JobPag
     with database.search() as session:
         found = find(session, source, query)
         rows = [] if query.columns else rows_of_page(session, JobRow, found.ids)
-        jobs = tuple(map(job_of, rows, marks_of(session, rows)))
+        jobs = tuple(map(job_of, rows, annotations_of(session, rows)))
         return JobPage(jobs, found.total, found.values, found.next)

@@ -10,11 +10,11 @@ from sqlalchemy.orm import Session
 from service.jobs.queue import Lane, gap_for, turns
 from service.jobs.records import JobKind, JobState
 from service.schemas.query.facts import facts_of
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
+from service.storage.annotations import insert_labels
 from service.storage.database.database import is_postgres
 from service.storage.database.rows import database_now, new_id
 from service.storage.jobs.finishing import solved
-from service.storage.marks import insert_labels
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AuditRow, JobRow
 from service.verdicts.cache_rows import Examination
@@ -96,7 +96,7 @@ def insert_jobs(
     priority: int,
     key_id: str | None,
     examinations: Sequence[Examination | None] = (),
-    marks: Sequence[Marks] = (),
+    annotations: Sequence[Annotation] = (),
     audited: str | None = None,
     kind: JobKind = JobKind.SOLVE,
 ) -> list[JobRow]:
@@ -115,7 +115,7 @@ def insert_jobs(
     given = next_turns(connection, lane=lane, priority=priority, key_id=key_id, seconds=[None] * len(waiting))
     turns = iter(given)
     values: list[dict[str, object]] = []
-    for (problem, digest), examination, mark in zip_longest(problems, examinations, marks):
+    for (problem, digest), examination, annotation in zip_longest(problems, examinations, annotations):
         solution_id = solutions.get(digest)
         reused = solution_id is not None
         values.append(
@@ -139,7 +139,7 @@ def insert_jobs(
                 "digest": digest,
                 "created_at": now,
                 "finished_at": now if reused else None,
-                "note": None if mark is None else mark.note,
+                "note": None if annotation is None else annotation.note,
             }
         )
     if values:
@@ -147,6 +147,6 @@ def insert_jobs(
     if audited is not None:
         audits = [{"job_id": each["id"], "solution_id": audited} for each in values]
         session.execute(_INSERT_AUDITS, audits)
-    made = zip(values, marks, strict=False)
-    insert_labels(session, JobRow, [(str(each["id"]), now, mark) for each, mark in made])
+    made = zip(values, annotations, strict=False)
+    insert_labels(session, JobRow, [(str(each["id"]), now, annotation) for each, annotation in made])
     return [JobRow(**each) for each in values]

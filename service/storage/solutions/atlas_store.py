@@ -8,7 +8,7 @@ from service.jobs.queue import Lane
 from service.jobs.records import AtlasNotFoundError, Job, JobKind, JobPage
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.marks import UNMARKED
+from service.schemas.reading.annotation import UNANNOTATED
 from service.storage.codecs.packing import Document, decode_document
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
@@ -52,7 +52,7 @@ class AtlasStore:
                 kind=JobKind.ATLAS,
             )
             announce(self._database, session.connection())
-            job = job_of(row, UNMARKED)
+            job = job_of(row, UNANNOTATED)
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer((job,)))
             return job

@@ -9,7 +9,8 @@ from service.jobs.queue import Lane
 from service.jobs.records import AuditNotFoundError, Job, JobPage, SolutionNotFoundError
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.marks import UNMARKED
+from service.schemas.reading.annotation import UNANNOTATED
+from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
 from service.storage.examinations import store_rows
@@ -17,7 +18,6 @@ from service.storage.jobs.queue import announce
 from service.storage.jobs.records import job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
-from service.storage.marks import marks_of
 from service.storage.searching.sources import audits_of
 from service.storage.tables.jobs import AuditRow, JobRow
 from service.storage.tables.solutions import SolutionRow
@@ -86,7 +86,7 @@ class AuditStore:
                 audited=solution_id,
             )
             announce(self._database, session.connection())
-            job = job_of(row, UNMARKED)
+            job = job_of(row, UNANNOTATED)
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer((job,)))
             return job
@@ -98,7 +98,7 @@ class AuditStore:
                 row = session.get(JobRow, audit_id)
                 audit = session.get(AuditRow, audit_id)
                 if row is not None and audit is not None and audit.solution_id == solution_id:
-                    return Audit(job_of(row, *marks_of(session, [row])), solution_id, audit.comparison)
+                    return Audit(job_of(row, *annotations_of(session, [row])), solution_id, audit.comparison)
         raise AuditNotFoundError(solution_id, audit_id)
 
     def find(self, solution_id: str, query: ListQuery) -> AuditPage:

@@ -23,13 +23,13 @@ from service.jobs.records import (
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.query.facts import facts_of
-from service.schemas.reading.marks import UNMARKED, Marks
+from service.schemas.reading.annotation import UNANNOTATED, Annotation
+from service.storage.annotations import annotations_of, insert_labels, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant, is_id, new_id, optional_instant, rows_of_page
 from service.storage.jobs import chunks
 from service.storage.jobs.queue import announce
 from service.storage.keys.idempotency_store import write_key
-from service.storage.marks import insert_labels, marks_of, rewrite
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SWEEP_ROWS
 from service.storage.tables.base import Document, table_of
@@ -65,7 +65,7 @@ class SweepStore:
         priority: int = 0,
         key_id: str | None = None,
         receipt: Receipt[SweepRecord] | None = None,
-        marks: Marks = UNMARKED,
+        annotation: Annotation = UNANNOTATED,
     ) -> SweepRecord:
         """Store a sweep and its first chunk only, however many points it has, and the answer of a receipt.
 
@@ -86,11 +86,11 @@ class SweepStore:
                 priority=priority,
                 key_id=key_id,
                 created_at=database_now(session),
-                note=marks.note,
+                note=annotation.note,
             )
             session.add(row)
             session.flush()
-            insert_labels(session, SweepRow, [(row.id, row.created_at, marks)])
+            insert_labels(session, SweepRow, [(row.id, row.created_at, annotation)])
             chunks.queue_chunks(session, row, [first], most)
             session.flush()
             announce(self._database, session.connection())
@@ -113,7 +113,7 @@ class SweepStore:
             )
             return SweepPage(tuple(_progress(session, rows)), found.total, found.values, found.next)
 
-    def mark(self, sweep_id: str, change: Callable[[SweepRecord], Marks]) -> SweepRecord:
+    def annotate(self, sweep_id: str, change: Callable[[SweepRecord], Annotation]) -> SweepRecord:
         """Give a sweep the labels and the note that ``change`` makes of its present state.
 
         Nothing is changed if it raises. Raises :class:`SweepNotFoundError`.
@@ -123,9 +123,9 @@ class SweepStore:
             if row is None:
                 raise SweepNotFoundError(sweep_id)
             record = _record(session, row)
-            marks = change(record)
-            rewrite(session, row, marks, record.marks.labels)
-            return replace(record, marks=marks)
+            annotation = change(record)
+            rewrite(session, row, annotation, record.annotation.labels)
+            return replace(record, annotation=annotation)
 
     def cancel(self, sweep_id: str) -> SweepRecord:
         """Cancel an unfinished sweep and its chunks at once; cancelling again changes nothing.
@@ -194,7 +194,7 @@ def _record(session: Session, row: SweepRow) -> SweepRecord:
 
 def _progress(session: Session, rows: Sequence[SweepRow]) -> Iterator[SweepProgress]:
     remaining = _remaining(session, [row for row in rows if row.state == JobState.RUNNING.value])
-    for row, marks in zip(rows, marks_of(session, rows), strict=True):
+    for row, annotation in zip(rows, annotations_of(session, rows), strict=True):
         yield SweepProgress(
             id=row.id,
             state=JobState(row.state),
@@ -209,7 +209,7 @@ def _progress(session: Session, rows: Sequence[SweepRow]) -> Iterator[SweepProgr
             started_at=optional_instant(row.started_at),
             finished_at=optional_instant(row.finished_at),
             way=row.way,
-            marks=marks,
+            annotation=annotation,
         )
 
 

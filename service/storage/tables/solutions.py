@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from sqlalchemy import ForeignKey, Index, PrimaryKeyConstraint, String, Text, Uuid
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.schemas.reading.marks import LONGEST_NOTE
+from service.schemas.reading.annotation import LONGEST_NOTE
 from service.storage.tables.base import ASKED_DOCUMENT, Base, Document
 
 ASKED = (

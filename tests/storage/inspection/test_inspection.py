@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
 from service.jobs.records import AtlasResult, JobState, Solved
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import Database
 from service.storage.database.sqlite_file import file_of
@@ -31,7 +31,7 @@ def claim(jobs, lease_seconds=600.0):
     return jobs.claim("worker", lease_seconds=lease_seconds)
 
 
-MARKS = Marks({"project": "thesis"}, "to be looked at")
+ANNOTATION = Annotation({"project": "thesis"}, "to be looked at")
 
 
 def solve(jobs, digest, **of):
@@ -56,7 +56,7 @@ def live(database):
     """Do all that can be done, in the ordinary way; return the ids of some of it."""
     jobs, sweeps = SqlJobStore(database), SweepStore(database)
     key, _ = KeyStore(database).create(Role.SUBMIT)
-    solved = solve(jobs, "solved", key_id=key.id, marks=MARKS)
+    solved = solve(jobs, "solved", key_id=key.id, annotation=ANNOTATION)
     audited = jobs.submit(PROBLEM, "solved")
     assert audited.reused
     AuditStore(database).submit(audited.solution_id, PROBLEM, "audited", key_id=key.id)
@@ -73,7 +73,8 @@ def live(database):
     claim(jobs)
     jobs.cancel(stopped.id)
     done, begun, ended = (
-        sweeps.submit(SWEEP, points=n, most=100, key_id=key.id, marks=MARKS) for n in (40, 4000, 4000)
+        sweeps.submit(SWEEP, points=n, most=100, key_id=key.id, annotation=ANNOTATION)
+        for n in (40, 4000, 4000)
     )
     work_on(jobs, sweeps, done.id, 40)
     work_on(jobs, sweeps, begun.id, 200)

@@ -24,8 +24,8 @@ from service.jobs.keys import ApiKey
 from service.jobs.records import Job, JobState, SweepRecord
 from service.jobs.store import GivenKey
 from service.schemas.query.conditions import in_state
+from service.schemas.reading.annotation import split_annotation
 from service.schemas.reading.documents import Fault
-from service.schemas.reading.marks import split_marks
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
@@ -119,7 +119,7 @@ def _submit(
     check_priority(holder, priority, "/priority")
     inside.limits.reserve_points(holder, sweep.points)
     # Labels can be changed later; the document cannot.
-    stored, marks = split_marks(document)
+    stored, annotation = split_annotation(document)
     record = inside.sweeps.submit(
         stored,
         points=sweep.points,
@@ -127,7 +127,7 @@ def _submit(
         priority=priority,
         key_id=None if holder is None else holder.id,
         receipt=receipt_of(given, _submitted),
-        marks=marks,
+        annotation=annotation,
     )
     inside.doorbell.ring()
     return _submitted(record)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 
-from service.schemas.reading.marks import LABEL_KEY, LABEL_KEYS, LONGEST_NOTE, LONGEST_VALUE, MOST_LABELS
+from service.schemas.reading.annotation import LABEL_KEY, LABEL_KEYS, LONGEST_NOTE, LONGEST_VALUE, MOST_LABELS
 from service.schemas.reading.numbers import refuse
 from service.schemas.reading.parts import WireModel
 
