@@ -22,7 +22,7 @@ _REMEMBERED = 1000
 """Jobs that were reported last: one may have finished before its client began to wait."""
 
 
-class Doorbell:
+class WakeUpSocket:
     """The API's side: wakes workers, and waits for their jobs. Thread-safe.
 
     Parameters
@@ -55,7 +55,7 @@ class Doorbell:
     def tell_database_is_ready(self) -> None:
         """Tell all workers, and each that is started later, that they may use the database."""
         self._is_database_ready = True
-        self.ring()
+        self.notify()
 
     def new_line(self, heard: Callable[[], None] = lambda: None) -> socket.socket:
         """Return the worker's end of a new pair of sockets.
@@ -69,17 +69,17 @@ class Doorbell:
             self._lines.append(ours)
             if self._is_database_ready:
                 ours.send(b".")
-        threading.Thread(target=self._listen, args=(ours, heard), name="doorbell", daemon=True).start()
+        threading.Thread(target=self._listen, args=(ours, heard), name="wake-up", daemon=True).start()
         return theirs
 
-    def ring(self) -> None:
+    def notify(self) -> None:
         """Wake every worker: there is a new job, or one was cancelled."""
         with self._lock:
             for line in self._lines:
                 # A full buffer is wake-up enough; the thread that reads from a dead worker ends by itself.
                 with contextlib.suppress(OSError):
                     line.send(b".", socket.MSG_DONTWAIT)
-        self._notify()
+        self._report_news()
 
     async def wait_for(
         self,
@@ -117,9 +117,9 @@ class Doorbell:
                 self._reported.popitem(last=False)
             for waiter in self._waiting.get(job_id, ()):
                 waiter.tell()
-        self._notify()
+        self._report_news()
 
-    def _notify(self) -> None:
+    def _report_news(self) -> None:
         if self._tell_news is not None:
             self._tell_news()
 

@@ -107,7 +107,7 @@ class Runner:
         """Take jobs for the free slots; return the ids of those that are solved already."""
         finished: list[str] = []
         if self._is_dry and not self._waiting:
-            # What is queued since then rings the bell or is found by the next poll.
+            # What is queued since then wakes the worker or is found by the next poll.
             self._is_dry = False
             return finished
         while (free := self._free()) > 0:

@@ -307,7 +307,7 @@ def _note_fault(call: Call, faults: list[str]) -> None:
 def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: int | None) -> None:
     """Run one worker in this process until SIGTERM, SIGINT, or the end of the service that started it.
 
-    ``wake_fd`` is the descriptor of a wake-up socket from :class:`service.local.wakeup.Doorbell`. With one,
+    ``wake_fd`` is the descriptor of a worker's end of a :class:`service.local.wakeup.WakeUpSocket`. With one,
     the children start and warm up while the service still migrates the database.
 
     Raises
@@ -346,8 +346,8 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
 def _is_database_ready(line: WorkerLine, waker: Waker, stop: StopAsked) -> bool:
     """Wait for the first message of the service; False if the end comes before."""
     with selectors.PollSelector() as selector:
-        for bell in (line, waker):
-            selector.register(bell, selectors.EVENT_READ)
+        for source in (line, waker):
+            selector.register(source, selectors.EVENT_READ)
         while not stop.is_asked:
             heard = [key.fileobj for key, _ in selector.select()]
             if line in heard:

@@ -238,9 +238,9 @@ class EngineLoop:
         if self._runner.is_busy:
             timeout = min(timeout, WATCH_SECONDS)
         with selectors.PollSelector() as selector:
-            for bell in (self._waker, self._line, self._announcements):
-                if bell is not None and bell.fileno() >= 0:
-                    selector.register(bell, selectors.EVENT_READ)
+            for source in (self._waker, self._line, self._announcements):
+                if source is not None and source.fileno() >= 0:
+                    selector.register(source, selectors.EVENT_READ)
             heard = [key.fileobj for key, _ in selector.select(timeout)]
         if self._waker in heard:
             self._waker.clear()

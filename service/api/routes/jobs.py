@@ -186,7 +186,7 @@ def _queue_list(
         found=[entry for problem in accepted for entry in problem.entries],
         annotations=[problem.annotation for problem in accepted],
     )
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     return _list_submitted(answers, jobs)
 
 
@@ -270,7 +270,7 @@ def cancel_job(job_id: JobId, inside: Inside, holder: Holder) -> Response:
     """
     check_owner(holder, inside.jobs.get(job_id).key_id)
     job = inside.jobs.cancel(job_id)
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     # Release the clients that wait for it.
-    inside.doorbell.announce(job.id)
+    inside.wake_up.announce(job.id)
     return json_response(job_out(job))

@@ -129,7 +129,7 @@ def _submit(
         receipt=receipt_of(given, _submitted),
         annotation=annotation,
     )
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     return _submitted(record)
 
 
@@ -179,7 +179,7 @@ def cancel_sweep(sweep_id: SweepId, inside: Inside, holder: Holder) -> Response:
     """
     check_owner(holder, inside.sweeps.get(sweep_id).key_id)
     record = inside.sweeps.cancel(sweep_id)
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     return json_response(sweep_out(record))
 
 

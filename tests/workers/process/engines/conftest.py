@@ -35,7 +35,7 @@ def log(tmp_path):
 
 @pytest.fixture
 def submit(installation, log):
-    """Submit chores, each of which is like no other, and ring."""
+    """Submit chores, each of which is like no other, and notify."""
     numbers = iter(range(10**6))
 
     def submit(*, priority=0, **chore):
@@ -43,7 +43,7 @@ def submit(installation, log):
         job = installation.jobs.submit(
             {"log": str(log), "number": number, **chore}, number[-60:], priority=priority
         )
-        installation.bell.ring()
+        installation.wake_up.notify()
         return job
 
     return submit

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sqlalchemy import text
 
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.queue import announce
@@ -28,7 +28,7 @@ class Installation:
         self.jobs = SqlJobStore(self.database)
         self.solutions = SolutionStore(self.database)
         self.sweeps = SweepStore(self.database)
-        self.bell = Doorbell()
+        self.wake_up = WakeUpSocket()
         self._workers: list[Worker] = []
 
     def start_worker(self, host: int = 1, **options: object) -> Worker:
@@ -46,7 +46,7 @@ class Installation:
             "host_name": "the-host" if is_local else f"host-{host}",
             # Before, at, and after the time of the database.
             "clock_shift": (host % 3 - 1) * HOUR,
-            "doorbell": self.bell if is_local else None,
+            "wake_up": self.wake_up if is_local else None,
             "begins_with": () if is_local else network_apart(),
             **options,
         }
@@ -57,7 +57,7 @@ class Installation:
         """Announce jobs once more than needed."""
         with self.database.write_rows() as connection:
             announce(self.database, connection)
-        self.bell.ring()
+        self.wake_up.notify()
 
     def count(self, table: str) -> int:
         """Return the number of rows."""
@@ -68,7 +68,7 @@ class Installation:
         """Kill the workers, close the rest."""
         for worker in self._workers:
             worker.clean_up()
-        self.bell.close()
+        self.wake_up.close()
         self.database.close()
 
 

@@ -105,6 +105,6 @@ def test_a_running_job_is_cancelled(installation, jobs, submit, log):
     job = submit(chore="spin")
     (child,) = wait_until(lambda: runs(log))
     assert jobs.cancel(job.id).state is JobState.CANCELLED
-    installation.bell.ring()
+    installation.wake_up.notify()
     wait_until(lambda: not os.path.exists(f"/proc/{child}"))  # noqa: PTH110
     assert outcomes(jobs, job) == [AttemptOutcome.CANCELLED]

@@ -86,7 +86,7 @@ def test_a_single_job_waits_for_the_chunk_that_runs_and_for_no_other(installatio
     """However many chunks are queued: some fifteen here, each of which takes a while."""
     document = {"axes": [], "seconds": 1.0, "pause": 0.1}
     sweep = installation.sweeps.submit(document, points=10_000, most=1)
-    installation.bell.ring()
+    installation.wake_up.notify()
     worker = installation.start_worker(lease_seconds=30.0)
     in_queue = select(func.count()).where(JobRow.sweep_id == sweep.id, JobRow.state == "queued")
     wait_until(lambda: value(installation, in_queue) >= 15)

@@ -18,7 +18,7 @@ PATIENT = {"poll_seconds": 3600, "lease_seconds": 3600}
 
 def submit(installation, **sweep):
     submitted = installation.sweeps.submit({"seconds": 0.02, **sweep}, points=POINTS, most=LARGEST_CHUNK)
-    installation.bell.ring()
+    installation.wake_up.notify()
     return submitted
 
 
