@@ -4,6 +4,7 @@ A request reaches its endpoint without a comparison with all other paths.
 """
 
 from functools import cache
+from typing import Any  # parts of the OpenAPI document
 
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import JSONResponse
@@ -107,7 +108,7 @@ def install(app: FastAPI) -> None:
     app.add_middleware(FilesInTurns)
     app.add_middleware(Observation)
 
-    def openapi() -> dict[str, object]:
+    def openapi() -> dict[str, Any]:
         if app.openapi_schema is None:
             app.openapi_schema = describe(app)
         return app.openapi_schema

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 
+from service.schemas.reading.documents import Document
+
 PAPER = "New solvable problems in the dynamics of a rigid body about a fixed point in a potential field"
 """Title of the paper by H. M. Yehia that the method is from."""
 PROGRAM = "The polhode authors"
@@ -31,7 +33,7 @@ class Cited:
     numerics: int
 
 
-def title_of(problem: Mapping[str, object]) -> str:
+def title_of(problem: Document) -> str:
     """Return what the solution of a problem document is, in words, with its moments and its potential."""
     body, motion = problem["body"], problem["motion"]
     potential = problem["potential"]

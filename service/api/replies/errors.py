@@ -6,7 +6,7 @@ from http import HTTPStatus
 
 from fastapi import Response
 
-from service.schemas.reading.documents import Fault
+from service.schemas.reading.documents import Document, Fault
 
 MEDIA_TYPE = "application/problem+json"
 URN = "urn:polhode:problem:"
@@ -95,14 +95,14 @@ class ApiError(Exception):
         detail: str,
         *,
         faults: Sequence[Fault] = (),
-        extras: Mapping[str, object] | None = None,
+        extras: Document | None = None,
         headers: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(detail)
         self.status, self.code, self.detail = status, code, detail
         self.faults, self.extras, self.headers = tuple(faults), dict(extras or {}), dict(headers or {})
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> Document:
         """Return the problem document."""
         document: dict[str, object] = {
             "type": URN + self.code,
@@ -117,15 +117,13 @@ class ApiError(Exception):
 
     def response(self, request_id: str | None = None) -> Response:
         """Return the answer; its request id finds the request in the log."""
-        document = self.document()
-        if request_id is not None:
-            document["request_id"] = request_id
+        document = self.document() if request_id is None else {**self.document(), "request_id": request_id}
         # Escaped to ASCII: half of a surrogate pair from a client cannot be encoded in UTF-8.
         content = json.dumps(document, allow_nan=False)
         return Response(content, status_code=self.status, media_type=MEDIA_TYPE, headers=self.headers)
 
 
-def _fault_document(fault: Fault) -> dict[str, object]:
+def _fault_document(fault: Fault) -> Document:
     document: dict[str, object] = {"pointer": fault.pointer, "code": fault.code, "message": fault.message}
     if fault.position is not None:
         document["position"] = fault.position

@@ -1,16 +1,15 @@
 """Jobs, solutions and sweeps as they are shown, wherever they are."""
 
-from collections.abc import Mapping
-
 from service.jobs.records import Job, JobKind, JobState, SweepProgress, SweepRecord
 from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Document
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.solution import AuditOut, ComparisonOut, SolutionOut
 from service.schemas.replies.sweep import SweepOut, SweepStateOut
 from service.storage.solutions.audit_store import Audit
 from service.storage.solutions.solution_store import Solution
 
-_ADDED_LATER: Mapping[str, object] = {"asymptotes": None, "precession": None, "warnings": [], "errors": None}
+_ADDED_LATER: Document = {"asymptotes": None, "precession": None, "warnings": [], "errors": None}
 """Fields that solutions stored by the first version lack."""
 
 
@@ -78,7 +77,7 @@ def sweep_state_out(record: SweepProgress) -> SweepStateOut:
     return SweepStateOut.model_validate(_state(record))
 
 
-def _state(record: SweepProgress) -> dict[str, object]:
+def _state(record: SweepProgress) -> Document:
     return {
         "id": record.id,
         "state": record.state.value,
@@ -97,5 +96,5 @@ def _state(record: SweepProgress) -> dict[str, object]:
     }
 
 
-def _annotation(annotation: Annotation) -> dict[str, object]:
+def _annotation(annotation: Annotation) -> Document:
     return {"labels": dict(annotation.labels), "note": annotation.note}

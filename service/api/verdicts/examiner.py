@@ -22,7 +22,7 @@ from service.schemas.problem.budgets import choose_tier, with_tier
 from service.schemas.problem.problem import check_problem, problem_digest
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Fault, Part
+from service.schemas.reading.documents import Document, Fault, Part
 from service.storage.examinations import ExaminationStore
 from service.typesetting.equations import Format
 from service.verdicts.cache_rows import Entry, Examination, ExaminationKeys
@@ -33,7 +33,7 @@ from service.verdicts.memory import KeptExaminations
 
 async def examine(
     verdicts: VerdictQueue, examination: Call, text: str, claimant: Claimant
-) -> Mapping[str, object] | None:
+) -> Document | None:
     """Return the examination's answer to the JSON document ``text``: a verdict, or None if it needs none.
 
     Raises
@@ -46,15 +46,15 @@ async def examine(
     return verdict_in(json.loads(await verdicts.ask(examination, text, claimant)))
 
 
-def verdict_in(answer: Mapping[str, Any]) -> Mapping[str, object] | None:
+def verdict_in(answer: Mapping[str, Any]) -> Document | None:
     """Return the verdict in an answer of the child, None if it has none; raise the error in it."""
     if "error" in answer:
         raise _refusal(answer["error"])
-    verdict: Mapping[str, object] | None = answer["verdict"]
+    verdict: Document | None = answer["verdict"]
     return verdict
 
 
-def _refusal(error: Mapping[str, object]) -> ApiError:
+def _refusal(error: Document) -> ApiError:
     extras = dict(error)
     code, detail, pointer = (str(extras.pop(name)) for name in ("code", "detail", "pointer"))
     given = extras.pop("faults", None)
@@ -67,12 +67,12 @@ def _refusal(error: Mapping[str, object]) -> ApiError:
 
 async def examine_with_formulas(
     verdicts: VerdictQueue,
-    document: Mapping[str, object],
+    document: Document,
     formats: Sequence[Format],
     claimant: Claimant,
     *,
     seconds: float,
-) -> Mapping[str, object] | None:
+) -> Document | None:
     """Return the verdict with its formulas, which are simplified for ``seconds`` at most; raises as examine.
 
     A formula for which SymPy takes too long or too much memory stays as it is, and so does one for which the

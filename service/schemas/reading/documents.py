@@ -14,6 +14,8 @@ from service.dynamics.exact import NumberBeyondDoubles, is_zero_text
 
 Part = Mapping[str, Any]
 """A document that was read from JSON, or an object in it."""
+Document = Mapping[str, object]
+"""A JSON object whose content is not looked into, or only after a test."""
 
 MAX_FAULTS = 200
 """Most faults listed: of 100 000 wrong numbers only the first are."""

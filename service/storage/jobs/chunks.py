@@ -15,11 +15,12 @@ from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_
 from service.jobs.kernels import Kernels, Way, way_of_sweep
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, ChunkOutcome, Claim, JobKind, JobState, sources
+from service.schemas.reading.documents import Document
 from service.storage.database.rows import database_now, new_id
 from service.storage.jobs.moves import end_attempt, fence, may_become, move
 from service.storage.jobs.submitting import next_turns
 from service.storage.keys.key_store import charge
-from service.storage.tables.base import DatabaseNow, Document, table_of
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.operations import WorkerRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow

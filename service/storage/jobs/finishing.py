@@ -25,6 +25,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.sql import ColumnElement
 
 from service.jobs.records import AtlasResult, AttemptOutcome, Claim, JobState, Solved
+from service.schemas.reading.documents import Document
 from service.storage.annotations import LABELS_OF_JOB, copy_labels
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import is_postgres
@@ -222,7 +223,7 @@ def store_atlas(session: Session, claim: Claim, outcome: AtlasResult) -> bool:
     return True
 
 
-def _with_examination(summary: Mapping[str, object], seconds: float | None) -> Mapping[str, object]:
+def _with_examination(summary: Document, seconds: float | None) -> Document:
     """Return the summary with what the examination has cost, which was before the job."""
     cost = summary.get("cost")
     if seconds is None or not isinstance(cost, Mapping):
@@ -231,14 +232,14 @@ def _with_examination(summary: Mapping[str, object], seconds: float | None) -> M
 
 
 def store_solution(
-    connection: Connection, claim: Claim, summary: Mapping[str, object], dense: bytes, samples: bytes
+    connection: Connection, claim: Claim, summary: Document, dense: bytes, samples: bytes
 ) -> bool:
     """Insert the solution of a claimed job, its arrays and labels, and move the job, if the claim holds."""
     solution_id = new_id()
     given = _row(claim, solution_id, summary)
     if is_postgres(connection):
-        given |= {"dense": dense, "samples": samples}
-        return connection.scalar(_STORE_AND_SUCCEED, given) is not None
+        arrays = {"dense": dense, "samples": samples}
+        return connection.scalar(_STORE_AND_SUCCEED, {**given, **arrays}) is not None
     # SQLite has one writer at a time: a claim that holds here still holds below.
     if connection.scalar(_INSERT_SOLUTION, given) is None:
         return False
@@ -273,7 +274,7 @@ def solved(connection: Connection, digests: Sequence[str], *, hold: bool) -> dic
     return found
 
 
-def _row(claim: Claim, solution_id: str, summary: Mapping[str, object]) -> dict[str, object]:
+def _row(claim: Claim, solution_id: str, summary: Document) -> Document:
     """Return the parameters of the statements that store a solution."""
     columns = {
         "id": solution_id,
@@ -287,7 +288,7 @@ def _row(claim: Claim, solution_id: str, summary: Mapping[str, object]) -> dict[
     }
 
 
-def _moves(claim: Claim, solution_id: str, *, reused: bool) -> dict[str, object]:
+def _moves(claim: Claim, solution_id: str, *, reused: bool) -> Document:
     return {
         "job": claim.job_id,
         "claimant": claim.worker,

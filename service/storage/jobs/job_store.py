@@ -1,6 +1,6 @@
 """The store of jobs in SQL; one method is one transaction."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from sqlalchemy import Connection, bindparam, select, update
@@ -30,6 +30,7 @@ from service.jobs.records import (
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
+from service.schemas.reading.documents import Document
 from service.storage.annotations import annotations_of, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, is_id
@@ -61,7 +62,7 @@ class SqlJobStore:
 
     def submit(
         self,
-        problem: Mapping[str, object],
+        problem: Document,
         digest: str,
         *,
         priority: int = 0,
@@ -85,7 +86,7 @@ class SqlJobStore:
 
     def submit_many(
         self,
-        problems: Sequence[tuple[Mapping[str, object], str]],
+        problems: Sequence[tuple[Document, str]],
         *,
         priority: int = 0,
         key_id: str | None = None,
@@ -244,7 +245,7 @@ class SqlJobStore:
             taken = take_jobs(connection, worker, then_take, lease_seconds, owed, together)
             return frozenset(held), taken or Taken()
 
-    def finish_failure(self, claim: Claim, error: Mapping[str, object]) -> bool:
+    def finish_failure(self, claim: Claim, error: Document) -> bool:
         """Mark the job failed for good; a chunk is split into smaller ones."""
         with self._database.write() as session:
             return self._fail(session, claim, error)
@@ -321,7 +322,7 @@ class SqlJobStore:
         self._announce(session, bool(queued))
         return queued is not None
 
-    def _fail(self, session: Session, claim: Claim, error: Mapping[str, object]) -> bool:
+    def _fail(self, session: Session, claim: Claim, error: Document) -> bool:
         sweep = chunks.hold(session, claim.sweep_id)
         if not move(session, JobState.FAILED, *fence(claim), error=dict(error)):
             return False

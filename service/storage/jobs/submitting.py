@@ -1,6 +1,6 @@
 """Inserts new jobs, within the caller's transaction, each with a turn: its position in the fair queue."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import zip_longest
 from typing import Any  # of a row that the statement describes
 
@@ -11,6 +11,7 @@ from service.jobs.queue import Lane, gap_for, turns
 from service.jobs.records import JobKind, JobState
 from service.schemas.query.facts import facts_of
 from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Document
 from service.storage.annotations import insert_labels
 from service.storage.database.database import is_postgres
 from service.storage.database.rows import database_now, new_id
@@ -90,7 +91,7 @@ _INSERT, _INSERT_AUDITS = insert(table_of(JobRow)), insert(table_of(AuditRow))
 
 def insert_jobs(
     session: Session,
-    problems: Sequence[tuple[Mapping[str, object], str]],
+    problems: Sequence[tuple[Document, str]],
     *,
     lane: Lane,
     priority: int,

@@ -1,7 +1,5 @@
 """Stores the jobs that draw atlases, and reads what they have drawn."""
 
-from collections.abc import Mapping
-
 from sqlalchemy import select
 
 from service.jobs.queue import Lane
@@ -9,7 +7,8 @@ from service.jobs.records import AtlasNotFoundError, Job, JobKind, JobPage
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED
-from service.storage.codecs.packing import Document, decode_document
+from service.schemas.reading.documents import Document
+from service.storage.codecs.packing import decode_document
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
 from service.storage.jobs.queue import announce
@@ -31,7 +30,7 @@ class AtlasStore:
 
     def submit(
         self,
-        document: Mapping[str, object],
+        document: Document,
         digest: str,
         *,
         priority: int = 0,

@@ -1,6 +1,6 @@
 """Stores audits, jobs that solve the problem of a stored solution again, and reads their comparisons."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sqlalchemy import select
@@ -10,6 +10,7 @@ from service.jobs.records import AuditNotFoundError, Job, JobPage, SolutionNotFo
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED
+from service.schemas.reading.documents import Document
 from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
@@ -31,7 +32,7 @@ class Audit:
     job: Job
     solution_id: str
     """The audited solution; the job's own is the new one."""
-    comparison: Mapping[str, object] | None
+    comparison: Document | None
     """The comparison of the two solutions; None as long as there is no second one."""
 
 
@@ -52,7 +53,7 @@ class AuditStore:
     def submit(
         self,
         solution_id: str,
-        problem: Mapping[str, object],
+        problem: Document,
         digest: str,
         *,
         priority: int = 0,

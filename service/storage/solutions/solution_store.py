@@ -4,7 +4,7 @@
 of its job; so every stored solution comes from a succeeded job.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
 
@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from service.jobs.records import SolutionNotFoundError
 from service.schemas.query.conditions import ListQuery, Value
 from service.schemas.reading.annotation import Annotation
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document, Part
 from service.storage.annotations import annotations_of, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, is_id, rows_of_page
@@ -32,7 +32,7 @@ class Solution:
     job_id: str
     """The job that computed it; later jobs may have reused it."""
     problem: Part
-    summary: Mapping[str, object]
+    summary: Document
     created_at: datetime
     annotation: Annotation
 

@@ -24,6 +24,7 @@ from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.query.facts import facts_of
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
+from service.schemas.reading.documents import Document
 from service.storage.annotations import annotations_of, insert_labels, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant, is_id, new_id, optional_instant, rows_of_page
@@ -32,7 +33,7 @@ from service.storage.jobs.queue import announce
 from service.storage.keys.idempotency_store import write_key
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SWEEP_ROWS
-from service.storage.tables.base import Document, table_of
+from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
@@ -173,7 +174,7 @@ def _row(session: Session, sweep_id: str) -> SweepRow:
     return row
 
 
-def _facts(document: Document) -> Mapping[str, object]:
+def _facts(document: Document) -> Document:
     base = document.get("base")
     return facts_of(base) if isinstance(base, Mapping) else {}
 

@@ -6,7 +6,8 @@ from sqlalchemy import ForeignKey, Index, PrimaryKeyConstraint, String, Text, Uu
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.schemas.reading.annotation import LONGEST_NOTE
-from service.storage.tables.base import ASKED_DOCUMENT, Base, Document
+from service.schemas.reading.documents import Document
+from service.storage.tables.base import ASKED_DOCUMENT, Base
 
 ASKED = (
     "family", "method", "tier", "stability", "aperiodic",

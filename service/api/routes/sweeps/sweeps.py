@@ -1,6 +1,5 @@
 """/v1/sweeps: submit, list, show and cancel sweeps, and list the jobs that compute their points."""
 
-from collections.abc import Mapping
 from functools import partial
 from http import HTTPStatus
 from typing import Annotated
@@ -25,7 +24,7 @@ from service.jobs.records import Job, JobState, SweepRecord
 from service.jobs.store import GivenKey
 from service.schemas.query.conditions import in_state
 from service.schemas.reading.annotation import split_annotation
-from service.schemas.reading.documents import Fault
+from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
@@ -36,7 +35,7 @@ from service.storage.searching.sources import OF_SWEEP_ROWS, chunks_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "grid": {
         "value": {
             "base": {
@@ -138,7 +137,7 @@ def _submitted(record: SweepRecord) -> Response:
     return json_response(sweep_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
 
 
-def _priority(document: Mapping[str, object]) -> int:
+def _priority(document: Document) -> int:
     priority = document.get("priority", 0)
     assert isinstance(priority, int | float)
     return int(priority)
