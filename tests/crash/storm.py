@@ -127,7 +127,7 @@ def on_sqlite(plan: Plan) -> Figures:
 
 
 def on_postgres(plan: Plan, *, engine: str = "local") -> Figures:
-    """In the middle the server crashes as well. By ``procrastinate`` there are two hosts."""
+    """In the middle the server crashes as well. With the engine ``postgres`` there are two hosts."""
 
     def crash() -> None:
         server.stop("immediate")
@@ -136,12 +136,12 @@ def on_postgres(plan: Plan, *, engine: str = "local") -> Figures:
 
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
         url = server.url(server.create_database())
-        migrate(url, engine_name=engine)
+        migrate(url)
         return storm(url, Path(folder), plan, engine=engine, disaster=crash)
 
 
-def by_procrastinate(plan: Plan) -> Figures:
-    return on_postgres(plan, engine="procrastinate")
+def on_two_hosts(plan: Plan) -> Figures:
+    return on_postgres(plan, engine="postgres")
 
 
 def storm(
