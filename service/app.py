@@ -8,28 +8,27 @@ from contextlib import asynccontextmanager
 from anyio import CapacityLimiter, to_thread
 from fastapi import FastAPI
 
-from service.api.dependencies import Resources
-from service.api.events.lookout import Lookout
+from service.api.dependencies import ReadingThreads, Resources, SharedAnswer
+from service.api.events.poller import Lookout
 from service.api.events.watcher import EventWatcher
 from service.api.heavy_reads import HeavyReads
 from service.api.keys.idempotency import IdempotencyDesk
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
-from service.api.reading_threads import ReadingThreads, SharedAnswer
 from service.api.routes.events import documents_of
-from service.api.routes.installation.health import checks_of
+from service.api.routes.installation import checks_of
 from service.api.routing import install
-from service.api.verdicts.examined import Examiner
+from service.api.verdicts.examiner import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
-from service.local.restarts import WorkerStanding
 from service.local.wakeup import Doorbell
+from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.database.remembered import Remembered
-from service.storage.examinations.examination_store import ExaminationStore
+from service.storage.examinations import ExaminationStore
 from service.storage.jobs.changes import ChangeReader
 from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
@@ -40,15 +39,15 @@ from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
-from service.storage.upkeep.forgetting import Forgetting
 from service.storage.upkeep.presence import ServicePresence
-from service.storage.upkeep.retention import DAY_SECONDS, Retention
+from service.storage.upkeep.retention import DAY_SECONDS, Forgetting, Retention
 from service.storage.upkeep.statistics import Statistics
 from service.verdicts.memory import KeptExaminations
 from service.verdicts.starting import VerdictChildren, verdict_children
 from service.versions import version_of
 
 logger = logging.getLogger(__name__)
+
 
 _ANSWER_BYTES = 8_000_000
 """Answers that are kept as they were sent."""

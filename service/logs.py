@@ -18,10 +18,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from traceback import walk_tb
 from types import MappingProxyType, TracebackType
-from typing import TypeVar, TypeVarTuple
+from typing import Literal, TypeVar, TypeVarTuple, get_args
 
-from service.escaping import one_line
-from service.log_levels import LogFormat, LogLevel
+LogFormat = Literal["json", "text"]
+LogLevel = Literal["critical", "error", "warning", "info", "debug"]
+LOG_LEVELS: tuple[LogLevel, ...] = get_args(LogLevel)
 
 OURS = ("service", "workers")
 """Loggers that get the chosen level; libraries log warnings and worse only."""
@@ -215,3 +216,23 @@ def _uncaught_in_thread(given: threading.ExceptHookArgs) -> None:
     details: _Details = (given.exc_type, given.exc_value, given.exc_traceback)
     name = given.thread.name if given.thread else "?"
     logging.getLogger(OURS[0]).critical("the thread %s ends", name, exc_info=details)
+
+
+def one_line(text: str) -> str:
+    """Return ``text`` with every character escaped that is neither printable nor a space.
+
+    Text from clients may be part of it: line breaks would forge log lines, escape
+    sequences control a terminal, and direction marks change the order in which
+    text is shown. "Printable" is meant as Unicode defines it.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
+        for character in text
+    )
+
+
+def printable(text: str) -> str:
+    """Escape like :func:`one_line` but keep line breaks: for text whose lines this program wrote."""
+    return "\n".join(map(one_line, text.split("\n")))

@@ -4,24 +4,35 @@ Neither a thread nor a signal handler can stop a computation inside a compiled
 library, and some inputs crash the interpreter; a child process contains both.
 Children are forked from a clean server process that has imported the heavy
 modules once, so that a killed child is replaced within milliseconds.
+
+A child never outlives the process that asked for it, even if that process is killed: the kernel sends it
+SIGKILL when the pipe to it closes. PR_SET_PDEATHSIG alone is not enough, since it follows the fork server,
+which lives as long as any child. It is set too: children that have lost their fork server cannot be
+monitored, and would go on taking calls from the pipe of their successors.
 """
 
 import contextlib
+import ctypes
+import fcntl
 import multiprocessing
 import os
+import resource
+import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, TypeVar, TypeVarTuple  # Any: the return types of the calls are not known here
 
 from pebble import ProcessExpired, ProcessPool
 
-from service.confinement import confine_child
-from service.logs import current_logging
-from service.pools import BREAKAGES, cause_of_death, stop
+from service.logs import Logging, current_logging, start_logging
+from service.startup import keep_what_is_loaded
 
 T = TypeVar("T")
 Arguments = TypeVarTuple("Arguments")
@@ -35,6 +46,10 @@ _RENEWALS = 3
 """How often a call is repeated because the processes around it died."""
 _FORK_SERVER_LOST = 255
 """Exit code that multiprocessing reports for children whose fork server was killed."""
+_MB, _MIB = 10**6, 1024 * 1024
+_PR_SET_PDEATHSIG = 1
+BREAKAGES = (OSError, EOFError, RuntimeError, BrokenProcessPool)
+"""Raised by starting a child, or passing it a call, when the processes around it have died."""
 
 
 class SandboxTimeoutError(Exception):
@@ -300,3 +315,76 @@ def _prepare(pool: ProcessPool, prepare: Callable[[], object], seconds: float) -
         if not pool.active or time.monotonic() > give_up_at:
             raise SandboxBrokenError("the new child ended before it was ready")
     result_of(future)
+
+
+def stop(pool: ProcessPool) -> None:
+    """Kill the children of a pool, and wait for its threads."""
+    with contextlib.suppress(*BREAKAGES):
+        pool.stop()  # type: ignore[no-untyped-call]
+        pool.join()
+
+
+def cause_of_death(exit_code: int) -> str:
+    """Return in words how a process ended."""
+    if exit_code >= 0:
+        return f"ended with code {exit_code}"
+    with contextlib.suppress(ValueError):
+        return f"died of {signal.Signals(-exit_code).name}"
+    return f"died of signal {-exit_code}"
+
+
+def lack_of_room(*, tasks: int, megabytes: int) -> str | None:
+    """Return which limit of the system is too low for so many processes and threads, or so many megabytes.
+
+    Without this a start would fail anywhere, and say so in a dozen ways. None if there is room.
+    """
+    most, _ = resource.getrlimit(resource.RLIMIT_NPROC)
+    # The kernel does not count those of root.
+    if os.geteuid() != 0 and most != resource.RLIM_INFINITY and most < tasks:
+        return f"the limit of {most} processes and threads (ulimit -u) is too low: {tasks} are needed"
+    room, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if room != resource.RLIM_INFINITY and room < megabytes * _MB:
+        found = f"the limit of {room // _MB} MB of address space (ulimit -v)"
+        return f"{found} is too low: {megabytes} MB are needed"
+    return None
+
+
+def confine_child(memory_mb: int | None, logging: Logging | None) -> None:
+    """Prepare a new child."""
+    keep_what_is_loaded()
+    if logging is not None:
+        start_logging(logging.format, logging.level)
+    # Die at once on SIGTERM: a Python handler would wait for compiled code to return.
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    # Ctrl-C in a terminal reaches every process; the parent decides when its children stop.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        _die_with(parent)
+    if memory_mb is not None and sys.platform == "linux":
+        _limit_memory(memory_mb * _MIB)
+
+
+def _die_with(parent: BaseProcess) -> None:
+    pipe = parent.sentinel
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))  # with the fork server, too
+        fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
+    # Elsewhere a thread watches the pipe; it has to wait for compiled code that holds the interpreter.
+    # Here it covers a parent that died before the signal was set up.
+    threading.Thread(target=_kill_self_after, args=(parent,), daemon=True).start()
+
+
+def _kill_self_after(parent: BaseProcess) -> None:
+    parent.join()
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _limit_memory(extra: int) -> None:
+    """Limit the private writable memory: threads and compilers reserve address space freely."""
+    status = Path("/proc/self/status").read_text(encoding="ascii")
+    line = next(line for line in status.splitlines() if line.startswith("VmData:"))
+    limit = int(line.split()[1]) * 1024 + extra
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))

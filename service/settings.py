@@ -17,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from service.log_levels import LogFormat, LogLevel
+from service.logs import LogFormat, LogLevel
 from service.schemas.reading.numbers import MAX_SAMPLES
 
 _PREFIX = "polhode_"

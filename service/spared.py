@@ -4,6 +4,6 @@ Like ``workers.process.preloaded`` this module does its work when it is imported
 all that a fork server can be told. It is the first one that is preloaded.
 """
 
-from service.collector import collect_seldom
+from service.startup import collect_seldom
 
 collect_seldom()

@@ -10,8 +10,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self, TextIO
 
-from service.escaping import printable
-from service.schemas.reading.strict_json import InvalidJsonError, parse_json
+from service.logs import printable
+from service.schemas.reading.documents import InvalidJsonError, parse_json
 
 STANDARD_STREAM = Path("-")
 

@@ -4,7 +4,7 @@ import sys
 import pytest
 from hypothesis import is_hypothesis_test, settings
 
-from service.collector import collect_seldom
+from service.startup import collect_seldom
 from tests.support.api import app, client, stored, verdicts
 from tests.support.databases import (
     database,

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from service.app import create_app
-from service.local.worker_command import worker_environment
+from service.local.worker_process import worker_environment
 from service.logs import about, call_about, current_logging, mask, start_logging
 from service.sandbox import Sandbox
 from service.settings import Settings
@@ -211,7 +211,7 @@ def test_ids_that_are_made_differ(request_lines):
 
 
 def test_a_fault_of_ours_can_be_found_in_the_log(request_lines, monkeypatch):
-    monkeypatch.setattr("service.api.routes.installation.health.json_response", lambda _: 1 / 0)
+    monkeypatch.setattr("service.api.routes.installation.json_response", lambda _: 1 / 0)
     answer, logged = request_lines("/livez", X_Request_ID="abc")
     assert answer.status_code == 500
     assert answer.headers["x-request-id"] == answer.json()["request_id"] == "abc"

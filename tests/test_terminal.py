@@ -123,7 +123,7 @@ def no_computation(monkeypatch):
     def compute(*_):
         raise AssertionError("it has computed")
 
-    monkeypatch.setattr("workers.cli.solve._compute", compute)
+    monkeypatch.setattr("workers.cli.documents._compute", compute)
     monkeypatch.setattr("workers.cli.sweep.Crew", compute)
 
 

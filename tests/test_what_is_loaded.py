@@ -95,14 +95,14 @@ def test_help_and_usage_of_a_worker_load_no_solver_and_no_database(arguments, co
 
 
 def test_the_parent_of_a_child_that_solves_loads_no_solver(tmp_path):
-    loaded = modules_of("import workers.cli.solve, workers.process.tasks", tmp_path)
+    loaded = modules_of("import workers.cli.documents, workers.process.tasks", tmp_path)
     assert loaded & (SOLVERS | WEB | STORE) == set()
 
 
 def test_a_worker_loads_of_its_database_what_it_uses(tmp_path):
     """It starts beside the children and the service, and each takes processor time from the others."""
     loaded = modules_of(
-        "import workers.cli.main, workers.process.worker\nfrom workers.process import database_work, tasks",
+        "import workers.cli.main, workers.process.start\nfrom workers.process import tasks, worker",
         tmp_path,
     )
     assert loaded & (SOLVERS | WEB | ARRAYS | (STORE - {"sqlalchemy"})) == set()

@@ -2,9 +2,8 @@
 
 import sys
 
-from service.collector import collect_seldom
+from service.startup import collect_seldom, use_one_thread
 from service.stopping import end_at_once
-from workers.computation.threads import use_one_thread
 
 
 def main() -> int:

@@ -5,7 +5,7 @@ Run it from the top folder of the repository: ``.venv/bin/python docs/figures/cl
 
 from motions import draw_motion, use_files
 
-from service.catalogue.classical import classical
+from service.catalogue import classical
 from service.schemas.problem.problem import read_problem
 from workers.computation.compute import solve
 

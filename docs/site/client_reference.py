@@ -9,7 +9,7 @@ import polhode as ph
 from polhode.atlases import Atlas
 from polhode.bands import Band, Change, Part
 from polhode.clients import Operations
-from polhode.evaluation.function import FunctionOfTime
+from polhode.evaluation import FunctionOfTime
 from polhode.jobs import Job
 from polhode.listings import Listing
 from polhode.motions import Motion

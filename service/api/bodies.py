@@ -9,9 +9,9 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from service.api.dependencies import Inside, Resources
-from service.api.formats.codings import ACCEPTED, IDENTITY, CodingError, decoded
+from service.api.formats.negotiation import ACCEPTED, IDENTITY, CodingError, decoded
 from service.api.replies.errors import ApiError
-from service.schemas.reading.strict_json import InvalidJsonError, parse_json
+from service.schemas.reading.documents import InvalidJsonError, parse_json
 
 MAX_BODY_BYTES = 1_000_000
 _DISCARDED_BYTES = 16 * MAX_BODY_BYTES

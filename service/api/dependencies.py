@@ -1,10 +1,18 @@
-"""The shared resources of the endpoints (stores, children, settings), made once by the application."""
+"""The shared resources of the endpoints (stores, children, settings), made once by the application.
 
+Documents are parsed in threads of their own. Parsing is pure Python: more threads do not
+speed it up, they only take the interpreter from the event loop. A document of a megabyte
+may take a second, so large ones are parsed one at a time, and small ones do not wait for
+them.
+"""
+
+import asyncio
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Generic, TypeVar, TypeVarTuple
 
+from anyio import CapacityLimiter, to_thread
 from fastapi import Depends, Request
 
 from service.api.events.watcher import EventWatcher
@@ -13,14 +21,13 @@ from service.api.keys.idempotency import IdempotencyDesk
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
-from service.api.reading_threads import ReadingThreads, SharedAnswer
-from service.api.verdicts.examined import Examiner
+from service.api.verdicts.examiner import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
 from service.jobs.kernels import Kernels
 from service.jobs.store import JobStore
-from service.local.restarts import WorkerStanding
 from service.local.wakeup import Doorbell
+from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
@@ -31,6 +38,52 @@ from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
+
+T = TypeVar("T")
+Arguments = TypeVarTuple("Arguments")
+
+LARGE_BYTES = 50_000
+"""Larger documents are read one after the other."""
+_SMALL_AT_ONCE = 4
+
+
+class ReadingThreads:
+    """The threads in which documents are read, off the event loop."""
+
+    def __init__(self) -> None:
+        self._small, self._large = CapacityLimiter(_SMALL_AT_ONCE), CapacityLimiter(1)
+
+    async def run(self, size: int, function: Callable[[*Arguments], T], *arguments: *Arguments) -> T:
+        """Return ``function(*arguments)``, which reads a document of ``size`` bytes."""
+        limiter = self._large if size > LARGE_BYTES else self._small
+        return await to_thread.run_sync(function, *arguments, limiter=limiter)
+
+
+class SharedAnswer(Generic[T]):
+    """Makes something for all that ask for it, never twice at the same time: it costs as much for many.
+
+    Parameters
+    ----------
+    threads
+        Of its own, so that it is made although all others are busy.
+    """
+
+    def __init__(self, make: Callable[[], T], threads: CapacityLimiter) -> None:
+        self._make, self._threads = make, threads
+        self._making: asyncio.Task[T] | None = None
+
+    async def get(self) -> T:
+        """Return what is being made, or is made now."""
+        if self._making is None:
+            self._making = asyncio.create_task(to_thread.run_sync(self._make, limiter=self._threads))
+            self._making.add_done_callback(self._forget)
+        # Whoever asked first may leave: the others still wait for it.
+        return await asyncio.shield(self._making)
+
+    def _forget(self, made: asyncio.Task[T]) -> None:
+        self._making = None
+        if not made.cancelled():
+            made.exception()  # whoever waits is told; if nobody does, it is no fault
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,22 +1,24 @@
-"""Adds request bodies, roles and refusals to the OpenAPI document, which FastAPI does not see."""
+"""Adds to the OpenAPI document what FastAPI does not see: bodies, roles, refusals, examples, links."""
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any  # parts of a JSON document
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 
-from service.api.examples import describe_examples
 from service.api.keys.access import ACCESS, OPEN
-from service.api.links import describe_links
 from service.api.replies.conditional import VOLATILE
+from service.api.replies.errors import MEDIA_TYPE, ApiError
 from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
-from service.schemas.problem.audit import AuditIn
-from service.schemas.problem.job import JobIn
-from service.schemas.problem.sections import ValidationIn
+from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.marks_in import MarksPatchIn
-from service.schemas.replies.problem_details import ProblemDetailsOut
+from service.schemas.replies.job import ProblemDetailsOut
 from service.schemas.sweep.reading import SweepIn
 from service.versions import version_of
 
@@ -151,3 +153,112 @@ def _describe_conditions(document: Mapping[str, object]) -> None:
             continue  # has no tag: it is never the same
         operation.setdefault("parameters", []).append(_IF_NONE_MATCH)
         operation["responses"] = dict(sorted({**operation["responses"], "304": _NOT_MODIFIED}.items()))
+
+
+RECORDED = Path(__file__).with_name("examples.json")
+"""``{operation id: {status: {media type: {name: answer}}}}``, as a service answered."""
+_PLACE = "#/components/examples/"
+_REQUEST_ID = "019f0000-0000-7000-8000-000000000000"
+
+_FAULT = Fault("/body/A", "invalid_inertia", "0 is not positive; a moment of inertia is > 0")
+REFUSALS: Mapping[int, ApiError] = {
+    error.status: error
+    for error in (
+        ApiError(400, "invalid_json", "line 1, column 9: expected a value"),
+        ApiError(401, "key_missing", "send a key as Authorization: Bearer plh_…"),
+        ApiError(
+            403, "role_insufficient", "the role read does not allow this", extras={"needed_role": "submit"}
+        ),
+        ApiError(404, "not_found", "there is no job 019f0000-0000-7000-8000-000000000001"),
+        ApiError(406, "not_acceptable", "accepted are application/json and text/csv"),
+        ApiError(408, "request_timeout", "the request was not complete in time"),
+        ApiError(409, "idempotency_key_in_use", "the first request with this key is still at work"),
+        ApiError(412, "changed_meanwhile", "it has changed since its ETag was read; read it again"),
+        ApiError(413, "body_too_large", "at most 1000000 bytes are accepted"),
+        ApiError(415, "unsupported_media_type", "accepted is application/json"),
+        ApiError(422, "invalid_problem", f"/body/A: {_FAULT.message}", faults=[_FAULT]),
+        ApiError(429, "too_many_requests", "try again in 2 s"),
+        ApiError(500, "internal_error", "the service failed; its log has the reason"),
+        ApiError(503, "unavailable", "the database cannot be reached; try again in 2 s"),
+    )
+}
+"""One refusal for each status that some route has."""
+
+
+@cache
+def recorded() -> Mapping[str, Mapping[str, Mapping[str, Mapping[str, object]]]]:
+    """Return the recorded answers."""
+    found: dict[str, dict[str, dict[str, dict[str, object]]]] = json.loads(RECORDED.read_bytes())
+    return found
+
+
+def describe_examples(document: dict[str, Any]) -> None:
+    """Add an example to every answer that has a body of text."""
+    document["components"]["examples"] = {
+        str(status): {"summary": error.code, "value": {**error.document(), "request_id": _REQUEST_ID}}
+        for status, error in REFUSALS.items()
+    }
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            given = recorded().get(operation["operationId"], {})
+            for status, answer in operation["responses"].items():
+                for media_type, content in answer.get("content", {}).items():
+                    if media_type == MEDIA_TYPE:
+                        content["examples"] = {"refused": {"$ref": f"{_PLACE}{status}"}}
+                    elif named := given.get(status, {}).get(media_type):
+                        content["examples"] = {name: {"value": value} for name, value in named.items()}
+
+
+Part = Mapping[str, Any]
+
+LEADS_TO: Mapping[str, Mapping[str, str]] = {
+    "JobOut": {"job_id": "/id", "solution_id": "/solution"},
+    "JobListOut": {"job_id": "/items/0/job/id"},
+    "JobPageOut": {"job_id": "/items/0/id"},
+    "SolutionOut": {"solution_id": "/id", "job_id": "/job"},
+    "SolutionPageOut": {"solution_id": "/items/0/id"},
+    "AuditOut": {"audit_id": "/id", "job_id": "/id", "solution_id": "/solution"},
+    "SweepOut": {"sweep_id": "/id"},
+    "SweepPageOut": {"sweep_id": "/items/0/id"},
+    "SweepStateOut": {"sweep_id": "/id"},
+}
+"""For each model the path parameters that it has the values of, as JSON pointers into it."""
+
+
+def describe_links(paths: Mapping[str, Mapping[str, dict[str, Any]]]) -> None:
+    """Add ``links`` to every answer whose model is in the table.
+
+    They lead to the operations whose path parameters it has.
+    """
+    targets = [
+        (names, operation["operationId"])
+        for path, operations in paths.items()
+        if (names := _path_parameters(path))
+        for operation in operations.values()
+    ]
+    for operations in paths.values():
+        for operation in operations.values():
+            for status, answer in operation["responses"].items():
+                links = dict(_links(answer, targets)) if status.startswith("2") else {}
+                if links:
+                    answer["links"] = links
+
+
+def _links(answer: Part, targets: Sequence[tuple[set[str], str]]) -> Iterator[tuple[str, Part]]:
+    for model in _models(answer):
+        given = LEADS_TO.get(model, {})
+        for wanted, operation in targets:
+            if wanted <= given.keys():
+                parameters = {name: f"$response.body#{given[name]}" for name in sorted(wanted)}
+                yield f"{model}.{operation}", {"operationId": operation, "parameters": parameters}
+
+
+def _models(answer: Part) -> Iterator[str]:
+    """Yield the names of the models that the JSON of an answer may be."""
+    schema = answer.get("content", {}).get("application/json", {}).get("schema", {})
+    for each in (schema, *schema.get("anyOf", ())):
+        yield each.get("$ref", "").rpartition("/")[2]
+
+
+def _path_parameters(path: str) -> set[str]:
+    return {part[1:-1] for part in path.split("/") if part.startswith("{")}

@@ -217,7 +217,7 @@ def give_back_free_memory() -> None:
 
     Elsewhere than on glibc only what is referred to in a circle is freed.
     """
-    gc.collect()  # by itself it is seldom done: see service.collector
+    gc.collect()  # by itself it is seldom done: see service.startup
     # It may be in the midst of being loaded.
     pool = getattr(sys.modules.get("pyarrow"), "default_memory_pool", None)
     if pool is not None:

@@ -20,13 +20,14 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.registry import Collector
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.jobs.states import AttemptOutcome, JobKind
-from service.local.restarts import WorkerStanding
+from service.jobs.records import AttemptOutcome, JobKind
+from service.local.workers import WorkerStanding
 from service.logs import Complaints
 from service.storage.upkeep.statistics import BOUNDS, LIVE, Durations, Figures, Statistics
 from service.verdicts.memory import KeptExaminations
 
 logger = logging.getLogger(__name__)
+
 
 TEXT_FORMAT = CONTENT_TYPE_PLAIN_0_0_4
 REQUEST_BOUNDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)

@@ -10,9 +10,9 @@ from starlette.concurrency import run_in_threadpool
 from service.api.dependencies import Resources
 from service.api.keys.idempotency import receipt_of
 from service.api.replies.responses import json_response
-from service.jobs.idempotency import GivenKey, Receipt
-from service.jobs.job import Job
 from service.jobs.keys import ApiKey
+from service.jobs.records import Job
+from service.jobs.store import GivenKey, Receipt
 from service.schemas.replies.response_model import ResponseModel
 
 Made = tuple[Job, ...]

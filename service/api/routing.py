@@ -1,27 +1,66 @@
-"""Registers all endpoints, error handlers and the OpenAPI description on an application."""
+"""Registers all endpoints, error handlers and the OpenAPI description on an application.
+
+A request reaches its endpoint without a comparison with all other paths.
+"""
 
 from functools import cache
 
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import JSONResponse
-from fastapi.routing import APIRoute
+from fastapi.routing import APIRoute, APIRouter
+from starlette.routing import Match
+from starlette.types import Receive, Scope, Send
 
 from service.api.descriptions import describe
-from service.api.keys.access import check_roles
+from service.api.keys.access import ByShape, check_roles
 from service.api.middleware import error_handlers
-from service.api.middleware.caching import Caching
+from service.api.middleware.caching import Caching, HeadLikeGet
 from service.api.middleware.compression import Compression
-from service.api.middleware.cors import Sharing
-from service.api.middleware.methods import HeadLikeGet
+from service.api.middleware.heavy_answers import FilesInTurns
 from service.api.middleware.observing import Observation
+from service.api.middleware.origins import Sharing
 from service.api.middleware.security import Guard
 from service.api.replies.conditional import tag_of_content
-from service.api.routes import analysis, atlases, deletions, events, jobs, marks, validations
-from service.api.routes.installation import accuracy, docs_page, families, health, metrics, status
+from service.api.routes import (
+    analysis,
+    atlases,
+    changes,
+    docs_page,
+    events,
+    installation,
+    jobs,
+    validations,
+)
 from service.api.routes.solutions import audits, citations, enclosures, provenance, solutions, trajectory
-from service.api.routes.sweeps import chunks, grid, packages, points, sweeps
-from service.api.switchboard import Switchboard
+from service.api.routes.sweeps import points, sweeps
+from service.api.tagged import TAGGED, unchanged
 from service.dashboard import routes as dashboard
+
+
+class Switchboard:
+    """In front of a router whose routes are all its own: finds the route that the router would find.
+
+    What no route takes entirely (unknown paths, other methods, a slash too many) is left to the router.
+    """
+
+    def __init__(self, router: APIRouter) -> None:
+        self._router = router
+        self._routes = ByShape((route.path, route) for route in router.routes if isinstance(route, APIRoute))
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request to its endpoint."""
+        if scope["type"] == "http" and not scope.get("root_path"):
+            for route in self._routes.of(scope["path"]):
+                match, found = route.matches(scope)
+                if match is Match.FULL:
+                    scope.setdefault("router", self._router)
+                    scope.update(found)
+                    known = None
+                    if scope["method"] == "GET" and (tagged := TAGGED.get(route.path)) is not None:
+                        known = await unchanged(Request(scope), tagged)
+                    await (known or route.handle)(scope, receive, send)
+                    return
+        await self._router.app(scope, receive, send)
 
 
 def install(app: FastAPI) -> None:
@@ -41,17 +80,9 @@ def install(app: FastAPI) -> None:
             provenance,
             sweeps,
             points,
-            packages,
-            grid,
-            chunks,
-            status,
+            installation,
             events,
-            deletions,
-            marks,
-            families,
-            accuracy,
-            health,
-            metrics,
+            changes,
             docs_page,
             dashboard,
         )
@@ -73,6 +104,7 @@ def install(app: FastAPI) -> None:
     app.add_middleware(Compression)
     app.add_middleware(HeadLikeGet)
     app.add_middleware(Sharing)
+    app.add_middleware(FilesInTurns)
     app.add_middleware(Observation)
 
     def openapi() -> dict[str, object]:

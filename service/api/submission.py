@@ -14,8 +14,7 @@ from service.api.dependencies import Resources
 from service.api.keys.limits import check_problem_samples
 from service.api.middleware.error_handlers import refusal_of
 from service.api.replies.errors import ApiError
-from service.api.verdicts.children import verdict_in
-from service.api.verdicts.examined import ExaminedProblem, ToExamine
+from service.api.verdicts.examiner import ExaminedProblem, ToExamine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import AccuracyTable
 from service.dynamics.errors import DynamicsError
@@ -23,14 +22,14 @@ from service.dynamics.problem import PlanarMotion, Problem
 from service.jobs.keys import ApiKey
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
-from service.schemas.problem.job import JobIn
+from service.schemas.problem.documents import JobIn
 from service.schemas.problem.problem import check_problem, problem_digest
-from service.schemas.problem.stated import CheckedProblem
-from service.schemas.reading.faults import Fault, InvalidProblemError, first_of
+from service.schemas.problem.rules import CheckedProblem
+from service.schemas.reading.documents import Fault, InvalidProblemError, first_of
 from service.schemas.reading.marks import UNMARKED, Marks, split_marks
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
-from service.verdicts.entries import Entry, Examination, keys_of
+from service.verdicts.cache_rows import Entry, Examination, keys_of
 
 MOST_PROBLEMS = 1000
 """Problems in one request, whose body has a size limit too."""

@@ -25,13 +25,12 @@ from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, NPZ, prefe
 from service.api.formats.packages import ZIP
 from service.api.replies.conditional import IMMUTABLE, REVALIDATE, matching_tag, tag_of_thing, validators
 from service.api.replies.errors import ApiError
-from service.jobs.errors import AtlasNotFoundError, SolutionNotFoundError
-from service.jobs.sweeps import SweepNotFoundError
+from service.jobs.records import AtlasNotFoundError, SolutionNotFoundError, SweepNotFoundError
 from service.schemas.reading.marks import Marks
 from service.storage.database.remembered import Read
 from service.storage.solutions.atlas_store import known_atlas
 from service.storage.solutions.standing import SolutionStanding, standing_and_marks, standing_of
-from service.storage.sweeps.standing import SweepStanding, sweep_standing_of
+from service.storage.sweeps.sweep_store import SweepStanding, sweep_standing_of
 
 Standing = TypeVar("Standing")
 

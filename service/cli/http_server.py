@@ -1,4 +1,4 @@
-"""Serves the API over HTTP on an open socket, until a signal."""
+"""Apart, since it loads the web framework: serves the API over HTTP on an open socket, until a signal."""
 
 import socket
 import sys
@@ -8,12 +8,12 @@ import uvicorn
 
 from service.app import create_app
 from service.cli.common import REFUSED
-from service.collector import keep_what_is_loaded
 from service.connections.server import guarded
 from service.local.wakeup import Doorbell
 from service.local.workers import LocalWorkers
 from service.logs import announce
 from service.settings import Settings
+from service.startup import keep_what_is_loaded
 from service.stopping import StopAsked
 from service.verdicts.starting import VerdictChildren
 

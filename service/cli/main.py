@@ -2,7 +2,7 @@
 
 import sys
 
-from service.collector import collect_seldom
+from service.startup import collect_seldom
 from service.stopping import end_at_once
 
 _SERVICES = (["serve"], ["worker"])

@@ -3,11 +3,11 @@
 import socket
 
 from service.cli.common import REFUSED, fail, migrate_database
-from service.cli.keys import require_key
-from service.confinement import lack_of_room
+from service.cli.database import require_key
 from service.local.wakeup import Doorbell
 from service.local.workers import LocalWorkers
 from service.logs import start_logging
+from service.sandbox import lack_of_room
 from service.settings import Settings
 from service.verdicts.starting import VerdictChildren, verdict_children
 

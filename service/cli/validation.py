@@ -2,20 +2,39 @@
 
 import json
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from service.cli.children import examining
+from rich.console import Console
+
 from service.cli.common import REFUSED, WRONG_USAGE, fail, settings_of
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.problem import read_question
 from service.schemas.replies.verdict_text import Answer, describe_verdict
+from service.settings import Settings
 from service.terminal import answer, read_document, say
 from service.typesetting.equations import FORMATS, Format
 from service.verdicts.examination import examine_question
 from service.verdicts.formulas import examine_question_with_formulas, simplify_formula, with_simplified
 from service.verdicts.refusals import refusal_of_reading
+
+
+@contextmanager
+def examining(settings: Settings, module: str) -> Iterator[Sandbox]:
+    """Provide a child that has ``module`` loaded; a limit that it exceeds ends the command."""
+    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=[module])
+    try:
+        with Console(stderr=True).status("examining …"):  # shows nothing where stderr is not a terminal
+            yield sandbox
+    except SandboxTimeoutError:
+        fail(f"no verdict within POLHODE_VERDICT_SECONDS = {settings.verdict_seconds:g}", REFUSED)
+    except SandboxMemoryError:
+        fail(f"no verdict within POLHODE_JOB_MEMORY_MB = {settings.job_memory_mb}", REFUSED)
+    except SandboxCrashError as fault:
+        fail(f"no verdict: {fault}", REFUSED)
+    finally:
+        sandbox.close()
 
 
 def validate_file(file: Path, *, as_json: bool, formulas: str | None) -> None:

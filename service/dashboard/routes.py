@@ -1,4 +1,7 @@
-"""GET of each page and of its files: the same for everybody, so open where there are keys."""
+"""GET of each page and of its files: the same for everybody, so open where there are keys.
+
+The files of a page have an address with a digest of all of them, so that browsers may cache them for ever.
+"""
 
 from dataclasses import dataclass
 from functools import cache
@@ -8,11 +11,57 @@ from typing import TYPE_CHECKING
 from fastapi import APIRouter, Request, Response
 from starlette.exceptions import HTTPException
 
-from service.dashboard.files import digest, static_files
-from service.dashboard.headers import HEADERS
-
 if TYPE_CHECKING:
     from jinja2 import Environment
+import hashlib
+from importlib.resources import files
+from pathlib import Path
+
+# Nothing from other hosts, no inline scripts or styles, no framing. Icons may be data: URLs.
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "Content-Security-Policy": _POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
+
+
+OURS = Path(__file__).with_name("static")
+_KINDS = {".css": "text/css", ".js": "text/javascript"}
+_PLOTLY = "plotly.min.js"
+
+
+@dataclass(frozen=True)
+class StaticFile:
+    """A file of the page: its bytes, its media type, its entity tag."""
+
+    content: bytes
+    media_type: str
+    tag: str
+
+
+@cache
+def static_files() -> dict[str, StaticFile]:
+    """Return all files of the page by their names."""
+    found = {path.name: path.read_bytes() for path in sorted(OURS.iterdir()) if path.suffix in _KINDS}
+    found[_PLOTLY] = files("plotly").joinpath("package_data", _PLOTLY).read_bytes()
+    return {name: _described(name, content) for name, content in found.items()}
+
+
+@cache
+def digest() -> str:
+    """Return the name of all files together: a part of their addresses, so that they can be kept for ever."""
+    text = "\n".join(f"{name} {file.tag}" for name, file in static_files().items())
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _described(name: str, content: bytes) -> StaticFile:
+    tag = hashlib.sha256(content).hexdigest()[:32]
+    return StaticFile(content, _KINDS[Path(name).suffix], f'"{tag}"')
+
 
 router = APIRouter(include_in_schema=False)
 

@@ -1,21 +1,109 @@
-"""The protocol of the job store that the service and the workers use.
+"""The protocols of the job store and of dispatchers, and receipts of requests that a client may send twice.
 
-The store is the source of truth; an engine only delivers ids. Every write of a
-worker checks its claim (job, worker, attempt): it returns False and changes
-nothing if the claim was lost, by an expired lease or a cancellation.
+The store is the source of truth; a dispatcher only says which of its jobs to look at next. It delivers and
+takes jobs within the caller's transaction: both take effect with the commit, or not at all.
+
+Every write of a worker checks its claim (job, worker, attempt): it returns False and changes nothing if the
+claim was lost, by an expired lease or a cancellation.
 """
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.kernels import Way
-from service.jobs.lanes import Lane
-from service.jobs.outcome import Outcome, SolveOutcome
-from service.schemas.query.list_query import ListQuery
+from service.jobs.queue import Lane
+from service.jobs.records import Attempt, Claim, Job, JobPage, Outcome, SolveOutcome, Taken
+from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
-from service.verdicts.entries import Entry, Examination
+from service.verdicts.cache_rows import Entry, Examination
+
+KEPT_SECONDS = 86400.0
+"""How long an answer is given again."""
+
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True, slots=True)
+class GivenKey:
+    """The Idempotency-Key of a request."""
+
+    principal: str
+    """Id of the API key that sent it, empty if there are no keys: nobody can use another's keys."""
+    key: str
+    fingerprint: str
+    """Hash of method, path, query and body: the same key with another request is a mistake."""
+
+
+@dataclass(frozen=True, slots=True)
+class GivenAnswer:
+    """An answer as it was sent."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Receipt(Generic[Made]):
+    """The key and the answer, which a store writes in the transaction that makes something."""
+
+    given: GivenKey
+    answer: Callable[[Made], GivenAnswer]
+
+
+class KeyTakenError(Exception):
+    """Another request with the same key was committed first; nothing was stored for this one."""
+
+
+def fingerprint(*parts: bytes) -> str:
+    """Return the fingerprint of a request by its parts."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "big") + part)
+    return digest.hexdigest()
+
+
+Transaction = TypeVar("Transaction", contravariant=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """A job that may be claimed."""
+
+    job_id: str
+    attempt: int
+    """How often it was claimed before; each attempt has its own delivery."""
+    priority: int
+    ready_at: float
+    """Not claimed before, in seconds since 1970 by the database's clock."""
+
+
+class Dispatcher(Protocol[Transaction]):
+    """Delivers ids of jobs to workers in order, within the transaction that makes them claimable.
+
+    The order is: first one job of each lane that is owed one; then by larger
+    priority, earlier lane, smaller turn, older job of a key.
+    """
+
+    def dispatch(self, transaction: Transaction, deliveries: Sequence[Delivery]) -> None:
+        """Deliver jobs that this transaction has queued."""
+        ...
+
+    def take(
+        self, transaction: Transaction, count: int, owed: Sequence[Lane] = (), together: int = 1
+    ) -> Sequence[str] | None:
+        """Return the ids of at most ``count`` jobs, to be claimed in this transaction, in that order.
+
+        Where these are problems, ``together`` of them may take the place of one: the next ones of the same
+        priority (and of the same lane, if that is owed one). None if there are none.
+        """
+        ...
+
+    def repair(self, transaction: Transaction) -> int:
+        """Deliver again the due jobs whose delivery was lost; return their number."""
+        ...
 
 
 class JobStore(Protocol):
@@ -38,7 +126,7 @@ class JobStore(Protocol):
         If a solution of the same digest is stored, the job has succeeded already,
         with that solution and ``reused``. ``examination`` names the windows of
         its curve; ``found`` is what its examination found, and is kept. With a
-        receipt its answer is stored too, or :class:`~service.jobs.idempotency.KeyTakenError` is raised and
+        receipt its answer is stored too, or :class:`~service.jobs.store.KeyTakenError` is raised and
         nothing is.
         """
         ...
@@ -63,7 +151,7 @@ class JobStore(Protocol):
         ...
 
     def get(self, job_id: str) -> Job:
-        """Return a job, or raise :class:`~service.jobs.errors.JobNotFoundError`."""
+        """Return a job, or raise :class:`~service.jobs.records.JobNotFoundError`."""
         ...
 
     def find(self, query: ListQuery) -> JobPage:
@@ -81,15 +169,15 @@ class JobStore(Protocol):
     def mark(self, job_id: str, change: Callable[[Job], Marks]) -> Job:
         """Give a job the labels and the note that ``change`` makes of its present state.
 
-        Nothing is changed if it raises. Raises :class:`~service.jobs.errors.JobNotFoundError`.
+        Nothing is changed if it raises. Raises :class:`~service.jobs.records.JobNotFoundError`.
         """
         ...
 
     def cancel(self, job_id: str) -> Job:
         """Cancel an unfinished job at once; cancelling again changes nothing.
 
-        Raises :class:`~service.jobs.errors.JobFinishedError` if it has
-        succeeded or failed, :class:`~service.jobs.errors.JobNotFoundError`.
+        Raises :class:`~service.jobs.records.JobFinishedError` if it has
+        succeeded or failed, :class:`~service.jobs.records.JobNotFoundError`.
         """
         ...
 
@@ -102,7 +190,7 @@ class JobStore(Protocol):
         owed: Sequence[Lane] = (),
         together: int = 1,
     ) -> Taken:
-        """Take up to ``count`` queued jobs, in the order of :class:`~service.jobs.dispatch.Dispatcher`.
+        """Take up to ``count`` queued jobs, in the order of :class:`~service.jobs.store.Dispatcher`.
 
         In place of one problem there may be up to ``together``. No two workers get the same job.
         """

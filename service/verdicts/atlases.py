@@ -15,10 +15,9 @@ from service.dynamics.bounds import printed_error
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.atlas.reading import AtlasQuestion, read_atlas
+from service.verdicts.cached import verdict_deadline
 from service.verdicts.documents import Document, verdict_document
-from service.verdicts.kept import verdict_deadline
-from service.verdicts.refusals import answer_or_refusal, refusal_of_verdict
-from service.verdicts.searches import deadline
+from service.verdicts.refusals import answer_or_refusal, deadline, refusal_of_verdict
 
 PROCESSOR_SECONDS, SECONDS = 4.0, 6.0
 """After either limit what is not proved is told as undecided; following the windows takes time too."""

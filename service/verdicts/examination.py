@@ -9,14 +9,16 @@ import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isfinite
 from typing import Any  # what was read from JSON
 
 from flint import ctx
 
+from service.dynamics.classical.classification import Nearness, classify
 from service.dynamics.errors import DynamicsError
 from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.named import Named
-from service.dynamics.problem import PlanarMotion, Problem, TimePeriods
+from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.window import Window, require_known_ends
 from service.dynamics.reduction.windows import (
@@ -29,9 +31,10 @@ from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
+from service.schemas.problem.potentials import GravityIn
 from service.schemas.problem.problem import Question, read_problem, read_question
-from service.schemas.reading.faults import InvalidProblemError
-from service.verdicts.classification import classification_of
+from service.schemas.reading.documents import InvalidProblemError
+from service.verdicts.cached import Kept, Keys, verdict_deadline
 from service.verdicts.documents import (
     NAMELESS,
     Document,
@@ -44,14 +47,45 @@ from service.verdicts.documents import (
     verdict_document,
     window_document,
 )
-from service.verdicts.kept import Kept, Keys, verdict_deadline
 from service.verdicts.refusals import (
     UNSETTLED,
+    Searches,
     answer_or_refusal,
     refusal_of_verdict,
     refusal_of_windows,
+    refusal_without_motion,
 )
-from service.verdicts.searches import Searches, refusal_without_motion
+
+
+def classification_of(question: Question) -> Document | None:
+    """Return the classification of a state in a potential of the type gravity; None of any other motion.
+
+    It computes in balls: in a process of many threads the caller holds
+    :data:`service.schemas.problem.rules.ONE_AT_A_TIME`.
+    """
+    motion, stated = question.motion, question.stated
+    if not isinstance(motion, StateMotion) or not isinstance(stated, GravityIn) or question.body.B is None:
+        return None
+    centre = (stated.a, stated.b, stated.c)
+    found = classify(question.body, centre, motion.omega, motion.gamma)
+    on = [each.case for each in found.cases if each.is_on]
+    on += [each.case for each in found.integrable if each.holds]
+    nearest = next((each for each in found.cases if each.distance is not None), None)
+    return {
+        "on": on,
+        "nearest": None if nearest is None else _nearness(nearest),
+        "cases": [_nearness(each) for each in found.cases],
+        "integrable": [
+            {"case": each.case, "holds": each.holds, "residuals": dict(each.residuals)}
+            for each in found.integrable
+        ],
+    }
+
+
+def _nearness(near: Nearness) -> Document:
+    relations = {name: left if isfinite(left) else None for name, left in near.relations.items()}
+    return {"case": near.case, "distance": near.distance, "is_on": near.is_on, "relations": relations}
+
 
 Answer = Document
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from service.cache import Cache
-from service.verdicts.entries import Entry
+from service.verdicts.cache_rows import Entry
 
 MOST_BYTES = 32_000_000
 """Largest size of the contents that one process holds in memory."""

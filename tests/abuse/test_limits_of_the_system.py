@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from service.confinement import lack_of_room
+from service.sandbox import lack_of_room
 from tests.support.databases import copy_of
 
 POLHODE = Path(sys.executable).with_name("polhode")
@@ -53,12 +53,12 @@ def test_a_limit_that_is_too_low_is_told_in_one_line(tmp_path, sqlite_template, 
 
 def test_there_is_room_without_limits_and_with_those_that_suffice(monkeypatch):
     limits = {resource.RLIMIT_NPROC: resource.RLIM_INFINITY, resource.RLIMIT_AS: resource.RLIM_INFINITY}
-    monkeypatch.setattr("service.confinement.resource.getrlimit", lambda which: (limits[which], 0))
-    monkeypatch.setattr("service.confinement.os.geteuid", lambda: 1000)
+    monkeypatch.setattr("service.sandbox.resource.getrlimit", lambda which: (limits[which], 0))
+    monkeypatch.setattr("service.sandbox.os.geteuid", lambda: 1000)
     assert lack_of_room(tasks=10**6, megabytes=10**6) is None
     limits |= {resource.RLIMIT_NPROC: 50, resource.RLIMIT_AS: 10**9}
     assert lack_of_room(tasks=50, megabytes=1000) is None
     assert "ulimit -u" in lack_of_room(tasks=51, megabytes=1000)
     assert "ulimit -v" in lack_of_room(tasks=50, megabytes=1001)
-    monkeypatch.setattr("service.confinement.os.geteuid", lambda: 0)
+    monkeypatch.setattr("service.sandbox.os.geteuid", lambda: 0)
     assert lack_of_room(tasks=51, megabytes=1000) is None

@@ -102,7 +102,7 @@ def test_a_command_that_has_not_begun_ends_at_once(run, number, code, line, entr
     ("entry", "moment", "arguments"),
     [
         (SERVICE, "uvicorn", ["serve", "--port", "0"]),
-        (WORKER, "workers.process.worker", ["run"]),
+        (WORKER, "workers.process.start", ["run"]),
     ],
 )
 def test_a_service_that_is_terminated_at_its_start_has_left_nothing_undone(run, entry, moment, arguments):

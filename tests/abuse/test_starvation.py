@@ -3,8 +3,8 @@
 import pytest
 
 from service.jobs.keys import Role
-from service.jobs.lanes import Lane
-from service.jobs.sweeps import POINTS_PER_JOB
+from service.jobs.queue import Lane
+from service.jobs.records import POINTS_PER_JOB
 from service.settings import Settings
 from tests.support.api import PLANAR, STATE, TestClient, create_app
 from tests.support.keys import make

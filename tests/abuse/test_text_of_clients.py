@@ -13,9 +13,8 @@ from typer.testing import CliRunner
 
 from service.app import create_app
 from service.cli.commands import app
-from service.escaping import one_line, printable
 from service.jobs.keys import Role
-from service.logs import about, announce, start_logging
+from service.logs import about, announce, one_line, printable, start_logging
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.keys.key_store import KeyLimits, KeyStore

@@ -13,10 +13,8 @@ from urllib.parse import urlencode
 import pytest
 
 from service.app import create_app
-from service.jobs.job import Claim
 from service.jobs.keys import Role
-from service.jobs.outcome import Solved
-from service.jobs.states import JobKind
+from service.jobs.records import Claim, JobKind, Solved
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore

@@ -8,7 +8,7 @@ import pytest
 from service.api.descriptions import describe
 from service.api.replies.errors import TITLES
 from service.dynamics.errors import DynamicsError
-from service.schemas.problem.job import JobIn
+from service.schemas.problem.documents import JobIn
 from service.schemas.problem.problem import check_problem, read_question
 from service.settings import Settings
 from tests.support.api import TestClient, create_app

@@ -5,7 +5,7 @@ from functools import cache
 
 import pytest
 
-from service.api.verdicts import formulas as asking
+from service.api.verdicts import examiner as asking
 from service.schemas.replies.response_model import QUADRANTS_OUT
 from service.verdicts.examination import examine_question
 from service.verdicts.formulas import examine_question_with_formulas, simplify_formula, with_simplified

@@ -9,14 +9,14 @@ from anyio import CapacityLimiter
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
+from service.api.dependencies import SharedAnswer
 from service.api.heavy_reads import WAITING, HeavyReads, Reader
 from service.api.keys.access import ACCESS
-from service.api.reading_threads import SharedAnswer
 from service.api.replies.errors import ApiError
 from service.dashboard.routes import PAGES
 from service.settings import Settings
 from service.storage.database.database import Database, NobodyWaitsError
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from tests.support.api import NEEDED_QUERY
 
 MB = 10**6

@@ -2,7 +2,7 @@
 
 import pytest
 
-from service.api.examples import recorded
+from service.api.descriptions import recorded
 from service.api.replies.errors import TITLES
 from tests.support.conformance import document, faults, nodes, operations
 

@@ -7,8 +7,7 @@ from fastapi import FastAPI
 from fastapi.routing import APIRoute
 from starlette.routing import Match
 
-from service.api.keys.access import ACCESS
-from service.api.keys.shapes import ByShape
+from service.api.keys.access import ACCESS, ByShape
 from service.api.routing import install
 
 WORDS = ("x", "facets", "statistics", "jobs", "01a1fcba-3232-7921-abd1-05ca72abad77")

@@ -12,7 +12,7 @@ import sys
 import time
 from pathlib import Path
 
-from service.collector import collect_seldom
+from service.startup import collect_seldom
 from tests.benchmarks.against import against
 from tests.benchmarks.measuring import Effort, circumstances, say
 from tests.benchmarks.parts import PARTS

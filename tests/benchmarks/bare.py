@@ -12,7 +12,7 @@ from procrastinate import App, PsycopgConnector
 from sqlalchemy import make_url, text
 
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 
 
 def analyze(database: Database) -> None:

@@ -16,7 +16,7 @@ from collections import Counter, defaultdict
 from numba.core import event
 from numba.core.event import Event, Listener
 
-from service.collector import collect_seldom
+from service.startup import collect_seldom
 from tests.benchmarks.measuring import Effort, Table, in_words
 from workers.computation.compiled_code import FOLDER_VARIABLE, GROUPS, allow_compiling
 from workers.sweeping.warming import compile_group

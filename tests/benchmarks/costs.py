@@ -7,15 +7,14 @@ from functools import partial
 import numpy as np
 
 from service.dynamics.motion import COLUMNS
-from service.jobs.outcome import Solved, SolveOutcome
-from service.schemas.problem.sections import OutputName
+from service.jobs.records import Solved, SolveOutcome
+from service.schemas.problem.documents import OutputName
 from tests.benchmarks.measuring import Effort, Table, in_turns, in_words
 from tests.benchmarks.motions import FloatArray, Measured, elliptic, librations
 from tests.benchmarks.stored import stored_solution
 from workers.calibration.measurement import Effort as CalibrationEffort
-from workers.calibration.measurement import calibrate
-from workers.calibration.problems import CASES
-from workers.calibration.whole_jobs import whole_jobs
+from workers.calibration.measurement import calibrate, whole_jobs
+from workers.calibration.reference import CASES
 from workers.computation.compute import solve_document
 
 ASKED: tuple[OutputName, ...] = ("gamma", "omega", "invariants", "orientation", "stability")

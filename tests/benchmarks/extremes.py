@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from service.dynamics.errors import DynamicsError
-from service.jobs.outcome import Refused
-from service.storage.codecs.arrays import decode_arrays
+from service.jobs.records import Refused
+from service.storage.codecs.packing import decode_arrays
 from tests.extremes.elliptic import BITS, Elliptic, ball, elliptic
 from tests.extremes.problems import SEPARATRIX, STATE
 from tests.support.planar import body, formula

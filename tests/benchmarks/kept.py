@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 
 from service.dynamics.reduction import windows
-from service.jobs.outcome import Solved
+from service.jobs.records import Solved
 from service.verdicts.examination import examine_problems
 from tests.benchmarks.measuring import in_turns, in_words
 from tests.support.examinations import examination_of

@@ -17,7 +17,7 @@ from sqlalchemy import func, insert, select
 from service.schemas.query.facts import facts_of
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.tables.base import table_of
 from service.storage.tables.solutions import SolutionRow
 from tests.support.serving import serving

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 from sqlalchemy import insert
 
-from service.jobs.states import JobState
-from service.storage.codecs.points import SOLVED, ChunkPoints, bounds_of, encode_points
+from service.jobs.records import JobState
+from service.storage.codecs.packing import SOLVED, ChunkPoints, bounds_of, encode_points
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
 from service.storage.database.migration import migrate
+from service.storage.database.rows import new_id
 from service.storage.tables.base import table_of
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 from tests.benchmarks.measuring import say

@@ -15,8 +15,8 @@ from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import TimePeriods
 from service.dynamics.sampling import exact_instants
 from service.dynamics.solution.ball_columns import RADIUS
-from service.jobs.outcome import Solved
-from service.storage.codecs.arrays import decode_arrays
+from service.jobs.records import Solved
+from service.storage.codecs.packing import decode_arrays
 from tests.benchmarks.costs import PROBLEMS
 from tests.benchmarks.measuring import Effort, Result, Table, clock, in_words, median
 from tests.benchmarks.motions import SAMPLES, FloatArray, Measured, elliptic, taylor_of_elliptic

@@ -22,8 +22,8 @@ from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, Problem, TimeSpan
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
-from service.jobs.outcome import Solved
-from service.storage.codecs.points import SOLVED, decode_points
+from service.jobs.records import Solved
+from service.storage.codecs.packing import SOLVED, decode_points
 from service.verdicts.examination import examine_problems
 from tests.benchmarks.kept import forgetful
 from tests.benchmarks.measuring import in_turns, in_words, median, say

@@ -14,13 +14,12 @@ import numpy as np
 from service.sandbox import Sandbox
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
-from service.storage.codecs.arrays import decode_arrays
-from service.storage.codecs.points import SOLVED, ChunkPoints
+from service.storage.codecs.packing import SOLVED, ChunkPoints, decode_arrays
 from tests.benchmarks.measuring import Effort, Result, Row, faster, in_turns
 from tests.benchmarks.motions import FloatArray
 from tests.benchmarks.sweep_service import VARIABLES, integrate, measured, sweep_document
 from workers.computation.compute import solve_document
-from workers.sweeping.crew import Crew
+from workers.sweeping.local_pool import Crew
 
 WORKERS = (1, 2)
 SETS, SAMPLES = 10_000, 200

@@ -19,12 +19,12 @@ import pytest
 from typer.testing import CliRunner
 
 from service.cli.commands import app, run
-from service.schemas.replies.accuracy import AccuracyTableModel
+from service.schemas.replies.installation import AccuracyTableModel
 from service.storage.database.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore
 from tests.support.effort import seldom
 from tests.support.waiting import wait_until
-from workers.cli.solve import solve_file
+from workers.cli.documents import solve_file
 
 POLHODE = Path(sys.executable).with_name("polhode")
 EXAMPLES = Path(__file__).parents[2] / "examples"

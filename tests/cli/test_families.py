@@ -5,7 +5,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from service.catalogue.classical import classical
+from service.catalogue import classical
 from service.cli.commands import app
 
 run = CliRunner().invoke

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from service.cli.commands import app
-from service.cli.keys import seconds_of
+from service.cli.database import seconds_of
 from service.jobs.keys import key_prefix
 
 pytestmark = pytest.mark.any_database

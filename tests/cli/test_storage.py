@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from service.cli.commands import app
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.databases import PROBLEM, SUMMARY, url_of
 from tests.support.finishing import finish_success

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from polhode.transport.following import follow
+from polhode.transport.exchange import follow
 from polhode.transport.steps import LostConnectionError, NextLine, Pause, Reply
 from polhode.transport.terms import Terms
 

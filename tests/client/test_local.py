@@ -10,8 +10,7 @@ import httpx
 import pytest
 
 import polhode as ph
-from polhode.connecting import terms_of
-from polhode.local import TellingCarrier
+from polhode.connecting import TellingCarrier, terms_of
 from polhode.motions import Motion
 from tests.workers.processes import wait_until
 

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from service.catalogue.cases import cases
-from service.catalogue.families import families
+from service.catalogue import cases, families
 
 
 @dataclass(frozen=True)

@@ -5,14 +5,13 @@ from typing import get_args
 
 import pytest
 
-from service.catalogue.cases import cases
-from service.catalogue.families import families
+from service.catalogue import cases, families
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.potentials.potential import NoClosedFormError
-from service.schemas.problem.family_names import FamilyName
 from service.schemas.problem.potentials import MODELS
 from service.schemas.problem.problem import check_problem, problem_digest, read_problem
+from service.schemas.query.facts import FamilyName
 from tests.conformance.specimens import SPECIMENS, Specimen
 from tests.support.canonical import canonical_document
 

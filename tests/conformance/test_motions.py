@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from service.catalogue.cases import cases
+from service.catalogue import cases
 from service.dynamics.equations.euler_poisson import euler_poisson_rhs
-from service.jobs.outcome import Solved
+from service.jobs.records import Solved
 from service.schemas.problem.problem import read_problem
 from tests.conformance.specimens import CATALOGUE, Specimen
 from tests.conformance.transforms import scaled

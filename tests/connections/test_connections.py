@@ -17,8 +17,7 @@ from fastapi import FastAPI
 
 from service.app import create_app
 from service.connections.gate import UNREAD_SECONDS, Gate, Phase
-from service.connections.listener import Listener
-from service.connections.server import guarded
+from service.connections.server import Listener, guarded
 from service.logs import Complaints, place_of
 from service.settings import Settings
 from tests.support.keys import Clock

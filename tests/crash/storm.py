@@ -16,7 +16,7 @@ import numpy as np
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session, aliased
 
-from service.jobs.states import FINISHED, AttemptOutcome, JobKind, JobState, pause_after
+from service.jobs.records import FINISHED, AttemptOutcome, JobKind, JobState, pause_after
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.tables.jobs import AttemptRow, JobRow

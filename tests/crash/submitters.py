@@ -15,7 +15,7 @@ from fastapi import FastAPI
 from service.app import create_app
 from service.sandbox import Sandbox
 from service.settings import Settings
-from service.storage.database.faults import VARIABLE
+from service.storage.database.database import VARIABLE
 from tests.support.api import STATE, TestClient
 from tests.support.sweeps import SWEEP
 from tests.workers.processes import ROOT

@@ -5,14 +5,14 @@ import time
 import pytest
 from sqlalchemy import event, text
 
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
-from service.storage.database.clock import database_now
+from service.storage.database.rows import database_now
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until
-from workers.process.limits import JobLimits
+from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 HOUR = 3600.0

@@ -6,11 +6,9 @@ from collections import Counter
 import pytest
 from sqlalchemy import func, select
 
-from service.jobs.states import JobKind
+from service.jobs.records import JobKind
 from service.storage.inspection.inspect import inspect
-from service.storage.tables.atlases import AtlasRow
-from service.storage.tables.audits import AuditRow
-from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
 from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
 from service.storage.tables.operations import IdempotencyKeyRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow

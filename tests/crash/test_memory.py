@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from service.jobs.states import JobState
+from service.jobs.records import JobState
 from service.storage.inspection.inspect import inspect
 from tests.workers.processes import Worker, wait_until
 

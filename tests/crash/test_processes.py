@@ -7,8 +7,8 @@ from http.client import HTTPException
 
 import pytest
 
-from service.jobs.lanes import Lane
-from service.jobs.states import JobState
+from service.jobs.queue import Lane
+from service.jobs.records import JobState
 from service.storage.database.database import Database
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore

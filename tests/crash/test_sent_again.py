@@ -5,7 +5,7 @@ import signal
 import pytest
 from sqlalchemy import func, select
 
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
 from tests.crash.submitters import REQUESTS, Submitters, app_on, send

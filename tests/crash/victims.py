@@ -16,14 +16,12 @@ from dataclasses import dataclass, replace
 
 from sqlalchemy.orm import configure_mappers
 
-from service.jobs.idempotency import GivenAnswer, GivenKey, KeyTakenError, Receipt
-from service.jobs.job import Claim
-from service.jobs.outcome import Drawn, Refused, Solved
+from service.jobs.records import Claim, Drawn, Refused, Solved
+from service.jobs.store import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.schemas.reading.marks import Marks
-from service.storage.codecs.documents import encode_document
-from service.storage.database.database import Database
-from service.storage.database.faults import VARIABLE
-from service.storage.database.ids import new_id
+from service.storage.codecs.packing import encode_document
+from service.storage.database.database import VARIABLE, Database
+from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.solutions.atlas_store import AtlasStore

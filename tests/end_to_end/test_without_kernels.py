@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from service.catalogue.classical import example_of
+from service.catalogue import example_of
 from service.dynamics.classical.catalogue import CASES
 from service.jobs.kernels import NEVER, WAITS
 from tests.support.serving import serving

@@ -14,9 +14,9 @@ from pydantic import TypeAdapter
 
 from service.dynamics.problem import TimePeriods
 from service.dynamics.sampling import exact_instants
-from service.jobs.outcome import Refused
+from service.jobs.records import Refused
 from service.schemas.problem.sections import TimeIn
-from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.packing import decode_arrays
 from tests.extremes.elliptic import BITS, Elliptic, ball
 from workers.computation.compute import solve_checked
 

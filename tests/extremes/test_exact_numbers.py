@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.jobs.outcome import Refused
-from service.schemas.reading.faults import InvalidProblemError
+from service.jobs.records import Refused
+from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.reading import InvalidSweepError
-from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.packing import decode_arrays
 from service.verdicts.atlases import examine_atlas_of_job
 from service.verdicts.examination import examine_question
 from tests.support.effort import seldom

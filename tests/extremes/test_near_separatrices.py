@@ -9,8 +9,8 @@ import pytest
 from flint import arb, ctx
 
 from service.dynamics.solution.dense_output import Period
-from service.jobs.outcome import Refused, Solved
-from service.storage.codecs.arrays import decode_arrays
+from service.jobs.records import Refused, Solved
+from service.storage.codecs.packing import decode_arrays
 from tests.extremes.elliptic import elliptic
 from tests.extremes.problems import STATE, require_claims, solve, three_terms
 from tests.extremes.test_gaps import ONE, ZERO

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.jobs.outcome import Solved
-from service.storage.codecs.arrays import decode_arrays
+from service.jobs.records import Solved
+from service.storage.codecs.packing import decode_arrays
 from tests.extremes.elliptic import elliptic
 from tests.extremes.problems import METHODS, SEPARATRIX, require_claims, solve, three_terms
 from workers.computation.compute import solve_checked

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from service.dynamics.numerics import NUMERICS
-from service.jobs.outcome import Solved
-from service.storage.codecs.arrays import decode_arrays
+from service.jobs.records import Solved
+from service.storage.codecs.packing import decode_arrays
 from tests.golden.documents import DOCUMENTS
+from workers.computation.compiled_code import libraries, processor
 from workers.computation.compute import solve_document
-from workers.computation.processor import libraries, processor
 
 FILE = Path(__file__).with_name("digits.json")
 

@@ -5,7 +5,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.jobs.batching import BATCH_SECONDS, MOST_TOGETHER, BatchSize
+from service.jobs.queue import BATCH_SECONDS, MOST_TOGETHER, BatchSize
 
 CALLS = st.lists(
     st.tuples(st.integers(1, MOST_TOGETHER), st.floats(0.0, 10.0, allow_subnormal=False)), max_size=20

@@ -7,8 +7,16 @@ from itertools import count
 import numpy as np
 import pytest
 
-from service.jobs.chunking import PILOT_POINTS, WAITING_CHUNKS, Range, further
-from service.jobs.estimates import PAUSE_SECONDS, RECENT_SECONDS, ChunkRun, remaining_seconds
+from service.jobs.chunking import (
+    PAUSE_SECONDS,
+    PILOT_POINTS,
+    RECENT_SECONDS,
+    WAITING_CHUNKS,
+    ChunkRun,
+    Range,
+    further,
+    remaining_seconds,
+)
 
 MOST = 65_536
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.jobs.chunking import CHUNK_SECONDS
-from service.jobs.lanes import SHARES, Lane, LaneShares
+from service.jobs.queue import SHARES, Lane, LaneShares
 
 
 class Worker:

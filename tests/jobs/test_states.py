@@ -2,7 +2,7 @@
 
 import pytest
 
-from service.jobs.states import (
+from service.jobs.records import (
     ALLOWED,
     FINISHED,
     JITTER,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.jobs.turns import LARGEST_GAP, LEAST_GAP, gap_for, turns
+from service.jobs.queue import LARGEST_GAP, LEAST_GAP, gap_for, turns
 
 KEYS = "abcd"
 

@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from service.schemas.sweep.reading import read_sweep
-from service.storage.codecs.points import SOLVED, decode_points
+from service.storage.codecs.packing import SOLVED, decode_points
 from service.verdicts.examination import examine_problem
 from tests.support.admissible import Case, cases
 from tests.support.effort import examples

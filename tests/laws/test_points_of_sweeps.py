@@ -8,11 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.jobs.outcome import Refused
-from service.schemas.sweep.kept_numbers import kept_numbers
+from service.jobs.records import Refused
 from service.schemas.sweep.reading import read_sweep
-from service.storage.codecs.arrays import decode_arrays
-from service.storage.codecs.points import SOLVED, decode_points
+from service.schemas.sweep.sweep import kept_numbers
+from service.storage.codecs.packing import SOLVED, decode_arrays, decode_points
 from tests.support.admissible import Case, cases
 from tests.support.effort import examples
 from workers.computation.compute import solve_checked

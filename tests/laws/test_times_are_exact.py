@@ -17,9 +17,9 @@ from service.dynamics.problem import PlanarMotion, TimeList, TimePeriods, TimeSp
 from service.dynamics.sampling import exact_instants, sample_times
 from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, join
 from service.dynamics.solution.dense_output import Period
-from service.jobs.outcome import Solved
+from service.jobs.records import Solved
 from service.schemas.problem.problem import read_problem
-from service.storage.codecs.arrays import decode_arrays, decode_dense
+from service.storage.codecs.packing import decode_arrays, decode_dense
 from tests.support.planar import body, formula
 from workers.computation.compute import solve, solve_document
 from workers.solvers.choose import enclose

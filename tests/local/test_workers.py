@@ -8,10 +8,9 @@ import threading
 import pytest
 
 from service.app import create_app
-from service.local.hosts import WorkerProcess
-from service.local.restarts import Restarts, WorkerStanding
 from service.local.wakeup import Doorbell
-from service.local.workers import LocalWorkers
+from service.local.worker_process import WorkerProcess
+from service.local.workers import LocalWorkers, Restarts, WorkerStanding
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.jobs.worker_registry import WorkerRegistry
@@ -72,7 +71,7 @@ def pauses_of(workers, monkeypatch):
 
 
 def test_a_worker_that_ran_for_a_while_is_back_without_a_pause(keep, monkeypatch):
-    monkeypatch.setattr("service.local.restarts.EARLY_SECONDS", 0.0)
+    monkeypatch.setattr("service.local.workers.EARLY_SECONDS", 0.0)
     workers = keep(FOREVER)
     waits, first = pauses_of(workers, monkeypatch), workers._process
     first.kill()

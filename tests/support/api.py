@@ -17,11 +17,10 @@ from service.dynamics.solution.dense_output import (
     chebyshev_coefficients,
     chebyshev_points,
 )
-from service.jobs.job import Job
-from service.jobs.outcome import Solved
+from service.jobs.records import Job, Solved
 from service.sandbox import Sandbox
 from service.settings import Settings
-from service.storage.codecs.arrays import encode_arrays, encode_dense
+from service.storage.codecs.packing import encode_arrays, encode_dense
 from service.storage.jobs.job_store import SqlJobStore
 from service.verdicts.starting import VerdictChildren
 from tests.support.conformance import check_exchange

@@ -2,11 +2,11 @@
 
 import warnings
 
-from service.jobs.outcome import SolveOutcome
-from service.jobs.states import JobKind
+from service.jobs.records import JobKind, SolveOutcome
 from service.logs import start_logging
 from service.settings import Settings
-from workers.process.worker import WorkerTasks, run_worker
+from workers.process.start import run_worker
+from workers.process.tasks import WorkerTasks
 
 
 def complain(document: str) -> SolveOutcome:

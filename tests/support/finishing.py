@@ -2,8 +2,7 @@
 
 from collections.abc import Mapping
 
-from service.jobs.job import Claim
-from service.jobs.outcome import Solved
+from service.jobs.records import Claim, Solved
 from service.jobs.store import JobStore
 
 

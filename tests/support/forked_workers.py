@@ -26,7 +26,7 @@ from pathlib import Path
 
 import pytest
 
-from service.collector import collect_seldom
+from service.startup import collect_seldom
 
 IS_POSSIBLE = sys.platform == "linux"
 _PIPES = Path(__file__).with_name("pipes_of_worker.py")

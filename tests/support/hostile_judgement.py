@@ -19,8 +19,7 @@ from tests.support.examinations import examination_of
 from tests.support.hostile_documents import Document, draw
 from tests.support.hostile_motions import BITS, TrueMotion, TrueWindow, motion_of, setting_of
 from tests.support.hostile_reference import UnknownError
-from workers.computation.certification import certified_samples
-from workers.computation.compute import as_solved, solve
+from workers.computation.compute import as_solved, certified_samples, solve
 
 SAME = 1e-11
 """Ends of windows further apart are different; they are doubles near balls of 160 bits."""

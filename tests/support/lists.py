@@ -1,10 +1,8 @@
 """Lists of jobs and sweeps as tests look at them: newest first."""
 
-from service.jobs.job import JobPage
-from service.jobs.states import JobState
+from service.jobs.records import JobPage, JobState, SweepPage
 from service.jobs.store import JobStore
-from service.jobs.sweeps import SweepPage
-from service.schemas.query.list_query import ListQuery, in_state
+from service.schemas.query.conditions import ListQuery, in_state
 from service.storage.sweeps.sweep_store import SweepStore
 
 

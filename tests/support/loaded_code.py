@@ -17,7 +17,7 @@ def loaded() -> int:
 
 def loaded_by(documents: str) -> str:
     """Return how many are loaded, and how many more after the problems are solved; called in a child."""
-    from service.jobs.outcome import Refused  # noqa: PLC0415
+    from service.jobs.records import Refused  # noqa: PLC0415
     from workers.computation.compute import solve_document  # noqa: PLC0415
 
     before = loaded()

@@ -11,7 +11,7 @@ import time
 import urllib.request
 from pathlib import Path
 
-from service.api.examples import RECORDED
+from service.api.descriptions import RECORDED
 from tests.support.serving import serving
 
 BODY = {"A": 2, "B": "3/2", "C": 1}

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy import delete
 
-from service.jobs.job import Claim
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
+from service.jobs.records import Claim
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.sweeps.sweep_store import SweepStore

@@ -7,7 +7,7 @@ import threading
 from contextlib import suppress
 
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 
 
 def read_quietly(document_json: str) -> None:

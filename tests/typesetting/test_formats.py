@@ -13,11 +13,8 @@ from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import FUNCTIONS, Binary, Call, Negation, Number, Symbol, Tree
-from service.typesetting.equations import NAMES, typeset
-from service.typesetting.latex import latex
+from service.typesetting.equations import NAMES, latex, mathml, names_of, typeset
 from service.typesetting.layout import lay_out, symbols_of
-from service.typesetting.mathml import mathml
-from service.typesetting.names import names_of
 from tests.support.formulas import PRECEDENCE
 from tests.support.mathml import checked, value_of
 

@@ -4,11 +4,9 @@ import json
 
 import pytest
 
-from service.schemas.replies.existence_text import existence_sentence
 from service.schemas.replies.verdict import ExistenceOut
-from service.schemas.replies.verdict_text import Answer, describe_verdict
-from service.verdicts import examination
-from service.verdicts import searches as searching
+from service.schemas.replies.verdict_text import Answer, describe_verdict, existence_sentence
+from service.verdicts import examination, refusals
 from tests.support.examinations import examination_of
 from workers.computation.compute import solve_checked, solve_document
 from workers.sweeping.chunk import compute_chunk
@@ -39,21 +37,21 @@ def error_of(document, **options):
 def searches(monkeypatch):
     """How often a search was made."""
     made = []
-    original = searching.find_existence
+    original = refusals.find_existence
 
     def counted(*asked, **options):
         made.append(asked)
         return original(*asked, **options)
 
-    monkeypatch.setattr(searching, "find_existence", counted)
+    monkeypatch.setattr(refusals, "find_existence", counted)
     return made
 
 
 @pytest.fixture
 def patient(monkeypatch):
     """On a loaded machine too a search comes to its end."""
-    monkeypatch.setattr(searching, "SECONDS", 3600.0)
-    monkeypatch.setattr(searching, "PROCESSOR_SECONDS", 60.0)
+    monkeypatch.setattr(refusals, "SECONDS", 3600.0)
+    monkeypatch.setattr(refusals, "PROCESSOR_SECONDS", 60.0)
 
 
 @pytest.mark.usefixtures("patient")

@@ -12,11 +12,17 @@ from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import find_windows, remember_windows
 from service.dynamics.verdict.verdict import NumericEvidence, Verdict, decide
 from service.schemas.problem.problem import check_problem, read_question
-from service.verdicts import kept
-from service.verdicts.entries import keys_of
-from service.verdicts.exact_balls import NotExactError, read_ball, write_ball
-from service.verdicts.kept_verdicts import read_verdict, write_verdict
-from service.verdicts.kept_windows import read_windows, write_windows
+from service.verdicts import cached
+from service.verdicts.cache_rows import keys_of
+from service.verdicts.cached import (
+    NotExactError,
+    read_ball,
+    read_verdict,
+    read_windows,
+    write_ball,
+    write_verdict,
+    write_windows,
+)
 from tests.conformance.specimens import SPECIMENS, Specimen
 from tests.support.admissible import Case, sampled_cases
 from tests.support.planar import body, formula
@@ -240,8 +246,8 @@ def undecided_verdict(*given):
 
 @pytest.mark.parametrize(("seconds", "is_kept"), [(1000.0, True), (-1.0, False)])
 def test_a_verdict_that_time_left_open_is_not_kept(monkeypatch, seconds, is_kept):
-    monkeypatch.setattr(kept, "decide", undecided_verdict)
-    monkeypatch.setattr(kept, "VERDICT_PROCESSOR_SECONDS", seconds)
-    found = kept.Kept({})
+    monkeypatch.setattr(cached, "decide", undecided_verdict)
+    monkeypatch.setattr(cached, "VERDICT_PROCESSOR_SECONDS", seconds)
+    found = cached.Kept({})
     found.verdict("a key", body(*DOUBLE), formula("g1", body(*DOUBLE)))
     assert ("a key" in found.found) is is_kept

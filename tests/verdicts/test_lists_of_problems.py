@@ -8,7 +8,7 @@ import pytest
 
 from service.dynamics.reduction import windows as found_windows
 from service.schemas.problem.problem import read_problem
-from service.verdicts import kept
+from service.verdicts import cached
 from service.verdicts.examination import examine_problem, examine_problems
 from tests.support.examinations import examination_of
 
@@ -40,7 +40,7 @@ def mixed():
 
 @pytest.mark.parametrize("together", [1, 2, 64])
 def test_a_list_has_the_answers_of_its_problems(monkeypatch, together):
-    monkeypatch.setattr(kept, "TOGETHER", together)
+    monkeypatch.setattr(cached, "TOGETHER", together)
     monkeypatch.setattr(found_windows, "_KNOWN", {})
     asked = examination_of(mixed())
     reply = json.loads(examine_problems(json.dumps(asked)))
@@ -71,7 +71,7 @@ def test_what_is_kept_is_not_found_again(monkeypatch):
         asked_for.append(len(motions))
         return found_windows.find_windows_together(body, potential, motions)
 
-    monkeypatch.setattr(kept, "find_windows_together", counted)
+    monkeypatch.setattr(cached, "find_windows_together", counted)
     missing = {asked["problems"][k]["windows"] for k in (1, 3, 4)}
     asked["kept"] = {key: content for key, content in found.items() if key not in missing}
     again = json.loads(examine_problems(json.dumps(asked)))
@@ -87,11 +87,11 @@ def test_each_problem_has_its_share_of_the_time(monkeypatch):
         now[0] += 8.0
         return found_windows.find_windows_together(*given)
 
-    monkeypatch.setattr(kept, "find_windows_together", slow)
-    monkeypatch.setattr(kept.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(cached, "find_windows_together", slow)
+    monkeypatch.setattr(cached.time, "perf_counter", lambda: now[0])
     problem = read_problem(on_curve(GRAVITY, "1"))
     motions = {f"curve {k}": replace(problem.motion, lambda_=Fraction(k)) for k in range(1, 5)}
-    known = kept.Kept({}, [("setting", key, motion) for key, motion in motions.items()])
+    known = cached.Kept({}, [("setting", key, motion) for key, motion in motions.items()])
     shares = []
     for key, motion in motions.items():
         began = now[0]

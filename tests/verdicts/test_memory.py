@@ -1,6 +1,6 @@
 """The memory holds what was used last, and asks the store for the rest."""
 
-from service.verdicts.entries import Entry
+from service.verdicts.cache_rows import Entry
 from service.verdicts.memory import KeptExaminations
 
 

@@ -8,8 +8,8 @@ from flint import ctx
 
 from service.dynamics.reduction.windows import REDUCTION_BITS, find_windows
 from service.schemas.problem.problem import read_problem
+from service.verdicts.documents import terms_along
 from service.verdicts.examination import examine_question
-from service.verdicts.remarks import terms_along
 from workers.computation.compute import solve
 from workers.solvers.errors import AccuracyNotMetError
 

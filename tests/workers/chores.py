@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from service.jobs.outcome import ChunkOutcome, Refused, Solved, SolveOutcome
-from service.jobs.states import JobKind
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
+from service.jobs.records import ChunkOutcome, JobKind, Refused, Solved, SolveOutcome
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 
 SUMMARY: dict[str, object] = {
     "method": "quadrature",

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 from sqlalchemy.orm import configure_mappers
 
-import workers.process.worker as needed_by_every_worker
+import workers.process.start as needed_by_every_worker
 
 assert needed_by_every_worker
 MESSAGE_BYTES = 2**16

@@ -15,7 +15,7 @@ print(*{name.partition(".")[0] for name in sys.modules} & {"fastapi", "starlette
 
 COMPUTING = """
 import sys
-import workers.cli.main, workers.cli.solve, workers.process.worker
+import workers.cli.main, workers.cli.documents, workers.process.start
 names = {name.partition(".")[0] for name in sys.modules} & {"heyoka", "scipy", "sympy", "numba", "pyarrow"}
 print(*names, *({"workers.computation.compute", "workers.solvers"} & set(sys.modules)))
 """

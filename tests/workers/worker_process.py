@@ -25,7 +25,8 @@ def work(arguments: Sequence[str]) -> None:
     import logging  # noqa: PLC0415
 
     from service.settings import Settings  # noqa: PLC0415
-    from workers.process.worker import WorkerTasks, run_worker  # noqa: PLC0415
+    from workers.process.start import run_worker  # noqa: PLC0415
+    from workers.process.tasks import WorkerTasks  # noqa: PLC0415
 
     shift_clock(float(os.environ["CLOCK_SHIFT"]))
     logging.basicConfig(level=logging.INFO)

@@ -1,8 +1,12 @@
 """Measures seconds and errors of every tier on every problem."""
 
+import json
 import os
 import platform
-from collections.abc import Callable, Sequence
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,14 +16,52 @@ from service.dynamics.accuracy import TIERS, AccuracyRow, AccuracyTable, Machine
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.dynamics.solution.ball_columns import RADIUS
-from service.jobs.outcome import Refused, Solved
-from service.schemas.reading.faults import InvalidProblemError
-from service.storage.codecs.arrays import decode_arrays
+from service.jobs.records import Refused, Solved
+from service.sandbox import Sandbox
+from service.schemas.reading.documents import InvalidProblemError
+from service.storage.codecs.packing import decode_arrays
+from service.storage.database.database import Database
+from service.storage.database.migration import migrate
+from service.storage.database.rows import new_id
+from service.storage.jobs.job_store import SqlJobStore
 from service.versions import version_of
-from workers.calibration.problems import CASES, SAMPLES, Case
-from workers.calibration.reference import ReferenceStates, reference_states, samples_of
-from workers.calibration.whole_jobs import SecondsOf
+from workers.calibration.reference import CASES, SAMPLES, Case, ReferenceStates, reference_states, samples_of
 from workers.computation.compute import solve_document
+
+_LEASE_SECONDS = 3600.0
+
+SecondsOf = Callable[[str], float]
+"""Measures the seconds of a problem, given as JSON."""
+
+
+@contextmanager
+def whole_jobs() -> Iterator[SecondsOf]:
+    """Yield a function that times a job: submitted, claimed, solved by a child process, and stored."""
+    with tempfile.TemporaryDirectory(prefix="polhode-calibration-") as folder:
+        url = f"sqlite:///{Path(folder) / 'jobs.db'}"
+        migrate(url)
+        database = Database(url)
+        sandbox = Sandbox(1, preload=["workers.computation.compute"])
+        jobs = SqlJobStore(database)
+
+        def seconds_of(document: str) -> float:
+            problem = json.loads(document)
+            began = time.perf_counter()
+            # A digest of its own, so that nothing is reused.
+            jobs.submit(problem, new_id())
+            claim = jobs.claim("calibration", lease_seconds=_LEASE_SECONDS)
+            assert claim is not None
+            outcome = sandbox.run(solve_document, json.dumps(claim.payload), seconds=None)
+            jobs.finish(claim, outcome)
+            return time.perf_counter() - began
+
+        try:
+            sandbox.start()
+            yield seconds_of
+        finally:
+            sandbox.close()
+            database.close()
+
 
 SLOW_SECONDS = 0.3
 """Slower problems are measured once, and only with 1000 samples more."""
@@ -52,7 +94,7 @@ def calibrate(
 ) -> AccuracyTable:
     """Measure every tier on every problem; ``step`` is called before each of :func:`steps`.
 
-    ``seconds_of`` measures the time of a problem: :func:`workers.calibration.whole_jobs.whole_jobs`.
+    ``seconds_of`` measures the time of a problem: :func:`workers.calibration.measurement.whole_jobs`.
 
     Raises
     ------

@@ -4,10 +4,9 @@ import json
 import sys
 from pathlib import Path
 
-from service.schemas.replies.accuracy import AccuracyTableModel
+from service.schemas.replies.installation import AccuracyTableModel
 from service.storage.solutions.shipped_accuracy import SHIPPED
-from workers.calibration.measurement import FULL, calibrate
-from workers.calibration.whole_jobs import whole_jobs
+from workers.calibration.measurement import FULL, calibrate, whole_jobs
 
 
 def shipped_text() -> str:

@@ -9,14 +9,21 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.dynamics.accuracy import AccuracyTable
-from service.schemas.replies.accuracy import AccuracyTableModel
+from service.schemas.replies.installation import AccuracyTableModel
 from service.settings import read_settings
 from service.storage.database.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.terminal import answer, say
-from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
+from workers.calibration.measurement import (
+    FULL,
+    QUICK,
+    ClaimExceededError,
+    Effort,
+    calibrate,
+    steps,
+    whole_jobs,
+)
 from workers.calibration.reference import NoReferenceError
-from workers.calibration.whole_jobs import whole_jobs
 from workers.cli.compile import compile_solvers
 from workers.computation.compiled_code import GROUPS, way_for
 

@@ -55,9 +55,9 @@ def run(
     wake_fd: Annotated[int | None, typer.Option(help="descriptor of the service's wake-up socket")] = None,
 ) -> None:
     """Compute queued jobs until stopped."""
-    from service.confinement import lack_of_room  # noqa: PLC0415
-    from workers.process.tasks import COMPUTATIONS, PRELOAD, WARM_UP  # noqa: PLC0415
-    from workers.process.worker import WorkerTasks, run_worker  # noqa: PLC0415
+    from service.sandbox import lack_of_room  # noqa: PLC0415
+    from workers.process.start import run_worker  # noqa: PLC0415
+    from workers.process.tasks import COMPUTATIONS, PRELOAD, WARM_UP, WorkerTasks  # noqa: PLC0415
 
     settings = read_settings(database_url=database_url)
     start_logging(settings.log_format, settings.log_level or "info")
@@ -79,7 +79,7 @@ def run(
 
 def _reasons_to_end() -> tuple[type[Exception], ...]:
     """Return the faults that a message explains; asked, and loaded, only after a fault."""
-    from service.local.hosts import OtherHostError  # noqa: PLC0415
+    from service.local.worker_process import OtherHostError  # noqa: PLC0415
     from service.storage.database.migration import MigrationError  # noqa: PLC0415
     from service.storage.database.revisions import UnknownRevisionError  # noqa: PLC0415
 
@@ -93,7 +93,7 @@ def solve(
     csv: Annotated[Path | None, typer.Option(metavar="OUT", help="write the samples as CSV")] = None,
 ) -> None:
     """Solve one problem without a database."""
-    from workers.cli.solve import solve_file  # noqa: PLC0415
+    from workers.cli.documents import solve_file  # noqa: PLC0415
 
     raise typer.Exit(solve_file(file, csv=csv, as_json=as_json))
 
@@ -105,7 +105,7 @@ def atlas(
     picture: Annotated[Path | None, typer.Option(metavar="OUT", help="write a picture of it (SVG)")] = None,
 ) -> None:
     """Draw an atlas without a database."""
-    from workers.cli.atlas import draw_file  # noqa: PLC0415
+    from workers.cli.documents import draw_file  # noqa: PLC0415
 
     raise typer.Exit(draw_file(file, as_json=as_json, picture=picture))
 

@@ -2,9 +2,9 @@
 
 import json
 
-from service.jobs.outcome import Drawn, Refused
+from service.jobs.records import Drawn, Refused
 from service.schemas.atlas.reading import read_atlas
-from service.storage.codecs.documents import encode_document
+from service.storage.codecs.packing import encode_document
 from service.verdicts.atlases import examine_atlas_of_job
 from workers.computation.compiled_code import way_for
 from workers.computation.compute import solve_document

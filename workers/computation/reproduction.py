@@ -7,12 +7,12 @@ from random import Random
 
 from sqlalchemy import func, select
 
-from service.jobs.outcome import Refused, StoredSolution
+from service.jobs.records import Refused, StoredSolution
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.database import Database
-from service.storage.jobs.stored import stored_solutions
+from service.storage.jobs.claiming import stored_solutions
 from service.storage.tables.solutions import SolutionRow
-from workers.computation.comparison import Sameness, compare_solutions
+from workers.computation.audit import Sameness, compare_solutions
 from workers.computation.compute import solve_document, way_to_repeat
 
 

@@ -18,8 +18,8 @@ from service.dynamics.solution.ball_columns import as_decimals
 from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL, is_simplified
 from service.storage.codecs.summary import FIRST_PASSAGE, PROVEN_SAMPLES
 from service.versions import version_of
+from workers.computation.compiled_code import libraries, processor, threads
 from workers.computation.outputs import Findings
-from workers.computation.processor import libraries, processor, threads
 from workers.solvers.certified.certify import Certified
 from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability

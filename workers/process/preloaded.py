@@ -15,7 +15,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from workers.process.template import accept_orders
+from workers.process.tasks import accept_orders
 from workers.sweeping.warming import is_compiled, warm_up_for_first_jobs
 
 _LINEAR_ALGEBRA = "scipy.linalg"

@@ -10,7 +10,7 @@ from service.storage.jobs.procrastinate_dispatcher import CHANNEL
 
 
 class Notifications:
-    """The :class:`~workers.process.loop.Announcements` of Procrastinate's queue.
+    """The :class:`~workers.process.worker.Announcements` of Procrastinate's queue.
 
     They only shorten waiting: a job announced while not listening is found by
     the next poll.

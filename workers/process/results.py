@@ -1,36 +1,84 @@
-"""Stores what children have computed, and why they have not, under the claims of their jobs."""
+"""Stores what children have computed, and why they have not, under claims that it renews."""
 
 import logging
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError
+from dataclasses import dataclass
 from functools import partial
 from typing import TypedDict
 
-from service.jobs.job import Claim, Taken
 from service.jobs.kernels import NEVER, WAITS, NeedsKernelsError, Outlook
-from service.jobs.lanes import Lane
-from service.jobs.outcome import Outcome, SolveOutcome
-from service.jobs.states import JobKind
+from service.jobs.records import Claim, JobKind, Outcome, SolveOutcome, Taken
 from service.jobs.store import JobStore
 from service.logs import Complaints, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.availability import is_away
-from workers.process.limits import JobLimits
+from workers.process.batches import TakingTerms
 
 logger = logging.getLogger(__name__)
+
+
+class _Retries(TypedDict):
+    max_attempts: int
+    retry_seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class JobLimits:
+    """Limits of one job, and the length of a lease."""
+
+    lease_seconds: float
+    job_seconds: float
+    memory_mb: int
+    max_attempts: int
+    retry_seconds: float
+
+    def retries(self) -> _Retries:
+        """Return the limits for lost jobs, for the store."""
+        return {"max_attempts": self.max_attempts, "retry_seconds": self.retry_seconds}
+
+
+class Leases:
+    """The leases of a worker's claims: each is prolonged when a third of it is over."""
+
+    def __init__(self, store: JobStore, lease_seconds: float) -> None:
+        self._store, self._seconds = store, lease_seconds
+        self.due: dict[str, float] = {}
+        """Instants by the ids of jobs, on the clock of :func:`time.monotonic`."""
+
+    def begin(self, claims: Iterable[Claim]) -> None:
+        """Renew the leases of these claims from now on."""
+        for claim in claims:
+            self.due.setdefault(claim.job_id, self._next())
+
+    def forget(self, claim: Claim) -> None:
+        """Renew its lease no more."""
+        self.due.pop(claim.job_id, None)
+
+    def still_holds(self, claim: Claim, held: frozenset[str]) -> bool:
+        """Renew a lease that is due; say whether the claim holds: whether its job is among the ``held``."""
+        holds = claim.job_id in held
+        if holds and time.monotonic() >= self.due[claim.job_id]:
+            holds = self._store.heartbeat(claim, lease_seconds=self._seconds)
+            self.due[claim.job_id] = self._next()
+        if not holds:
+            logger.info(
+                "job %s attempt %d: the claim was lost, stopping",
+                claim.job_id,
+                claim.attempt,
+                extra=extra_of(claim),
+            )
+        return holds
+
+    def _next(self) -> float:
+        return time.monotonic() + self._seconds / 3
+
 
 WAIT_SECONDS = 5.0
 """After so long a job that waits for kernels is tried again ..."""
 LONG_WAIT_SECONDS = 60.0
 """... and one that went beyond a limit without them."""
-
-
-class TakingTerms(TypedDict):
-    """The terms on which further jobs are claimed."""
-
-    lease_seconds: float
-    owed: Sequence[Lane]
-    together: int
 
 
 class Results:

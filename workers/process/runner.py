@@ -11,24 +11,26 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
 from typing import Any  # Any: an outcome, or those of a batch
 
-from service.jobs.batching import BATCH_SECONDS, BatchSize
-from service.jobs.job import Claim, Taken
 from service.jobs.kernels import Outlook
-from service.jobs.lanes import Lane, LaneShares
-from service.jobs.outcome import Outcome, SolveOutcome
-from service.jobs.states import JobKind
+from service.jobs.queue import BATCH_SECONDS, BatchSize, Lane, LaneShares
+from service.jobs.records import Claim, JobKind, Outcome, SolveOutcome, Taken
 from service.jobs.store import JobStore
 from service.logs import about, call_about
 from service.sandbox import Sandbox, SandboxCrashError, SandboxTimeoutError, result_of
-from workers.process.batches import Call, Ledger, compute_in_turn
-from workers.process.leases import Leases
-from workers.process.limits import JobLimits
-from workers.process.portions import Portions
-from workers.process.results import Results, extra_of, fields_of
-from workers.process.runs import ChildRun, may_share, shared_out
-from workers.process.waiting import Waiting
+from workers.process.batches import (
+    Call,
+    ChildRun,
+    Ledger,
+    Portions,
+    Waiting,
+    compute_in_turn,
+    may_share,
+    shared_out,
+)
+from workers.process.results import JobLimits, Leases, Results, extra_of, fields_of
 
 logger = logging.getLogger(__name__)
+
 
 Computation = Callable[..., Outcome]
 """A module-level function from :attr:`Claim.payload`, as JSON text, to the outcome of the job.

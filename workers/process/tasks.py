@@ -1,18 +1,56 @@
 """The functions that a worker's child processes run; the worker itself never imports the solvers.
 
-The solvers and their libraries take a second or two to load. The fork server loads them
-once for all children; the worker, which only manages leases and children, starts at once
-and restarts quickly after it was killed.
+The solvers and their libraries take a second or two to load. The fork server loads them once for all
+children; the worker, which only manages leases and children, starts at once and restarts quickly after it
+was killed.
+
+The fork server first loads what most planar motions need, so that first children work after half the time.
+Then a child asks it, by a signal, to load the rest (integrators, and all else that first jobs seldom need),
+and children forked later begin with all code loaded. A signal, since a fork server takes no other orders: it
+only forks. Its handler runs between two forks, in the only thread that there is.
 """
 
+import importlib
+import logging
+import os
+import signal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import FrameType
 from typing import TYPE_CHECKING
 
-from service.jobs.outcome import ChunkOutcome, Drawn, Refused, SolveOutcome, StoredSolution
-from service.jobs.states import JobKind
-from workers.process.warming import WarmUp
+from service.jobs.records import ChunkOutcome, Drawn, JobKind, Refused, SolveOutcome, StoredSolution
 
 if TYPE_CHECKING:  # the children that load this module need no database
     from workers.process.runner import Computations
+
+Call = Callable[[], None]
+
+
+@dataclass(frozen=True, slots=True)
+class WarmUp:
+    """Module-level functions that children call."""
+
+    first: Call
+    """Each child, before the worker takes jobs."""
+    order: Call | None = None
+    """Some child, when all have called the first: has the fork server load the rest."""
+    rest: Call | None = None
+    """Each child that is forked after that, before it replaces an older one. None: there is one stage."""
+    is_compiled: Callable[[], bool] | None = None
+    """Some child, before the second stage: whether there is nothing to compile. None: there never is."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerTasks:
+    """The computations of a worker, and the preparations for them."""
+
+    computations: "Computations"
+    preload: Sequence[str] = ()
+    """Modules that the computations need, beside their own."""
+    warm_up: WarmUp | None = None
+    """Functions that its children call before and after it begins to take jobs."""
+
 
 PRELOAD = (
     "workers.computation.compute",
@@ -20,6 +58,12 @@ PRELOAD = (
     "workers.process.preloaded",
 )
 """Modules for the fork server: what the functions here import, and at last one that loads compiled code."""
+LATE = ("workers.solvers.integration.dop853", "workers.computation.atlases")
+"""Modules for it that come late: they load SymPy and SciPy. A job that needs one earlier loads it."""
+
+_server: int | None = None
+"""The process id of the fork server, which its children inherit. A fork server is told by what it imports,
+so that there is no object in which to keep it."""
 
 
 def solve_problem(
@@ -62,10 +106,30 @@ def _warm_up_for_planar_motions() -> None:
     warm_up_for_first_jobs()
 
 
-def _ask_for_the_rest() -> None:
-    from workers.process.template import ask_for_the_rest  # noqa: PLC0415
+def accept_orders() -> None:
+    """Load the rest when a child asks for it. Called in a fork server, when it begins."""
+    global _server
+    signal.signal(signal.SIGUSR1, _load_the_rest)
+    _server = os.getpid()
 
-    ask_for_the_rest()
+
+def _load_the_rest(_signal: int, _frame: FrameType | None) -> None:
+    try:
+        for name in LATE:
+            importlib.import_module(name)
+        from workers.sweeping.warming import is_compiled, warm_up_before_forks  # noqa: PLC0415
+
+        if is_compiled():
+            warm_up_before_forks()
+    except Exception as fault:  # children meet it too, and their worker says what is wrong
+        logging.getLogger(__name__).debug("the rest is not loaded ahead: %s", fault)
+
+
+def _ask_for_the_rest() -> None:
+    """Have the fork server load the rest before it forks again; outside of its children this does nothing."""
+    # If the fork server has died, the parent is another process, which the signal might end.
+    if _server is not None and os.getppid() == _server:
+        os.kill(_server, signal.SIGUSR1)
 
 
 def _warm_up_for_all() -> None:

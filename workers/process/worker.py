@@ -1,81 +1,343 @@
-"""Runs one worker process, from its settings to its shutdown."""
+"""The loop of a worker, and its presence: it uses a database, runs jobs when woken, and polls at intervals.
 
+The modules before it know no database: this one is loaded while the children start.
+"""
+
+import contextlib
+import logging
 import selectors
-from collections.abc import Sequence
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
-from service.collector import keep_what_is_loaded
-from service.local.wakeup import WorkerLine
+from sqlalchemy.exc import SQLAlchemyError
+
+from service.jobs.kernels import Kernels, Outlook
+from service.local.wakeup import WARM, WorkerLine
+from service.local.worker_process import WorkerProcess, new_worker_name, this_host
+from service.logs import Complaints, about
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.stopping import StopAsked
-from workers.computation.threads import use_one_thread
-from workers.process.waker import Waker
-from workers.process.warming import Warming, WarmUp
+from service.storage.database.availability import is_away
+from service.storage.database.database import Database
+from service.storage.jobs.dispatching import dispatcher_of
+from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.worker_registry import WorkerRegistry
+from workers.process.results import JobLimits
+from workers.process.runner import WATCH_SECONDS, Computations, Runner
+from workers.process.start import Waker, Warming
 
 if TYPE_CHECKING:
-    from workers.process.runner import Computations
+    from workers.process.procrastinate import Notifications
+
+logger = logging.getLogger(__name__)
+
+
+class Presence:
+    """The presence row of one worker.
+
+    Parameters
+    ----------
+    seconds
+        How often it is renewed.
+    alone
+        Whether a worker of another host refuses this one.
+    """
+
+    def __init__(
+        self, registry: WorkerRegistry, worker: WorkerProcess, *, seconds: float, alone: bool
+    ) -> None:
+        self._registry = registry
+        self._worker = worker
+        self._seconds = seconds
+        self._alone = alone
+        self._has_entered = False
+        self._is_warm = False
+        self._kernels: Kernels | None = None
+        self._due_at = 0.0
+
+    def keep(self, *, is_warm: bool, kernels: Kernels | None) -> None:
+        """Renew the row if it is time, or if it is news that this worker is warm, or how far kernels are.
+
+        The first time raises what :meth:`~service.storage.jobs.worker_registry.WorkerRegistry.enter` raises.
+        """
+        if not self._has_entered:
+            self._registry.enter(self._worker, alone=self._alone)
+            self._has_entered = True
+            logger.info("worker %s with %d slots", self._worker.name, self._worker.slots)
+            self._due_at = time.monotonic() + self._seconds
+        if self.seconds_left() == 0.0 or is_warm is not self._is_warm or kernels != self._kernels:
+            self._registry.see(self._worker, is_warm=is_warm, kernels=kernels)
+            self._is_warm, self._kernels = is_warm, kernels
+            self._due_at = time.monotonic() + self._seconds
+
+    def outlook(self) -> Outlook:
+        """Tell whether kernels are there, or will be, here or at another worker that shares the queue."""
+        if self._kernels is None:
+            return "there"
+        is_in_vain = self._kernels.fault is not None and not self._registry.may_have_kernels()
+        return "never" if is_in_vain else "coming"
+
+    def seconds_left(self) -> float:
+        """Return how long :meth:`keep` has nothing to do."""
+        return max(0.0, self._due_at - time.monotonic())
+
+    def end(self) -> None:
+        """Remove the row; if the database is unreachable, the row expires later."""
+        with contextlib.suppress(SQLAlchemyError):
+            self._registry.leave(self._worker)
+
+
+_AWAY_SECONDS = 0.5
+"""Seconds between attempts while the database is unreachable."""
+
+
+class Announcements(Protocol):
+    """Announces delivered jobs."""
+
+    def listen(self) -> None:
+        """Start listening, if not listening already."""
+        ...
+
+    def fileno(self) -> int:
+        """Return the descriptor to select on; negative while not listening."""
+        ...
+
+    def clear(self) -> None:
+        """Discard pending announcements."""
+        ...
+
+
+class EngineLoop:
+    """The loop of a worker.
+
+    Parameters
+    ----------
+    runner, presence
+        The runner of jobs, and the worker's presence row.
+    waker
+        The runner's ``wake``.
+    line
+        The wake-up socket of the service that started this worker, if any. When it closes, the loop stops.
+    announcements
+        Notifications of delivered jobs, if the engine has them.
+    takes_jobs
+        Whether jobs may be taken: the children have loaded what planar motions need. Once true it stays true.
+    is_warm
+        Whether the children have loaded all that jobs need. Once true it stays true.
+    kernels
+        How far these are compiled; None if there is nothing to compile.
+    poll_seconds
+        How often to poll for jobs that were not announced.
+    grace_seconds
+        How long running jobs may still finish after :meth:`stop`; then they are queued again.
+    """
+
+    def __init__(
+        self,
+        runner: Runner,
+        presence: Presence,
+        waker: Waker,
+        *,
+        line: WorkerLine | None,
+        announcements: Announcements | None,
+        takes_jobs: Callable[[], bool],
+        is_warm: Callable[[], bool],
+        kernels: Callable[[], Kernels | None],
+        poll_seconds: float,
+        grace_seconds: float,
+    ) -> None:
+        self._runner = runner
+        self._presence = presence
+        self._waker = waker
+        self._line = line
+        self._announcements = announcements
+        self._takes_jobs = takes_jobs
+        self._is_warm = is_warm
+        self._kernels = kernels
+        self._poll_seconds = poll_seconds
+        self._grace_seconds = grace_seconds
+        self._stop_by: float | None = None
+        self._is_away = False
+        self._complaints = Complaints(logger)
+        self._has_told = False
+
+    def stop(self) -> None:
+        """Claim nothing more; safe from any thread or signal handler, also repeatedly."""
+        if self._stop_by is None:
+            self._stop_by = time.monotonic() + self._grace_seconds
+        self._waker()
+
+    def stop_at_once(self) -> None:
+        """Return running jobs to the queue, instead of waiting for their end; safe as :meth:`stop` is."""
+        self._stop_by = time.monotonic()
+        self._waker()
+
+    def run(self) -> None:
+        """Work until stopped."""
+        while not self._is_over():
+            try:
+                self._turn()
+            except Exception as fault:
+                if not is_away(fault):
+                    raise
+                if not self._is_away:
+                    # Not at each attempt: an outage may last for hours. Nor at each outage: where only some
+                    # writes fail, such as on a full disk, every second turn is one.
+                    self._complaints.tell("the database cannot be reached; trying again until it can", fault)
+                self._is_away = True
+                time.sleep(_AWAY_SECONDS)
+            else:
+                if self._is_away:
+                    self._complaints.tell("the database can be reached again")
+                self._is_away = False
+                self._wait()
+        try:
+            self._runner.give_back()
+        except Exception as fault:
+            if not is_away(fault):
+                raise
+            logger.warning(
+                "the database cannot be reached: running jobs are queued again when their leases end"
+            )
+
+    def _turn(self) -> None:
+        """Do all pending work, finished jobs first, since clients may wait for them."""
+        self._tell(self._runner.collect(refill=self._stop_by is None))
+        self._runner.keep_leases()
+        # In this order: a worker that is warm takes jobs.
+        is_warm = self._is_warm()
+        takes_jobs = self._takes_jobs()
+        self._presence.keep(is_warm=is_warm, kernels=self._kernels())
+        if is_warm and not self._has_told and self._line is not None:
+            self._line.tell(WARM)
+        self._has_told = is_warm
+        if self._stop_by is None:
+            if takes_jobs and self._announcements is not None:
+                # Listen before looking, so that no later delivery is missed.
+                self._announcements.listen()
+            self._runner.reconcile()
+            if takes_jobs:
+                self._tell(self._runner.fill())
+
+    def _tell(self, finished: list[str]) -> None:
+        if self._line is not None:
+            for job_id in finished:
+                self._line.tell(job_id)
+
+    def _is_over(self) -> bool:
+        if self._stop_by is None:
+            return False
+        return not self._runner.is_busy or time.monotonic() >= self._stop_by
+
+    def _wait(self) -> None:
+        if self._is_over():
+            return
+        timeout = min(self._poll_seconds, self._presence.seconds_left())
+        if self._runner.is_busy:
+            timeout = min(timeout, WATCH_SECONDS)
+        with selectors.PollSelector() as selector:
+            for bell in (self._waker, self._line, self._announcements):
+                if bell is not None and bell.fileno() >= 0:
+                    selector.register(bell, selectors.EVENT_READ)
+            heard = [key.fileobj for key, _ in selector.select(timeout)]
+        if self._waker in heard:
+            self._waker.clear()
+        if self._announcements in heard and self._announcements is not None:
+            self._announcements.clear()
+        if self._line in heard and self._line is not None and not self._line.is_open():
+            logger.info("the service has ended, stopping")
+            self._line.close()
+            self.stop()
+
+
+PRESENT_SECONDS = 10.0
+"""Largest time between refreshes of the presence row: a third of the time after which it expires."""
 
 
 @dataclass(frozen=True, slots=True)
-class WorkerTasks:
-    """The computations of a worker, and the preparations for them."""
+class Equipment:
+    """The parts of a worker that exist before it knows its database."""
 
-    computations: "Computations"
-    preload: Sequence[str] = ()
-    """Modules that the computations need, beside their own."""
-    warm_up: WarmUp | None = None
-    """Functions that its children call before and after it begins to take jobs."""
+    sandbox: Sandbox
+    warming: Warming
+    waker: Waker
+    line: WorkerLine | None
+    stop: StopAsked
 
 
-def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: int | None) -> None:
-    """Run one worker in this process until SIGTERM, SIGINT, or the end of the service that started it.
-
-    ``wake_fd`` is the descriptor of a wake-up socket from :class:`service.local.wakeup.Doorbell`. With one,
-    the children start and warm up while the service still migrates the database.
+def use_database(computations: Computations, settings: Settings, slots: int, equipment: Equipment) -> None:
+    """Be present in the database, and compute its jobs until stopped.
 
     Raises
     ------
-    OtherHostError
-        The engine is for one machine, and another machine uses the database.
-    UnknownRevisionError
-        A later version has changed the database, perhaps since the service that starts this worker began.
+    OtherHostError, UnknownRevisionError
+        See :func:`workers.process.start.run_worker`.
     """
-    use_one_thread()
-    modules = [*(computation.__module__ for computation in tasks.computations.values()), *tasks.preload]
-    line = None if wake_fd is None else WorkerLine(wake_fd)
-    sandbox = Sandbox(slots, memory_mb=settings.job_memory_mb, preload=modules)
-    waker = Waker()
-    # From here on the end needs a clean-up.
-    with StopAsked() as stop:
-        stop.tell(waker)
-        warming = Warming(sandbox, tasks.warm_up, slots=slots, wake=waker)
-        try:
-            warming.start()
-            # Not at the top: the children start while this process loads what the database needs.
-            from workers.process.database_work import Equipment, use_database  # noqa: PLC0415
-
-            keep_what_is_loaded()
-            if line is None or _is_database_ready(line, waker, stop):
-                warming.go_on()
-                equipment = Equipment(sandbox, warming, waker, line, stop)
-                use_database(tasks.computations, settings, slots, equipment)
-        finally:
-            sandbox.close()
-            if line is not None:
-                line.close()
-            waker.close()
+    host = settings.host_name or this_host()
+    worker = WorkerProcess(new_worker_name(host), host, settings.engine, slots)
+    database = Database(settings.database_url)
+    registry = WorkerRegistry(database, lease_seconds=settings.lease_seconds)
+    seconds = min(settings.lease_seconds, PRESENT_SECONDS)
+    presence = Presence(registry, worker, seconds=seconds, alone=settings.engine == "local")
+    try:
+        with about(worker=worker.name):
+            _loop(computations, settings, worker, presence, database, equipment)
+    finally:
+        presence.end()
+        database.close()
 
 
-def _is_database_ready(line: WorkerLine, waker: Waker, stop: StopAsked) -> bool:
-    """Wait for the first message of the service; False if the end comes before."""
-    with selectors.PollSelector() as selector:
-        for bell in (line, waker):
-            selector.register(bell, selectors.EVENT_READ)
-        while not stop.is_asked:
-            heard = [key.fileobj for key, _ in selector.select()]
-            if line in heard:
-                return line.is_open()
-            waker.clear()
-    return False
+def _loop(
+    computations: Computations,
+    settings: Settings,
+    worker: WorkerProcess,
+    presence: Presence,
+    database: Database,
+    equipment: Equipment,
+) -> None:
+    limits = JobLimits(
+        lease_seconds=settings.lease_seconds,
+        job_seconds=settings.job_seconds,
+        memory_mb=settings.job_memory_mb,
+        max_attempts=settings.max_attempts,
+        retry_seconds=settings.retry_seconds,
+    )
+    runner = Runner(
+        SqlJobStore(database, dispatcher_of(settings)),
+        equipment.sandbox,
+        computations,
+        name=worker.name,
+        slots=worker.slots,
+        limits=limits,
+        wake=equipment.waker,
+        outlook=presence.outlook,
+    )
+    notifications = _notifications(database) if settings.engine == "procrastinate" else None
+    loop = EngineLoop(
+        runner,
+        presence,
+        equipment.waker,
+        line=equipment.line,
+        announcements=notifications,
+        takes_jobs=equipment.warming.may_take_jobs,
+        is_warm=equipment.warming.is_over,
+        kernels=equipment.warming.kernels,
+        poll_seconds=settings.poll_seconds,
+        grace_seconds=settings.grace_seconds,
+    )
+    equipment.stop.tell(loop.stop)
+    equipment.stop.urge(loop.stop_at_once)
+    try:
+        loop.run()
+    finally:
+        if notifications is not None:
+            notifications.close()
+
+
+def _notifications(database: Database) -> "Notifications":
+    from workers.process.procrastinate import Notifications  # noqa: PLC0415
+
+    return Notifications(database.engine)

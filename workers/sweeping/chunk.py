@@ -1,4 +1,7 @@
-"""Computes a chunk of a sweep, and returns its points in columns."""
+"""Computes a chunk of a sweep, and returns its points in columns.
+
+Points that no block can do are computed one by one, by the functions of a single job.
+"""
 
 import json
 import time
@@ -10,24 +13,81 @@ from numpy.typing import NDArray
 
 from service.dynamics.problem import PlanarMotion
 from service.jobs.kernels import NeedsKernelsError
-from service.jobs.outcome import ChunkOutcome
+from service.jobs.records import ChunkOutcome
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
-from service.verdicts.kept import Kept
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
+from service.verdicts.cached import Kept
 from workers.computation.compiled_code import GROUPS, keep_compiled_code, way_for
 from workers.solvers.ways import NotReadyError, Way, on_way
 from workers.sweeping.plan import FEW, Plan, make_plan, plan_moving
-from workers.sweeping.pointwise import SweepPoint, solve_point
 
 if TYPE_CHECKING:
-    from workers.sweeping.moving.moving import MovingSolver
     from workers.sweeping.planar.block import BlockSolver
-    from workers.sweeping.planar.solved import SolvedBlock
+    from workers.sweeping.planar.records import SolvedBlock
     from workers.sweeping.slices import SlicedSolver
     from workers.sweeping.states import StateSolver
+    from workers.sweeping.varying_body.block import MovingSolver
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from service.jobs.records import Refused, SolveOutcome
+from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.sweep.sweep import kept_numbers
+from service.storage.codecs.packing import decode_arrays
+from workers.computation.compute import solve_checked, solve_document
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SweepPoint:
+    """The kept numbers and the outcome of one point."""
+
+    outcome: str
+    """``solved``, or the code of its error."""
+    numbers: Sequence[float]
+    """NaN for missing numbers."""
+    series: Mapping[str, FloatArray]
+    """Empty for a point that was not solved."""
+
+
+def solve_point(
+    sweep: Sweep, index: int, *, is_judged: bool, way: Way, waits: bool = False, kept: Kept | None = None
+) -> SweepPoint:
+    """Solve the point like its job of that way; with ``is_judged`` its potential is known to be admissible.
+
+    Then only the verdict is skipped: other refusals that precede a job are
+    raised by the job itself. Else the verdict may be in ``kept``, or is put there.
+
+    Raises
+    ------
+    NeedsKernelsError
+        A plain way that ``waits`` for kernels refuses the point.
+    """
+    document = json.dumps(sweep.document(index))
+    try:
+        outcome = (
+            solve_document(document, way=way, waits=waits)
+            if is_judged
+            else solve_checked(document, explains=False, kept=kept, way=way, waits=waits)
+        )
+    except InvalidProblemError:
+        return _refused(sweep, "invalid_problem")
+    return _kept(sweep, outcome)
+
+
+def _kept(sweep: Sweep, outcome: SolveOutcome) -> SweepPoint:
+    if isinstance(outcome, Refused):
+        return _refused(sweep, str(outcome.error["code"]))
+    columns = decode_arrays(outcome.samples) if sweep.series_columns else {}
+    series = {name: columns[name] for name in sweep.series_columns}
+    return SweepPoint(SOLVED, kept_numbers(outcome.summary, sweep.keep), series)
+
+
+def _refused(sweep: Sweep, code: str) -> SweepPoint:
+    return SweepPoint(code, [np.nan] * len(sweep.keep), {})
+
 
 ENOUGH_SECONDS = 2.0
 """Seconds after which a chunk ends with the points it has."""
@@ -95,14 +155,14 @@ class ChunkSolver:
         elif _may_be_cut(plan):
             keep_compiled_code()
             from workers.sweeping import slices  # noqa: PLC0415
-            from workers.sweeping.moving import moving  # noqa: PLC0415
+            from workers.sweeping.varying_body import block as varying  # noqa: PLC0415
 
             data = plan_moving(plan.sweep)
             outer = slices.outer_axes(plan.sweep, 1 if data is None else LARGE_SLICE)
             if outer is not None:
                 self._blocks = self._slices = slices.SlicedSolver(plan.sweep, outer)
             elif data is not None:
-                self._blocks = moving.MovingSolver(plan.sweep, data)
+                self._blocks = varying.MovingSolver(plan.sweep, data)
         self._compared = set[str]()
         self._verdicts, self._judged = Kept({}), 0
 

@@ -17,24 +17,24 @@ from service.dynamics.verdict.proofs.power_sums import judge_power_sum
 from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
 from service.dynamics.verdict.simple_form import is_simplified, simplified
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.computation.outputs import takes_doubles
 from workers.solvers.choose import compiled_tier
 from workers.sweeping.parameters.coefficients import coefficients_of
-from workers.sweeping.parameters.energies import energies_of
 from workers.sweeping.parameters.family import (
     SweepFamily,
+    energies_of,
     has_symbol,
     prove_family,
     smooth_poles,
 )
-from workers.sweeping.planar.integrals import keeps_further
-from workers.sweeping.planar.quick import Quick, Side
+from workers.sweeping.planar.outputs import keeps_further
+from workers.sweeping.planar.records import Quick, Side
 
 if TYPE_CHECKING:
-    from workers.sweeping.moving.moving import Moving
     from workers.sweeping.planar.by_roots import RationalFamily
+    from workers.sweeping.varying_body.block import Moving
 
 _CURVE_FIELDS = ("lambda", "nu")
 FEW = (
@@ -286,8 +286,8 @@ def plan_moving(sweep: Sweep) -> "Moving | None":
     ):
         return None
     # The compiler is loaded only where it is needed.
-    from workers.sweeping.moving.models import model_of  # noqa: PLC0415
-    from workers.sweeping.moving.moving import Moving  # noqa: PLC0415
+    from workers.sweeping.varying_body.block import Moving  # noqa: PLC0415
+    from workers.sweeping.varying_body.models import model_of  # noqa: PLC0415
 
     places = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
     paths = tuple(sweep.axes[k].path[1:] for k in places)

@@ -16,15 +16,15 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.exact import exact_number
 from service.dynamics.sweep_axes import ListedAxis
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
-from service.schemas.reading.pointers import with_values
+from service.schemas.reading.documents import InvalidProblemError, with_values
 from service.schemas.sweep.sweep import Sweep, SweepAxis, json_number
 from workers.sweeping.plan import FEW, make_plan
 from workers.sweeping.planar.block import BlockSolver
-from workers.sweeping.planar.solved import SolvedBlock
+from workers.sweeping.planar.records import SolvedBlock
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+
 
 _Numbers = tuple[Fraction, ...]
 KEPT_NUMBERS = 100_000

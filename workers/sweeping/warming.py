@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from service.jobs.outcome import Refused
+from service.jobs.records import Refused
 from workers.computation.compiled_code import GROUPS, Group, is_ready, keep_compiled_code, note_of
 from workers.computation.compute import solve_document
 from workers.solvers.ways import Way

@@ -1,12 +1,13 @@
-"""Writes Arrow streams; PyArrow, which has no type hints, is used here and for Parquet only.
+"""Writes Arrow streams and Parquet by PyArrow, which has no type hints and is used here only.
 
-Both are loaded by the first answer in one of these formats: a service starts without them.
+It is loaded by the first answer in one of these formats: a service starts without it.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from service.api.formats.columns import ColumnKind, Sink
@@ -88,3 +89,27 @@ def _array(values: NDArray[np.generic], kind: ColumnKind) -> pa.Array:
     ends = pa.array(np.arange(points + 1, dtype=np.int32) * samples)
     numbers = pa.array(np.ascontiguousarray(values).reshape(-1))
     return pa.ListArray.from_arrays(ends, numbers, mask=pa.array(missing))
+
+
+def parquet_file(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, str]) -> bytes:
+    """Return float64 columns as a file with metadata in its schema."""
+    arrays = [pa.array(np.ascontiguousarray(values)) for values in columns.values()]
+    table = pa.table(arrays, names=list(columns)).replace_schema_metadata(dict(metadata))
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd")
+    return bytes(sink.getvalue().to_pybytes())
+
+
+def parquet_groups(
+    kinds: Mapping[str, ColumnKind],
+    batches: Iterable[Mapping[str, NDArray[np.generic]]],
+    metadata: Mapping[str, str],
+) -> Iterator[bytes]:
+    """Yield a file with a row group for each batch, one piece of bytes for each."""
+    schema, sink = schema_of(kinds, metadata), Sink()
+    with pq.ParquetWriter(sink, schema, compression="zstd") as writer:
+        yield sink.take()
+        for batch in batches:
+            writer.write_batch(record_batch(schema, kinds, batch))
+            yield sink.take()
+    yield sink.take()

@@ -8,9 +8,8 @@ from service.api.formats.columns import ColumnKind
 from service.api.formats.negotiation import preferred
 from service.api.replies.responses import json_response
 from service.csv_text import CRLF, data_lines, header_line
-from service.schemas.atlas.columns import INTEGERS, NUMBERS, atlas_columns
-from service.schemas.atlas.picture import picture_of
 from service.schemas.atlas.replies import AtlasOut
+from service.schemas.atlas.showing import INTEGERS, NUMBERS, atlas_columns, picture_of
 
 Writer = Callable[[AtlasOut], Response]
 

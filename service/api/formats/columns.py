@@ -1,7 +1,16 @@
-"""Common parts of the writers of columns: kinds of columns, and a buffer for written bytes."""
+"""Columns as files: their kinds, units and metadata, a buffer for written bytes, and NPZ."""
 
 import io
+import json
+import zipfile
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.jobs.records import SweepRecord
+from service.versions import version_of
 
 ColumnKind = Literal["integer", "number", "word", "series"]
 """The values of a column of points; NaN becomes null, and so does a series of NaN only."""
@@ -34,3 +43,88 @@ class Sink(io.RawIOBase):
         self._before += len(piece)
         self._held.clear()
         return piece
+
+
+PREFIX = "polhode."
+"""Before every name, so that a file may have metadata of others too."""
+
+ERROR = "error"
+"""The kept number that bounds the errors of the samples; NAME.error bounds that of NAME."""
+
+_TIME = "the unit of time of the problem"
+_RATE = "radians per unit of time of the problem"
+_UNITS = {
+    "t": _TIME,
+    "period": _TIME,
+    "energy": "the unit of energy of the problem",
+    **dict.fromkeys(("p", "q", "r"), _RATE),
+    **dict.fromkeys(("g1", "g2", "g3", "q0", "q1", "q2", "q3"), "1"),
+    **dict.fromkeys(("psi1", "psi3"), "radians"),
+}
+
+
+def units_of(columns: Iterable[str]) -> dict[str, str]:
+    """Return the unit of each column that has one; nothing is converted, so units are the client's own."""
+    return {name: _UNITS[name] for name in columns if name in _UNITS}
+
+
+def metadata(about: Mapping[str, object]) -> dict[str, str]:
+    """Return the metadata of a file: each thing as JSON."""
+    return {PREFIX + name: json.dumps(thing, allow_nan=False) for name, thing in about.items()}
+
+
+def about_points(record: SweepRecord, columns: Sequence[str], series: Sequence[str]) -> dict[str, str]:
+    """Return what a file of points says of the sweep that it is from."""
+    return metadata(
+        {
+            "sweep": record.id,
+            "document": dict(record.document),
+            "provenance": provenance_of_points(record),
+            "units": units_of(columns),
+            "errors": errors_of_points(columns, series),
+        }
+    )
+
+
+def provenance_of_points(record: SweepRecord) -> dict[str, object]:
+    """Return what computed the points, and how many there are."""
+    return {
+        "version": version_of("polhode"),
+        "points": record.points,
+        "done": record.done,
+        "way": record.way,
+    }
+
+
+def errors_of_points(columns: Sequence[str], series: Sequence[str]) -> dict[str, str]:
+    """Return for columns of points the ones that hold the bounds of their errors."""
+    errors = {name: f"{name}.{ERROR}" for name in columns if f"{name}.{ERROR}" in columns}
+    return errors | {name: ERROR for name in series if ERROR in columns}
+
+
+NOT_COMPUTED = -1
+"""The code of a point without an outcome."""
+
+
+def npz_file(arrays: Mapping[str, NDArray[np.generic]]) -> bytes:
+    """Return an archive of arrays; a pointer such as /body/A is called body/A in it."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as file:
+        # Not np.savez: a pointer such as /body/A is no name of its parameters, nor of a file.
+        for name, values in arrays.items():
+            with file.open(f"{name.lstrip('/')}.npy", "w") as member:
+                np.lib.format.write_array(member, np.ascontiguousarray(values), allow_pickle=False)
+    return buffer.getvalue()
+
+
+def coded(words: NDArray[np.object_]) -> tuple[NDArray[np.int16], NDArray[np.str_]]:
+    """Return for each word its place in the list of the words that occur, and that list.
+
+    The place of None is ``NOT_COMPUTED``. As text of fixed length a million words would be 40 MB.
+    """
+    flat: list[str | None] = words.ravel().tolist()
+    found = dict.fromkeys(word for word in flat if word is not None)
+    places: dict[str | None, int] = {None: NOT_COMPUTED}
+    places.update((word, place) for place, word in enumerate(found))
+    codes = np.fromiter(map(places.__getitem__, flat), dtype=np.int16, count=len(flat))
+    return codes.reshape(words.shape), np.array(list(found), dtype=np.str_)

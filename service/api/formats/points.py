@@ -6,9 +6,8 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from service.api.formats.columns import ColumnKind
+from service.api.formats.columns import ColumnKind, npz_file
 from service.api.formats.negotiation import ARROW, CSV, NDJSON, NPZ, PARQUET
-from service.api.formats.npz import npz_file
 from service.api.queries.points import Wish
 from service.csv_text import CRLF, data_lines, header_line
 from service.storage.sweeps.point_query import INDEX, OUTCOME
@@ -50,7 +49,7 @@ def arrow(wish: Wish, blocks: Iterable[PointBlock], metadata: Mapping[str, str])
 
 def parquet(wish: Wish, blocks: Iterable[PointBlock], metadata: Mapping[str, str]) -> Iterator[bytes]:
     """Yield a Parquet file with a row group for each block."""
-    from service.api.formats.parquet import parquet_groups  # noqa: PLC0415
+    from service.api.formats.arrow import parquet_groups  # noqa: PLC0415
 
     return parquet_groups(kinds_of(wish), _batches(wish, blocks), metadata)
 

@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from urllib.parse import quote
 
-from service.jobs.job import Attempt
-from service.jobs.states import AttemptOutcome
-from service.schemas.replies.provenance import ProvenanceGraphOut, Records
+from service.jobs.records import Attempt, AttemptOutcome
+from service.schemas.replies.solution import ProvenanceGraphOut, Records
 from service.storage.solutions.origin import SolutionOrigin
 
 PREFIX = {"polhode": "urn:polhode:provenance:"}

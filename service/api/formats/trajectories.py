@@ -1,9 +1,9 @@
-"""Writes trajectories as JSON, NDJSON, CSV, NPZ, Arrow or Parquet."""
+"""Writes trajectories in six formats, and motions as functions of time that keep every bit."""
 
 import io
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from http import HTTPStatus
 
 import numpy as np
@@ -11,11 +11,12 @@ import orjson
 from fastapi import Response
 from numpy.typing import NDArray
 
-from service.api.formats.metadata import metadata, units_of
+from service.api.formats.columns import metadata, units_of
 from service.api.formats.negotiation import ARROW, CSV, JSON, MEDIA_TYPES, NDJSON, NPZ, PARQUET
 from service.api.replies.errors import ApiError
-from service.api.replies.pieces import PiecedAnswer
+from service.api.replies.responses import PiecedAnswer
 from service.csv_text import CRLF, data_lines, header_line
+from service.dynamics.solution.dense_output import DenseOutput
 
 FloatArray = NDArray[np.float64]
 
@@ -60,7 +61,7 @@ def write(
             return PiecedAnswer(pieces, held=trajectory.size, media_type=media_type, headers=own)
         content = b"".join(pieces)
     elif media_type == PARQUET:
-        from service.api.formats.parquet import parquet_file  # noqa: PLC0415
+        from service.api.formats.arrow import parquet_file  # noqa: PLC0415
 
         told = {**about, "errors": dict(trajectory.errors), "units": units_of(trajectory.columns)}
         content = parquet_file(trajectory.columns, metadata(told))
@@ -132,3 +133,21 @@ def _arrow(trajectory: Trajectory) -> bytes:
 _LINE = orjson.OPT_APPEND_NEWLINE
 _TEXTS: Mapping[str, Callable[[Trajectory], Iterator[bytes]]] = {JSON: _json, NDJSON: _ndjson, CSV: _csv}
 _FILES: Mapping[str, Callable[[Trajectory], bytes]] = {NPZ: _npz, ARROW: _arrow}
+
+
+def write_function(dense: DenseOutput, headers: Mapping[str, str]) -> Response:
+    """Return the answer; orjson writes doubles by their shortest decimals: the same bits."""
+    if not np.isfinite(dense.coefficients).all():
+        detail = "the stored solution has values that are not finite; it cannot be sent"
+        raise ApiError(HTTPStatus.INTERNAL_SERVER_ERROR, "not_finite", detail)
+    document = {
+        "columns": list(dense.columns),
+        "breaks": np.ascontiguousarray(dense.breaks),
+        "coefficients": np.ascontiguousarray(dense.coefficients),
+        "period": None if dense.period is None else asdict(dense.period),
+        "error": dense.error,
+        "errors": dict(dense.errors),
+        "advances": {name: asdict(gained) for name, gained in dense.advances.items()},
+    }
+    content = orjson.dumps(document, option=orjson.OPT_SERIALIZE_NUMPY)
+    return Response(content, media_type=JSON, headers=headers)

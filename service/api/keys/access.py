@@ -1,15 +1,49 @@
-"""The table of the role each endpoint needs; an endpoint that is not in it is not served."""
+"""The table of the role each endpoint needs; an endpoint that is not in it is not served.
 
-from collections.abc import Iterable, Iterator, Mapping
+Endpoints are found by the shape of their path: the number of its parts and the first two of
+them. /v1/jobs/ID has the shape of /v1/jobs/{job_id}, so a request is compared with the few
+paths that look alike. No template has a parameter in those two parts.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from http import HTTPStatus
+from typing import Generic, TypeVar
 
 from fastapi import APIRouter
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 from starlette.routing import compile_path
 
-from service.api.keys.shapes import ByShape
 from service.jobs.keys import Role
+
+T = TypeVar("T")
+_NAMED = 3
+"""Parts that the shape spells out; the first is empty, in front of the slash that begins a path."""
+
+
+class ByShape(Generic[T]):
+    """Things that belong to templates of paths.
+
+    Parameters
+    ----------
+    rows
+        Template and thing; the order is kept among things of one shape.
+    """
+
+    def __init__(self, rows: Iterable[tuple[str, T]]) -> None:
+        self._things: dict[tuple[int, str], list[T]] = {}
+        for template, thing in rows:
+            self._things.setdefault(_shape(template), []).append(thing)
+
+    def of(self, path: str) -> Sequence[T]:
+        """Return the things of the templates that look like ``path``; others cannot match it."""
+        return self._things.get(_shape(path), ())
+
+
+def _shape(path: str) -> tuple[int, str]:
+    parts = path.split("/")
+    return len(parts), "/".join(parts[:_NAMED])
+
 
 OPEN = None
 """Open to everybody, even if keys are required: shows no stored data."""

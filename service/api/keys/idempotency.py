@@ -11,9 +11,9 @@ from fastapi import Header, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.api.replies.errors import ApiError, invalid_request
-from service.jobs.idempotency import GivenAnswer, GivenKey, KeyTakenError, Made, Receipt, fingerprint
 from service.jobs.keys import ApiKey
-from service.schemas.reading.faults import Fault
+from service.jobs.store import GivenAnswer, GivenKey, KeyTakenError, Made, Receipt, fingerprint
+from service.schemas.reading.documents import Fault
 from service.storage.keys.idempotency_store import IdempotencyStore
 
 REPLAYED = "Idempotency-Replayed"

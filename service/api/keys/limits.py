@@ -10,8 +10,8 @@ from http import HTTPStatus
 from service.api.replies.errors import ApiError
 from service.dynamics.problem import Problem, TimeList
 from service.jobs.keys import ApiKey
-from service.jobs.sweeps import POINTS_PER_JOB, queued_as
-from service.schemas.reading.faults import Fault, InvalidProblemError
+from service.jobs.records import POINTS_PER_JOB, queued_as
+from service.schemas.reading.documents import Fault, InvalidProblemError
 from service.settings import Settings
 from service.storage.keys.key_store import KeyStore
 
@@ -113,7 +113,7 @@ class LimitGuard:
         )
 
     def reserve_points(self, key: ApiKey | None, points: int) -> None:
-        """Admit a sweep to the queue; :data:`~service.jobs.sweeps.POINTS_PER_JOB` points count as a job.
+        """Admit a sweep to the queue; :data:`~service.jobs.records.POINTS_PER_JOB` points count as a job.
 
         Raises
         ------

@@ -1,8 +1,9 @@
-"""Gives every answer to GET an entity tag, and answers 304 if the client has it already."""
+"""Gives answers to GET an entity tag, or 304 if the client has them already, and answers HEAD as GET."""
 
 from http import HTTPStatus
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.replies.conditional import (
@@ -12,6 +13,39 @@ from service.api.replies.conditional import (
     matching_tag,
     tag_of_content,
 )
+
+_STATE = "is_head"
+
+
+class HeadLikeGet:
+    """Lets the endpoint of GET answer HEAD, and leaves the body out."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on as GET."""
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_head(message: Message) -> None:
+            if message["type"] == "http.response.body":
+                message = {**message, "body": b""}
+            await send(message)
+
+        scope.setdefault("state", {})[_STATE] = True
+        inner = {**scope, "method": "GET"}
+        try:
+            await self._app(inner, receive, send_head)
+        finally:
+            scope["route"] = inner.get("route")  # which the log and the metrics name
+
+
+def is_head(request: Request) -> bool:
+    """Tell whether only the head of the answer is sent, so that a stream need not be made."""
+    return bool(request.scope.get("state", {}).get(_STATE))
+
 
 _OF_CONTENT = ("content-length", "content-type", "content-encoding", "content-disposition")
 """Headers that describe a body, which 304 does not have (RFC 9110, 15.4.5)."""

@@ -7,9 +7,9 @@ from anyio import CapacityLimiter, to_thread
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.api.formats.codings import Encoder, encoded, encoder, preferred_coding
+from service.api.formats.negotiation import Encoder, encoded, encoder, preferred_coding
 from service.api.replies.conditional import coded
-from service.api.replies.pieces import PART_BYTES
+from service.api.replies.responses import PART_BYTES
 from service.cache import Cache
 
 LEAST_BYTES = 1024

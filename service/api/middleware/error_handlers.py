@@ -12,7 +12,7 @@ from starlette.requests import ClientDisconnect
 from service.api.middleware.observing import id_of, standing_headers
 from service.api.replies.errors import ApiError, invalid_request
 from service.dynamics.errors import DynamicsError
-from service.jobs.errors import (
+from service.jobs.records import (
     AtlasNotFoundError,
     AuditNotFoundError,
     InUseError,
@@ -20,11 +20,12 @@ from service.jobs.errors import (
     JobNotFoundError,
     SolutionNotFoundError,
     StillAtWorkError,
+    SweepFinishedError,
+    SweepNotFoundError,
 )
-from service.jobs.sweeps import SweepFinishedError, SweepNotFoundError
 from service.logs import Complaints, about, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.reading.faults import Fault, InvalidProblemError
+from service.schemas.reading.documents import Fault, InvalidProblemError
 from service.schemas.sweep.reading import InvalidSweepError
 from service.storage.database.availability import is_away
 from service.storage.database.database import SearchTimeError

@@ -1,20 +1,52 @@
-"""Has the answers of some endpoints made in the places of heavy reads, and counted until they are sent."""
+"""Has the answers of some endpoints made within the limits of heavy reads, and counted until they are sent.
 
-from collections.abc import Awaitable, Callable
+The work of a request ends when its client disconnects. Files that everybody may read are light, but a
+thousand clients may ask for one in the same moment: few of these answers begin at once.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine
 from functools import partial, wraps
-from typing import ParamSpec
+from typing import Any, ParamSpec, TypeVar  # Any: the send type of a coroutine, which is not used
 
 from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
-from starlette.types import Receive, Scope, Send
+from starlette.requests import ClientDisconnect
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.dependencies import Resources
 from service.api.heavy_reads import Reader
-from service.api.middleware.disconnects import while_connected
-from service.api.middleware.methods import is_head
+from service.api.middleware.caching import is_head
 from service.api.middleware.security import holder_of
 from service.api.queries.lists import Listing
-from service.api.replies.pieces import PART_BYTES, PiecedAnswer, size_of
+from service.api.replies.responses import PART_BYTES, PiecedAnswer, size_of
+
+T = TypeVar("T")
+
+
+async def while_connected(request: Request, work: Coroutine[Any, Any, T]) -> T:
+    """Return the result of ``work``; its body must have been read.
+
+    Raises
+    ------
+    ClientDisconnect
+        The client disconnected first; ``work`` was cancelled.
+    """
+    working, leaving = asyncio.create_task(work), asyncio.create_task(_until_gone(request))
+    try:
+        await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)
+        if not working.done():
+            raise ClientDisconnect
+        return working.result()
+    finally:
+        unfinished = [task for task in (working, leaving) if task.cancel()]
+        await asyncio.gather(*unfinished, return_exceptions=True)
+
+
+async def _until_gone(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+
 
 P = ParamSpec("P")
 
@@ -99,3 +131,39 @@ def _head_of(answer: PiecedAnswer) -> Response:
     head = Response(status_code=answer.status_code)
     head.raw_headers = answer.raw_headers
     return head
+
+
+_FILES = ("/static/", "/docs", "/openapi.json")
+_BEGINNING = 4
+"""Answers with files that may begin at once."""
+
+
+class FilesInTurns:
+    """Lets other requests in between those for files, which wait until few of them have not begun."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._places = asyncio.Semaphore(_BEGINNING)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, if it is for a file once it is its turn."""
+        path = scope.get("path", "").removeprefix(scope.get("root_path", ""))
+        if scope["type"] != "http" or not path.startswith(_FILES):
+            await self._app(scope, receive, send)
+            return
+        await self._places.acquire()
+        has_begun = False
+
+        async def send_begun(message: Message) -> None:
+            nonlocal has_begun
+            if not has_begun:
+                # How long the client reads concerns nobody else.
+                has_begun = True
+                self._places.release()
+            await send(message)
+
+        try:
+            await self._app(scope, receive, send_begun)
+        finally:
+            if not has_begun:
+                self._places.release()

@@ -9,9 +9,9 @@ from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.dependencies import Resources
-from service.api.replies.identity import REQUEST_ID, server_name
+from service.api.replies.responses import REQUEST_ID, server_name
 from service.logs import about
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 
 logger = logging.getLogger(__name__)
 

@@ -21,7 +21,7 @@ from service.api.middleware.observing import RATE
 from service.api.middleware.origins import check_length, check_origin
 from service.api.replies.errors import ApiError
 from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
-from service.schemas.reading.faults import Fault
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import HIGHEST_PRIORITY
 from service.settings import Settings, is_this_machine, origins_in
 

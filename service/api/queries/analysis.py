@@ -7,14 +7,10 @@ from pydantic import Field
 
 from service.api.queries.lists import ESTIMATE, WHERE
 from service.api.queries.queries import Asked, QueryModel, refuse_if_any
-from service.schemas.query.conditions import Condition, Subject
-from service.schemas.query.facts import Fact
-from service.schemas.query.kinds import Kind
-from service.schemas.query.order import read_names
-from service.schemas.query.splitting import Excerpt, split
-from service.schemas.query.subjects import Vocabulary
-from service.schemas.query.where import read_where
-from service.schemas.reading.faults import Fault
+from service.schemas.query.conditions import Condition, Excerpt, Kind, Subject, split
+from service.schemas.query.facts import Fact, Vocabulary
+from service.schemas.query.reading import read_names, read_where
+from service.schemas.reading.documents import Fault
 
 MOST_NAMES = 8
 MOST_BINS = 200

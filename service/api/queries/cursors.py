@@ -13,9 +13,8 @@ import re
 from collections.abc import Sequence
 from typing import Protocol
 
-from service.schemas.query.conditions import Condition, OrderKey, Value
-from service.schemas.query.kinds import Kind
-from service.storage.database.ids import is_id
+from service.schemas.query.conditions import Condition, Kind, OrderKey, Value
+from service.storage.database.rows import is_id
 
 
 class Ordered(Protocol):

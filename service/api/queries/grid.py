@@ -8,9 +8,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.api.queries.format_names import FORMAT_HELP
-from service.api.queries.queries import Asked, QueryModel, refuse_if_any
-from service.schemas.reading.faults import Fault
+from service.api.queries.queries import FORMAT_HELP, Asked, QueryModel, refuse_if_any
+from service.schemas.reading.documents import Fault
 from service.schemas.sweep.sweep import Sweep
 
 MOST_CELLS = 1_000_000

@@ -12,13 +12,10 @@ from pydantic import Field
 from service.api.queries.cursors import InvalidCursorError, cursor_of, place_of
 from service.api.queries.queries import Asked, QueryModel, refuse_if_any
 from service.api.replies.responses import json_response
-from service.jobs.states import JobState
-from service.schemas.query.conditions import Condition, OrderKey, Subject, Value
-from service.schemas.query.kinds import Kind
-from service.schemas.query.list_query import ID, ListQuery
-from service.schemas.query.order import read_columns, read_order
-from service.schemas.query.where import read_where
-from service.schemas.reading.faults import Fault
+from service.jobs.records import JobState
+from service.schemas.query.conditions import ID, Condition, Kind, ListQuery, OrderKey, Subject, Value
+from service.schemas.query.reading import read_columns, read_order, read_where
+from service.schemas.reading.documents import Fault
 from service.schemas.replies.analysis import QueryEstimateOut, SlowPart
 from service.schemas.replies.response_model import ResponseModel
 from service.storage.database.database import SEARCH_SECONDS

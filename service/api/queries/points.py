@@ -6,16 +6,12 @@ from typing import Literal
 from pydantic import Field
 
 from service.api.queries.cursors import InvalidCursorError, place_of
-from service.api.queries.format_names import FORMAT_HELP, FormatName
 from service.api.queries.lists import FARTHEST
-from service.api.queries.queries import Asked, QueryModel
-from service.schemas.query.conditions import OrderKey
-from service.schemas.query.facts import Fact
-from service.schemas.query.kinds import Kind
-from service.schemas.query.order import read_columns, read_order
-from service.schemas.query.subjects import Vocabulary
-from service.schemas.query.where import read_where
-from service.schemas.reading.faults import Fault
+from service.api.queries.queries import FORMAT_HELP, Asked, FormatName, QueryModel
+from service.schemas.query.conditions import Kind, OrderKey
+from service.schemas.query.facts import Fact, Vocabulary
+from service.schemas.query.reading import read_columns, read_order, read_where
+from service.schemas.reading.documents import Fault
 from service.schemas.sweep.sweep import Sweep
 from service.storage.sweeps.point_query import INDEX, OUTCOME, PointQuery
 

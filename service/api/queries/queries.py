@@ -2,7 +2,7 @@
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Generic, TypeVar, get_origin  # Any: JSON schemas
+from typing import Annotated, Any, Generic, Literal, TypeVar, get_origin  # Any: JSON schemas
 
 from fastapi import Depends, Request
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
@@ -10,8 +10,12 @@ from pydantic_core import ErrorDetails
 from starlette.datastructures import QueryParams
 
 from service.api.replies.errors import invalid_request
-from service.schemas.reading.faults import Fault
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import read_exact
+
+FormatName = Literal["json", "ndjson", "csv", "npz", "arrow", "parquet"]
+FORMAT_HELP = "The format, whatever the Accept header says."
+
 
 Schema = Mapping[str, Any]
 

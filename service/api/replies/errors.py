@@ -6,7 +6,7 @@ from http import HTTPStatus
 
 from fastapi import Response
 
-from service.schemas.reading.faults import Fault
+from service.schemas.reading.documents import Fault
 
 MEDIA_TYPE = "application/problem+json"
 URN = "urn:polhode:problem:"

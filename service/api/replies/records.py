@@ -2,13 +2,10 @@
 
 from collections.abc import Mapping
 
-from service.jobs.job import Job
-from service.jobs.states import JobKind, JobState
-from service.jobs.sweeps import SweepProgress, SweepRecord
+from service.jobs.records import Job, JobKind, JobState, SweepProgress, SweepRecord
 from service.schemas.reading.marks import Marks
-from service.schemas.replies.audit import AuditOut, ComparisonOut
 from service.schemas.replies.job import JobOut
-from service.schemas.replies.solution import SolutionOut
+from service.schemas.replies.solution import AuditOut, ComparisonOut, SolutionOut
 from service.schemas.replies.sweep import SweepOut, SweepStateOut
 from service.storage.solutions.audit_store import Audit
 from service.storage.solutions.solution_store import Solution

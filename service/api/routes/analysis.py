@@ -11,8 +11,7 @@ from service.api.queries.analysis import FacetsQuery, StatisticsQuery, read_face
 from service.api.queries.lists import estimate_of
 from service.api.queries.points import vocabulary_of
 from service.api.queries.queries import Asked, asked_of, query_parameters
-from service.api.replies.places import SweepId
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import SweepId, json_response, refusals
 from service.schemas.query.conditions import Subject
 from service.schemas.replies.analysis import (
     FacetOut,
@@ -29,7 +28,7 @@ from service.storage.searching.narrowing import slow_parts
 from service.storage.searching.sources import OF_JOB_ROWS, OF_SOLUTION_ROWS, Source
 from service.storage.searching.statistics import Facet, Statistic, facets, statistics
 from service.storage.sweeps.point_reader import PointReader
-from service.storage.sweeps.point_statistics import PointTable
+from service.storage.sweeps.point_tables import PointTable
 
 router = APIRouter(prefix="/v1")
 

@@ -16,27 +16,25 @@ from service.api.descriptions import request_body
 from service.api.formats.atlases import choose_format, media_types
 from service.api.formats.negotiation import Accept
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.disconnects import while_connected
-from service.api.middleware.heavy_answers import heavy, listed, made_in_a_place
+from service.api.middleware.heavy_answers import heavy, listed, made_in_a_place, while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import read_listing
 from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
 from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
 from service.api.queueing import Made, SubmissionTerms, queue
-from service.api.replies.places import AtlasId
 from service.api.replies.records import job_out
-from service.api.replies.responses import refusals
+from service.api.replies.responses import AtlasId, refusals
 from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_page
 from service.api.tagged import told_of
-from service.api.verdicts.children import examine, verdict_in
+from service.api.verdicts.examiner import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Job
+from service.jobs.records import Job
+from service.jobs.store import Receipt
 from service.sandbox import SandboxTimeoutError
 from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.problem.problem import problem_digest
-from service.schemas.query.list_query import in_state
+from service.schemas.query.conditions import in_state
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import JobOut, JobPageOut
 from service.storage.searching.sources import OF_ATLAS_ROWS

@@ -12,21 +12,18 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
 from service.api.dependencies import Inside, Resources
-from service.api.events.lookout import Documents
-from service.api.events.texts import HEARTBEAT, MEDIA_TYPE, OPENING, Told, position_of_id
-from service.api.middleware.methods import is_head
+from service.api.events.poller import HEARTBEAT, MEDIA_TYPE, OPENING, Documents, Told, position_of_id
+from service.api.middleware.caching import is_head
 from service.api.middleware.security import Holder
 from service.api.queries.queries import without_query
 from service.api.replies.conditional import NO_STORE
 from service.api.replies.errors import ApiError
-from service.api.replies.places import JobId, SweepId
 from service.api.replies.records import job_out, sweep_out
-from service.api.replies.responses import json_content, refusals
-from service.api.routes.installation.status import status_document
-from service.jobs.job import Job
+from service.api.replies.responses import JobId, SweepId, json_content, refusals
+from service.api.routes.installation import status_document
 from service.jobs.keys import ApiKey, KeyStanding
-from service.jobs.sweeps import SweepRecord
-from service.schemas.replies.overview import StatusOut
+from service.jobs.records import Job, SweepRecord
+from service.schemas.replies.job import StatusOut
 from service.settings import Settings
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database

@@ -14,8 +14,7 @@ from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
-from service.api.middleware.disconnects import while_connected
-from service.api.middleware.heavy_answers import listed
+from service.api.middleware.heavy_answers import listed, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
@@ -29,19 +28,16 @@ from service.api.queries.queries import (
 )
 from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.errors import ApiError
-from service.api.replies.places import JobId
 from service.api.replies.records import job_out
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import JobId, json_response, refusals
 from service.api.submission import Accepted, Checked, JudgedDocument, accept, accept_many, check, check_each
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Job, JobPage
-from service.jobs.lanes import Lane
-from service.jobs.states import JobState
-from service.schemas.query.list_query import ListQuery, in_state
-from service.schemas.reading.faults import first_of
+from service.jobs.queue import Lane
+from service.jobs.records import Job, JobPage, JobState
+from service.jobs.store import Receipt
+from service.schemas.query.conditions import ListQuery, in_state
+from service.schemas.reading.documents import first_of
 from service.schemas.replies.analysis import QueryEstimateOut
-from service.schemas.replies.job import JobItemOut, JobListOut, JobOut, JobPageOut
-from service.schemas.replies.overview import AttemptsOut
+from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
 from service.storage.searching.sources import OF_JOB_ROWS
 

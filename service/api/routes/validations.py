@@ -13,13 +13,12 @@ from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.limits import check_problem_samples
-from service.api.middleware.disconnects import while_connected
+from service.api.middleware.heavy_answers import while_connected
 from service.api.middleware.security import Holder
 from service.api.queries.queries import QueryModel, query_of, query_parameters
 from service.api.replies.responses import json_response, refusals
 from service.api.submission import needs_verdict, settle
-from service.api.verdicts.children import examine
-from service.api.verdicts.formulas import examine_with_formulas
+from service.api.verdicts.examiner import examine, examine_with_formulas
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import (
     TIER_TOLERANCES,
@@ -31,18 +30,16 @@ from service.dynamics.accuracy import (
 )
 from service.dynamics.problem import Problem
 from service.schemas.problem.budgets import expected_of_tiers
+from service.schemas.problem.documents import ProblemIn
 from service.schemas.problem.problem import Question, check_problem, read_question
-from service.schemas.problem.sections import ProblemIn
-from service.schemas.problem.stated import CheckedProblem
-from service.schemas.reading.balls import ONE_AT_A_TIME
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.problem.rules import ONE_AT_A_TIME, CheckedProblem
+from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.typesetting.equations import FORMATS, Format
-from service.verdicts.classification import classification_of
 from service.verdicts.documents import plan_document
-from service.verdicts.examination import examine_question
+from service.verdicts.examination import classification_of, examine_question
 
 FORMAT = "(text|latex|mathml)"
 

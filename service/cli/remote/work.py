@@ -1,22 +1,66 @@
 """The work of the remote commands: ask by the client, and print tables for people or JSON for programs."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import typer
 
 import polhode as ph
+from polhode.clients import Thing
 from polhode.jobs import Job
 from polhode.listings import Item, Listing
 from polhode.motions import Motion
 from polhode.sweeps import Sweep
-from polhode.things import Thing
 from polhode.transport.carriers import ThreadCarrier
 from service.cli.common import REFUSED, WRONG_USAGE, fail
-from service.cli.remote.tables import facts_of, table
+from service.logs import one_line
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
+
+_LONGEST = 100
+
+
+def table(rows: Iterable[Iterable[object]]) -> str:
+    """Return rows as lines with aligned columns."""
+    cells = [[_cell(each) for each in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
+    return "".join(f"{line.rstrip()}\n" for line in lines)
+
+
+def facts_of(document: Mapping[str, object]) -> list[Sequence[object]]:
+    """Return a row for each fact of a document; what is nested deeper is left to ``--json``."""
+    return list(_facts(document))
+
+
+def _facts(document: Mapping[str, object]) -> Iterator[Sequence[object]]:
+    for name, value in document.items():
+        match value:
+            case {"value": number, "error": error, **others} if not others:
+                yield name, f"{number} ± {error:.1e}" if isinstance(error, float) else f"{number} ± {error}"
+            case {"value": digits, "radius": radius, **others} if not others:
+                yield name, f"{digits} ± {radius}"
+            case dict() if all(not isinstance(each, dict | list) for each in value.values()):
+                yield name, _pairs(value)
+            case dict() | list():
+                continue
+            case _:
+                yield name, value
+
+
+def _pairs(value: Mapping[str, object]) -> str | None:
+    return ", ".join(f"{key}={each}" for key, each in value.items() if each is not None) or None
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, dict):
+        value = _pairs(value)
+    if value is None:
+        return "-"
+    text = one_line(repr(value) if isinstance(value, float) else str(value))
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
 
 _ENDINGS = {f".{name}": name for name in ("csv", "json", "ndjson", "npz", "arrow", "parquet")}
 

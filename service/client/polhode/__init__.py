@@ -1,10 +1,9 @@
 """The Python client of polhode: ``import polhode as ph``; ``ph.connect()`` is where everything begins."""
 
 from polhode.clients import AsyncClient, Client
-from polhode.connecting import connect, connect_async
+from polhode.connecting import connect, connect_async, local
 from polhode.documents.problems import problem
-from polhode.documents.quantities import Quantity
-from polhode.documents.spans import linspace, logspace, uniform
+from polhode.documents.quantities import Quantity, linspace, logspace, uniform
 from polhode.errors import (
     FailedError,
     MissingError,
@@ -14,9 +13,8 @@ from polhode.errors import (
     UnreachableError,
     WrongArgumentError,
 )
-from polhode.evaluation.samples import Samples
+from polhode.evaluation import Samples
 from polhode.jobs import SomeFailedError
-from polhode.local import local
 
 __all__ = [
     "AsyncClient",

@@ -11,10 +11,9 @@ from polhode.bands import Change, Part, columns_of, items, pair, read_change, re
 from polhode.documents.problems import Body, Document, Given, question
 from polhode.documents.quantities import Exact, written
 from polhode.errors import FailedError, PolhodeError
-from polhode.evaluation.samples import optional
+from polhode.evaluation import optional
 from polhode.transport.carriers import CarrierT, ThreadCarrier
-from polhode.transport.exchange import ask, ask_json
-from polhode.transport.following import follow
+from polhode.transport.exchange import ask, ask_json, follow
 from polhode.transport.steps import Operation, operation
 from polhode.transport.terms import Terms
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from polhode.documents.quantities import Quantity
-from polhode.evaluation.samples import FloatArray
+from polhode.evaluation import FloatArray
 
 _PAIRS = ("g1", "g1_error", "g2", "g2_error")
 _PERIODS = ("period", "period_error")

@@ -8,20 +8,47 @@ from typing import Generic, ParamSpec, Self, TypeVar
 from urllib.parse import urlencode
 
 from polhode.atlases import Atlas, atlas_question, draw, stored_atlas
-from polhode.documents.problems import Body, Document, Given, problem, question
+from polhode.documents.problems import DEFAULT_KEEP, Body, Document, Given, problem, question, sweep_document
 from polhode.documents.quantities import Exact, written
-from polhode.documents.sweep_documents import DEFAULT_KEEP, sweep_document
-from polhode.errors import FailedError
+from polhode.errors import FailedError, MissingError
 from polhode.jobs import WAIT_SECONDS, Job, motion_of, solve_list, submit
 from polhode.listings import Listing
 from polhode.motions import Motion
 from polhode.sweeps import Sweep
-from polhode.things import Thing, path_of, thing_of
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
-from polhode.transport.exchange import MERGE_PATCH, ask, ask_json
-from polhode.transport.following import follow
+from polhode.transport.exchange import MERGE_PATCH, ask, ask_json, follow
 from polhode.transport.steps import Operation, operation
 from polhode.verdicts import Judgement
+
+Thing = Job[CarrierT] | Motion[CarrierT] | Sweep[CarrierT]
+
+
+def thing_of(carrier: CarrierT, thing_id: str) -> Operation[Thing[CarrierT]]:
+    """Return what has an id.
+
+    Raises
+    ------
+    MissingError
+        There is no job, no solution and no sweep of this id.
+    """
+    for kind in (Job, Motion):
+        try:
+            path = f"/v1/{'jobs' if kind is Job else 'solutions'}/{thing_id}"
+            return kind(carrier, (yield from ask_json(carrier.terms, "GET", path)))
+        except MissingError:
+            continue
+    try:
+        return Sweep(carrier, (yield from ask_json(carrier.terms, "GET", f"/v1/sweeps/{thing_id}")))
+    except MissingError as fault:
+        told = {**fault.document, "detail": f"no job, solution or sweep has the id {thing_id}"}
+        raise MissingError(fault.status, told) from None
+
+
+def path_of(thing: Thing[CarrierT]) -> str:
+    """Return where the service has it."""
+    kind = "jobs" if isinstance(thing, Job) else "sweeps" if isinstance(thing, Sweep) else "solutions"
+    return f"/v1/{kind}/{thing.id}"
+
 
 P = ParamSpec("P")
 T = TypeVar("T")

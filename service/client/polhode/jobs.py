@@ -8,8 +8,7 @@ from polhode.errors import FailedError, PolhodeError, RefusedError, WrongArgumen
 from polhode.listings import IDS, by_id
 from polhode.motions import Motion
 from polhode.transport.carriers import CarrierT
-from polhode.transport.exchange import ask_json
-from polhode.transport.following import FINAL, follow
+from polhode.transport.exchange import FINAL, ask_json, follow
 from polhode.transport.steps import Operation, Pause, operation
 from polhode.transport.terms import Progress, Terms
 

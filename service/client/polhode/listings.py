@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from urllib.parse import urlencode
 
 from polhode.documents.problems import Document
-from polhode.evaluation.samples import optional
+from polhode.evaluation import optional
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import ask_json
 from polhode.transport.steps import Operation, operation

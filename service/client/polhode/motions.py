@@ -1,4 +1,4 @@
-"""A solved motion: its numbers with their errors, and the motion as a function of time."""
+"""A solved motion: its numbers with their errors, the motion as a function of time, and its audits."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -8,15 +8,13 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import ArrayLike, NDArray
 
-from polhode.audits import Audit, audited
+from polhode import evaluation
+from polhode import showing as drawing
 from polhode.documents.problems import Document, audit_of
 from polhode.documents.quantities import Exact, Quantity
 from polhode.errors import PolhodeError
-from polhode.evaluation import attitude
-from polhode.evaluation.function import FloatArray, FunctionOfTime, PairOfDoubles
-from polhode.evaluation.samples import Samples
-from polhode.showing import drawing
-from polhode.showing.notebooks import sphere_svg, table_html
+from polhode.evaluation import FloatArray, FunctionOfTime, PairOfDoubles, Samples
+from polhode.showing import sphere_svg, table_html
 from polhode.transport.carriers import CarrierT, ThreadCarrier
 from polhode.transport.exchange import ARROW, ask, ask_json
 from polhode.transport.steps import Operation, operation
@@ -24,6 +22,54 @@ from polhode.transport.steps import Operation, operation
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+from polhode.errors import FailedError
+from polhode.transport.exchange import FINAL, follow
+from polhode.transport.terms import Terms
+
+_WAIT_SECONDS = 20
+
+
+class Audit:
+    """A comparison of a stored motion with the same one solved again.
+
+    Attributes
+    ----------
+    document
+        The audit as the service tells it.
+    """
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+
+    @property
+    def agrees(self) -> bool:
+        """Whether all stored numbers are confirmed within the errors that both claim."""
+        return self.document["verdict"] == "agrees"
+
+    @property
+    def detail(self) -> str:
+        """The result in words."""
+        comparison = self.document["comparison"]
+        assert isinstance(comparison, dict)
+        return str(comparison["detail"])
+
+    def __repr__(self) -> str:
+        return f"<audit {self.document['id']}: {self.document['verdict']}, {self.detail}>"
+
+
+def audited(terms: Terms, solution_id: str, document: Document, seconds: float | None) -> Operation[Audit]:
+    """Have a solution audited, and return the audit when it has ended."""
+    path = f"/v1/solutions/{solution_id}/audits"
+    wait = _WAIT_SECONDS if seconds is None else min(int(seconds), _WAIT_SECONDS)
+    headers = {"Prefer": f"wait={wait}"} if wait else {}
+    audit = yield from ask_json(terms, "POST", path, document, headers=headers)
+    if audit["state"] not in FINAL:
+        yield from follow(terms, f"/v1/jobs/{audit['id']}", seconds=seconds)
+        audit = yield from ask_json(terms, "GET", f"{path}/{audit['id']}")
+    if audit["comparison"] is None:
+        raise FailedError(audit)
+    return Audit(audit)
+
 
 _ERROR_HEADER = "polhode-error"
 _PICTURE_POINTS = 400
@@ -200,8 +246,8 @@ class Motion(Generic[CarrierT]):
     def _at(self, times: ArrayLike) -> Operation[Samples]:
         function = yield from self._fetched()
         asked: NDArray[np.float64] = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        columns = attitude.columns_at(function, asked)
-        errors = attitude.errors_at(function, asked)
+        columns = evaluation.columns_at(function, asked)
+        errors = evaluation.errors_at(function, asked)
         return Samples({"t": asked, **columns}, {"t": 0.0, **{name: errors[name] for name in columns}})
 
     def _fetched(self) -> Operation[FunctionOfTime]:

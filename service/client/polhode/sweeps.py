@@ -9,16 +9,15 @@ from urllib.parse import urlencode
 import numpy as np
 import pyarrow as pa
 
+from polhode import showing as drawing
 from polhode.documents.problems import Document, changed, nearest
 from polhode.errors import WrongArgumentError
-from polhode.evaluation.samples import FloatArray, optional
+from polhode.evaluation import FloatArray, optional
 from polhode.jobs import WAIT_SECONDS, motion_of, submit
 from polhode.motions import Motion
-from polhode.showing import drawing
-from polhode.showing.notebooks import table_html
+from polhode.showing import table_html
 from polhode.transport.carriers import CarrierT
-from polhode.transport.exchange import ARROW, ask, ask_json
-from polhode.transport.following import FINAL, follow
+from polhode.transport.exchange import ARROW, FINAL, ask, ask_json, follow
 from polhode.transport.steps import Operation, operation
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from polhode.showing.notebooks import table_html
+from polhode.showing import table_html
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,16 +10,14 @@ from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
-from service.schemas.problem.members import MEMBERS
+from service.schemas.problem.documents import MEMBERS, Accept
 from service.schemas.problem.potentials import PotentialIn
 from service.schemas.problem.problem import each_once
 from service.schemas.problem.rules import read_setting
-from service.schemas.problem.sections import Accept, BodyIn
-from service.schemas.reading.choices import WireModel
-from service.schemas.reading.faults import InvalidProblemError, fault_of
-from service.schemas.reading.needs import given, one_of_each, within
+from service.schemas.problem.sections import BodyIn
+from service.schemas.reading.documents import InvalidProblemError, fault_of
 from service.schemas.reading.numbers import Positive, Sign, integer_schema, read_integer, refuse
-from service.schemas.reading.parts import read_parts
+from service.schemas.reading.parts import WireModel, given, one_of_each, read_parts, within
 
 SMALLEST, LARGEST = Fraction(1, 10**9), Fraction(10**9)
 FEWEST, MOST = 9, 2001

@@ -1,43 +1,193 @@
-"""The sections of a problem document as pydantic models, and their canonical documents."""
+"""The sections of a problem document as models, with their canonical documents: accuracy, body, times.
+
+Potentials and motions have chapters of their own.
+"""
 
 from fractions import Fraction
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    PlainValidator,
+    Tag,
+    model_validator,
+)
 
-from service.dynamics.problem import TimeList, TimePeriods, Times, TimeSpan
-from service.schemas.problem.motions import MotionIn
-from service.schemas.problem.potentials import PotentialIn
-from service.schemas.problem.tiers import AccuracyIn, TierIn
-from service.schemas.reading.choices import TAG_MARK, WireModel, require_one, tag_by_field
-from service.schemas.reading.long_lists import each_of
-from service.schemas.reading.needs import given, one_of_each, within
+from service.dynamics.accuracy import (
+    CERTIFIED_BITS,
+    LARGEST_TOLERANCE,
+    SMALLEST_TOLERANCE,
+    TIER_TOLERANCES,
+    TIERS,
+    cheapest_tier,
+)
+from service.dynamics.problem import Accuracy, Measure, Tier, TimeList, TimePeriods, Times, TimeSpan
 from service.schemas.reading.numbers import (
     MAX_SAMPLES,
-    Exact,
     Instant,
     Moment,
     Periods,
     Positive,
     Samples,
-    SearchDegree,
+    each_of,
+    read_positive,
     read_time,
     refuse,
 )
-
-Method = Literal["auto", "quadrature", "integration", "both"]
-Accept = Literal["proved", "undecided"]
-OutputName = Literal["period", "gamma", "omega", "invariants", "orientation", "stability"]
-OUTPUTS: tuple[OutputName, ...] = (
-    "period",
-    "gamma",
-    "omega",
-    "invariants",
-    "orientation",
-    "stability",
+from service.schemas.reading.parts import (
+    TAG_MARK,
+    WireModel,
+    require_one,
+    tag_by_field,
 )
-MAX_POINTS = 1000
-DEFAULT_OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega")
+
+LONGEST_BUDGET = Fraction(3600)
+
+_ACCEPTED = (
+    'accepted are {"tolerance": e}, {"relative": e}, {"tier": t} with t one of '
+    f'{", ".join(TIERS)}, and {{"budget_seconds": s}}'
+)
+
+
+def _read_tolerance(value: object) -> Fraction:
+    return read_positive(value, accepted="1e-15 to 1e-2 are accepted")
+
+
+def _read_budget(value: object) -> Fraction:
+    return read_positive(value, accepted="1e-300 to 3600 seconds are accepted")
+
+
+# Made from the type of positive numbers, whose description stays.
+Tolerance = Annotated[Positive, PlainValidator(_read_tolerance)]
+Budget = Annotated[Positive, PlainValidator(_read_budget)]
+
+
+def _attainable(tolerance: Fraction, name: str) -> None:
+    if not SMALLEST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
+        message = f"a tolerance of {float(tolerance):.6g}; 1e-15 to 1e-2 are accepted"
+        raise refuse("out_of_range", message, below=name)
+
+
+def _cheapest(tolerance: float, measure: Measure) -> Accuracy:
+    """Return the cheapest tier that keeps a tolerance, if possible one without proofs."""
+    tier = cheapest_tier(tolerance)
+    return Accuracy(tolerance, "high" if tier == "certified" else tier, measure=measure)
+
+
+class ToleranceIn(WireModel):
+    """Largest absolute error allowed in any of the six variables over the asked times."""
+
+    tolerance: Tolerance = Field(
+        description="1e-15 to 1e-2; absolute, however large the variables are.",
+        json_schema_extra={"minimum": 1e-15, "maximum": 1e-2},
+    )
+
+    @model_validator(mode="after")
+    def _in_range(self) -> Self:
+        _attainable(self.tolerance, "tolerance")
+        return self
+
+    def to_domain(self) -> Accuracy:
+        """Return the cheapest tier that keeps the tolerance, if possible one without proofs."""
+        return _cheapest(float(self.tolerance), "absolute")
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {"tolerance": str(self.tolerance)}
+
+
+class RelativeIn(WireModel):
+    """Largest error allowed, relative to the largest size of the variable's group over the asked times.
+
+    The groups are p, q, r; g1, g2, g3; the quaternion; each angle.
+    """
+
+    relative: Tolerance = Field(
+        description="1e-15 to 1e-2, of the largest absolute value in the group.",
+        json_schema_extra={"minimum": 1e-15, "maximum": 1e-2},
+    )
+
+    @model_validator(mode="after")
+    def _in_range(self) -> Self:
+        _attainable(self.relative, "relative")
+        return self
+
+    def to_domain(self) -> Accuracy:
+        """Return the cheapest tier that keeps as many digits, if possible one without proofs."""
+        return _cheapest(float(self.relative), "relative")
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {"relative": str(self.relative)}
+
+
+class TierIn(WireModel):
+    """A named accuracy: draft 1e-6, standard 1e-10, high 1e-13, certified with proven radii.
+
+    Relative to the largest size of the variable's group over the asked times where that is above 1.
+    """
+
+    tier: Tier = Field(description="Its name.")
+    bits: Literal[64, 128, 333] | None = Field(
+        default=None, description="Precision of the tier certified; 64 if left out."
+    )
+
+    @model_validator(mode="after")
+    def _bits_are_certified(self) -> Self:
+        if self.bits is not None and self.tier != "certified":
+            raise refuse("conflicting_fields", "bits are for the tier certified only", below="bits")
+        return self
+
+    def to_domain(self) -> Accuracy:
+        """Return what the tier promises."""
+        bits = self.bits or CERTIFIED_BITS[0]
+        return Accuracy(TIER_TOLERANCES[self.tier], self.tier, bits, measure="above 1")
+
+    def canonical(self) -> dict[str, object]:
+        """Return the canonical document, with bits for the tier certified only."""
+        if self.tier != "certified":
+            return {"tier": self.tier}
+        return {"tier": self.tier, "bits": self.bits or CERTIFIED_BITS[0]}
+
+
+class BudgetIn(WireModel):
+    """The best tier that is expected to take no longer, by the accuracy table of the installation."""
+
+    budget_seconds: Budget = Field(description="Seconds of computing, > 0, at most 3600.")
+
+    @model_validator(mode="after")
+    def _sensible(self) -> Self:
+        if self.budget_seconds > LONGEST_BUDGET:
+            raise refuse("out_of_range", "at most 3600 seconds are accepted", below="budget_seconds")
+        return self
+
+    def to_domain(self) -> Accuracy:
+        """Return the accuracy before the budget has been turned into a tier."""
+        budget = float(self.budget_seconds)
+        return Accuracy(TIER_TOLERANCES["standard"], "standard", budget_seconds=budget, measure="above 1")
+
+    def canonical(self) -> dict[str, object]:
+        """Return the document."""
+        return {"budget_seconds": str(self.budget_seconds)}
+
+
+AccuracyIn = Annotated[
+    Annotated[ToleranceIn, Tag(f"{TAG_MARK}tolerance")]
+    | Annotated[RelativeIn, Tag(f"{TAG_MARK}relative")]
+    | Annotated[BudgetIn, Tag(f"{TAG_MARK}budget_seconds")]
+    | Annotated[TierIn, Tag(f"{TAG_MARK}tier")],
+    Discriminator(tag_by_field(("tolerance", "relative", "budget_seconds"), "tier")),
+    BeforeValidator(
+        require_one(
+            ("tolerance", "relative", "tier", "budget_seconds"),
+            models=(ToleranceIn, RelativeIn, TierIn, BudgetIn),
+            accepted=_ACCEPTED,
+            may_be_none=False,
+        )
+    ),
+]
 
 
 class BodyIn(WireModel):
@@ -65,12 +215,6 @@ class BodyIn(WireModel):
             "C": None if self.C is None else str(self.C),
             "allow_unphysical": self.allow_unphysical,
         }
-
-
-_WITH_MOMENTS = within("body", given("A", "C"))
-"""Without a classical motion no moment follows from others."""
-_OF_TYPE_CLASSICAL = {"type": "object", "required": ["type"], **within("type", {"const": "classical"})}
-_CLASSICAL = {"required": ["motion"], **within("motion", _OF_TYPE_CLASSICAL)}
 
 
 class TimeSpanIn(WireModel):
@@ -142,88 +286,3 @@ TimeIn = Annotated[
         )
     ),
 ]
-
-
-class ProblemIn(WireModel):
-    """A problem."""
-
-    model_config = one_of_each([_WITH_MOMENTS, _CLASSICAL])
-
-    body: BodyIn = Field(description="The rigid body.")
-    potential: PotentialIn = Field(description="The potential V(g1, g2, g3) of the field of force.")
-    motion: MotionIn = Field(description="Which of the motions.")
-    time: TimeIn = Field(description="At which times its samples are stored; others can be asked for later.")
-    accept: Accept = Field(
-        default="proved",
-        description="`proved`: a planar motion needs a potential that is proved admissible. `undecided`: it"
-        " may be neither proved nor refuted; then q = 0 is proved on the motion's own curve, or the job is"
-        " refused. Without meaning for a state.",
-    )
-    # By a factory: client generators drop operations whose bodies have objects as defaults.
-    accuracy: AccuracyIn = Field(
-        default_factory=lambda: TierIn(tier="standard"),
-        description='How accurate; `{"tier": "standard"}` if left out.',
-    )
-    method: Method = Field(
-        default="auto",
-        description="`auto`: quadrature for planar motions, integration for states; `both` compares the two.",
-    )
-    outputs: Annotated[list[OutputName], Field(min_length=1, max_length=20)] = Field(
-        default_factory=lambda: list(DEFAULT_OUTPUTS),
-        description="What is computed and stored; gamma and omega if left out.",
-    )
-
-
-def _inside(g2: Fraction) -> Fraction:
-    if abs(g2) >= 1:
-        raise refuse("out_of_range", f"g2 = {g2}; accepted is -1 < g2 < 1")
-    return g2
-
-
-class PointsIn(WireModel):
-    """Points at which the functions of the decomposition V = V1[F(w)] + Q G(g2) are evaluated."""
-
-    w: Annotated[list[Positive], Field(max_length=MAX_POINTS)] = Field(
-        default_factory=list, description="Arguments of F, > 0; none if left out."
-    )
-    g2: Annotated[list[Annotated[Exact, AfterValidator(_inside)]], Field(max_length=MAX_POINTS)] = Field(
-        default_factory=list, description="Arguments of G, -1 < g2 < 1; none if left out."
-    )
-
-
-class NearestIn(WireModel):
-    """The search for the nearest admissible polynomial to one that is not admissible."""
-
-    degree: SearchDegree = Field(description="Largest degree that it may have on the sphere.")
-
-
-class ValidationIn(WireModel):
-    """A body and a potential, and perhaps a motion or a whole problem: what ``POST /v1/validations`` takes.
-
-    With a motion and times it is a problem, and checked as ``POST /v1/jobs`` would check it.
-    """
-
-    model_config = one_of_each([_WITH_MOMENTS, _CLASSICAL])
-
-    body: BodyIn = Field(description="The rigid body.")
-    potential: PotentialIn = Field(description="The potential that is judged.")
-    motion: MotionIn | None = Field(default=None, description="If given, the answer lists its windows.")
-    time: TimeIn | None = Field(
-        default=None, description="With times and a motion, the document is checked as a whole problem."
-    )
-    accept: Accept = Field(default="proved", description="Of a whole problem, as for jobs.")
-    accuracy: AccuracyIn = Field(
-        default_factory=lambda: TierIn(tier="standard"), description="Of a whole problem, as for jobs."
-    )
-    method: Method = Field(default="auto", description="Of a whole problem, as for jobs.")
-    outputs: Annotated[list[OutputName], Field(min_length=1, max_length=20)] = Field(
-        default_factory=lambda: list(DEFAULT_OUTPUTS), description="Of a whole problem, as for jobs."
-    )
-    points: PointsIn | None = Field(
-        default=None, description="If given, the answer has the values of F and G there."
-    )
-    nearest: NearestIn | None = Field(
-        default=None,
-        description="How far the nearest admissible polynomial is searched for one that is not admissible;"
-        " up to its degree plus 6 if left out.",
-    )

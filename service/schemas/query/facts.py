@@ -1,4 +1,4 @@
-"""Names of what lists can be asked for: facts with a name, and numbers of the problem by their place.
+"""The names that lists can be asked by: facts, numbers of the problem by their JSON pointers, labels.
 
 :func:`facts_of` extracts from a document what has no column in the database. It is
 written once, when a row is stored, so that a condition never has to read a number
@@ -9,17 +9,21 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import lru_cache
-from typing import get_args
+from typing import Literal, get_args
 from urllib.parse import quote
 
 from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number
 from service.dynamics.methods import SolvedBy, Tier
-from service.schemas.problem.family_names import FamilyName
-from service.schemas.query.kinds import Kind
-from service.schemas.reading.faults import pointer_to
+from service.schemas.query.conditions import Excerpt, Kind, QueryError, Subject
+from service.schemas.reading.documents import pointer_to
+from service.schemas.reading.marks import LABEL_KEY, LABEL_KEYS
 from service.schemas.replies.job import StateName
+
+FamilyName = Literal["expression", "gravity", "rational", "homogeneous", "general"]
+
 
 _NO_TEXT = re.compile(r"[\x00\ud800-\udfff]")
 """Characters that no database stores."""
@@ -161,3 +165,49 @@ def nearest_double(value: int | float | str) -> float | None:
     except (InvalidNumberError, OverflowError):
         return None
     return number if math.isfinite(number) else None
+
+
+LABEL = "label."
+_POINTER = re.compile(r"/[^\x00\ud800-\udfff]+\Z")
+
+
+@dataclass(frozen=True, slots=True)
+class Vocabulary:
+    """The names that queries of one list may use."""
+
+    facts: Mapping[str, Fact]
+    has_pointers: bool = False
+    """Any JSON pointer into the problem, beside the facts."""
+    has_labels: bool = False
+
+    def accepted(self) -> str:
+        """Return the phrase that names what is accepted."""
+        names = list(self.facts)
+        if self.has_pointers:
+            names.append("pointers to numbers of the problem such as /motion/lambda")
+        if self.has_labels:
+            names.append("label.KEY")
+        return f"accepted are {', '.join(names)}"
+
+    def subject(self, parameter: str, name: str, part: Excerpt) -> Subject:
+        """Return what ``name`` stands for; raises :class:`QueryError` at ``part``."""
+        fact = self.facts.get(name)
+        if fact is not None:
+            return Subject("fact", name, fact.kind)
+        if self.has_pointers and name.startswith("/"):
+            if len(name) > LONGEST_POINTER or not _POINTER.match(name):
+                message = f"{name[:60]!r} is no JSON pointer of at most {LONGEST_POINTER} characters"
+                raise QueryError(
+                    parameter, "invalid_pointer", f"{message} such as /motion/lambda", part.start
+                )
+            return Subject("pointer", name, Kind.NUMBER)
+        if self.has_labels and name.startswith(LABEL):
+            key = name.removeprefix(LABEL)
+            if not LABEL_KEY.match(key):
+                message = f"{key[:60]!r} is no key of a label; accepted are {LABEL_KEYS}"
+                raise QueryError(parameter, "invalid_label", message, part.start)
+            return Subject("label", key, Kind.TEXT)
+        near = get_close_matches(name[:60], self.facts, n=1)
+        guess = f"did you mean {near[0]!r}? " if near else ""
+        message = f"there is no column {name[:60]!r} here; {guess}{self.accepted()}"
+        raise QueryError(parameter, "unknown_column", message, part.start)

@@ -1,4 +1,4 @@
-"""Labels and a note, by which people find a job, a solution or a sweep again."""
+"""Labels and a note, by which people find a job again; apart from their models: stores load no pydantic."""
 
 import re
 from collections.abc import Mapping

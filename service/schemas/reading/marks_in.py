@@ -6,9 +6,9 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 
-from service.schemas.reading.choices import WireModel
 from service.schemas.reading.marks import LABEL_KEY, LABEL_KEYS, LONGEST_NOTE, LONGEST_VALUE, MOST_LABELS
 from service.schemas.reading.numbers import refuse
+from service.schemas.reading.parts import WireModel
 
 _NOT_IN_VALUES = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 """Control characters."""

@@ -1,13 +1,25 @@
-"""Reads numbers: JSON numbers, or strings that hold exact values."""
+"""Reads numbers, and long lists of them: JSON numbers, or strings that hold exact values."""
 
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, PlainValidator, WithJsonSchema
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WithJsonSchema,
+    WrapValidator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownError
 
 from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number, exact_text
+from service.schemas.reading.documents import MAX_FAULTS
 
 LARGEST = Fraction(10) ** 300
 """Numbers other than 0 lie between 1/LARGEST and LARGEST in absolute value: within a double's range."""
@@ -206,3 +218,31 @@ Priority = Annotated[
     AfterValidator(check_priority),
     Field(json_schema_extra={"minimum": -HIGHEST_PRIORITY, "maximum": HIGHEST_PRIORITY}),
 ]
+
+
+def each_of(read: Callable[[object], Fraction], *, most: int) -> WrapValidator:
+    """Return the validator of a long list of numbers: it reads each once, and stops after very many faults.
+
+    The wrapped schema limits the length; ``most`` is its largest.
+    """
+
+    def read_list(value: object, handler: ValidatorFunctionWrapHandler) -> object:
+        if not isinstance(value, list) or not value:
+            return handler(value)
+        if len(value) > most:
+            limits = {"field_type": "List", "max_length": most, "actual_length": len(value)}
+            raise PydanticKnownError("too_long", limits)
+        numbers: list[Fraction] = []
+        faults: list[InitErrorDetails] = []
+        for index, item in enumerate(value):
+            try:
+                numbers.append(read(item))
+            except PydanticCustomError as fault:
+                faults.append(InitErrorDetails(type=fault, loc=(index,), input=None))
+                if len(faults) > MAX_FAULTS:
+                    break
+        if faults:
+            raise ValidationError.from_exception_data("numbers", faults)
+        return numbers
+
+    return WrapValidator(read_list)

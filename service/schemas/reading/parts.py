@@ -1,19 +1,122 @@
-"""Reads a document part by part, so that a fault in one part does not hide those in another.
+"""Models of documents, read part by part, so that a fault in one part does not hide those in another.
 
-A document that pydantic refuses as a whole is read part by part, and the readable
-parts are still checked against the rules of the domain.
+Unions find the member that a client means, or report what is accepted: pydantic's own either report the
+faults of every member, or do not say what would have been accepted. A document that pydantic refuses as a
+whole is read part by part, and the readable parts are still checked against the rules of the domain.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from inspect import get_annotations
-from typing import TypeVar
+from typing import (
+    Any,  # JSON schemas
+    TypeVar,
+)
 
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from service.schemas.reading.choices import TAG_MARK
-from service.schemas.reading.faults import MAX_FAULTS, Fault, pointer_to
+from service.schemas.reading.documents import MAX_FAULTS, Fault, pointer_to
+from service.schemas.reading.numbers import refuse
+
+Schema = dict[str, Any]
+
+
+def given(*names: str) -> Schema:
+    """Return the schema of an object that has these fields, and null in none of them."""
+    properties: Schema = {name: {"not": {"type": "null"}} for name in names}
+    return {"type": "object", "required": list(names), "properties": properties}
+
+
+def left_out(*names: str) -> Schema:
+    """Return the schema of an object without these fields; null is as good."""
+    properties: Schema = {name: {"type": "null"} for name in names}
+    return {"properties": properties}
+
+
+def within(name: str, schema: Mapping[str, Any]) -> Schema:
+    """Return the schema of an object whose field is as ``schema`` says."""
+    return {"properties": {name: dict(schema)}}
+
+
+def one_of_each(*choices: Sequence[Schema]) -> ConfigDict:
+    """Return the configuration of a model of which, for each choice, at least one schema holds.
+
+    It is written with ``if``: generators of clients make models of every part of ``anyOf`` and ``allOf``.
+    """
+    whole: Schema = {"allOf": [{"anyOf": list(choice)} for choice in choices]}
+    return ConfigDict(json_schema_extra={"if": whole, "then": True, "else": False})
+
+
+TAG_MARK = "<>"
+"""Prefix of the tags of union members, which distinguishes them from fields in an error's path."""
+
+
+class WireModel(BaseModel):
+    """The base class of all request models: unknown fields are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
+
+
+def require_kind(
+    kinds: Sequence[str], *, models: Mapping[str, type[BaseModel]]
+) -> Callable[[object], object]:
+    """Return a validator that refuses objects whose ``type`` is none of ``kinds``."""
+    accepted = f"accepted are {', '.join(kinds)}"
+
+    def check(value: object) -> object:
+        if isinstance(value, tuple(models.values())):
+            return value
+        if not isinstance(value, dict):
+            raise refuse("invalid_type", f'an object with "type" is expected; {accepted}')
+        if "type" not in value:
+            raise refuse("missing_field", f'"type" is missing; {accepted}', below="type")
+        kind = value["type"]
+        if not isinstance(kind, str) or kind not in kinds:
+            raise refuse("invalid_value", f"{str(kind)[:40]!r} is not a type; {accepted}", below="type")
+        return value
+
+    return check
+
+
+def tag_by_type(value: object) -> str | None:
+    """Return the tag of the union member that ``type`` names."""
+    kind = value.get("type") if isinstance(value, dict) else getattr(value, "type", None)
+    return f"{TAG_MARK}{kind}"
+
+
+def tag_by_field(choices: Sequence[str], default: str) -> Callable[[object], str]:
+    """Return a discriminator by which of the fields ``choices`` is given."""
+
+    def tag(value: object) -> str:
+        for name in choices:
+            if (name in value) if isinstance(value, dict) else hasattr(value, name):
+                return TAG_MARK + name
+        return TAG_MARK + default
+
+    return tag
+
+
+def require_one(
+    names: Sequence[str], *, models: tuple[type[BaseModel], ...], accepted: str, may_be_none: bool
+) -> Callable[[object], object]:
+    """Return a validator that refuses objects with more than one of the fields ``names``, or with none.
+
+    With ``may_be_none``, the union's default member reports a missing field itself.
+    """
+
+    def check(value: object) -> object:
+        if isinstance(value, models):
+            return value
+        given = [name for name in names if isinstance(value, dict) and name in value]
+        if not isinstance(value, dict) or not (given or may_be_none):
+            raise refuse("invalid_type", f"an object is expected; {accepted}")
+        if len(given) > 1:
+            raise refuse("conflicting_fields", f"{' and '.join(given)} exclude each other; {accepted}")
+        return value
+
+    return check
+
 
 Model = TypeVar("Model", bound=BaseModel)
 

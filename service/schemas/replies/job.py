@@ -1,4 +1,4 @@
-"""The answers of /v1/jobs."""
+"""The answers of /v1/jobs and /v1/status, and problem details (RFC 9457)."""
 
 from datetime import datetime
 from typing import Literal
@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from service.schemas.replies.response_model import ResponseModel
+from service.schemas.replies.verdict import CounterexampleOut, EvidenceOut, ExistenceOut, MotionWindowOut
 
 StateName = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
@@ -60,3 +61,154 @@ class JobPageOut(ResponseModel):
     next: str | None = Field(
         description="Path and query of the next page, also in the header Link; null on the last one."
     )
+
+
+KindName = Literal["solve", "chunk", "atlas"]
+KIND = "`solve`: of one problem; `chunk`: of a sweep; `atlas`: draws an atlas."
+
+
+class AttemptOut(ResponseModel):
+    """One try at a job."""
+
+    number: int = Field(description="From 1.")
+    worker: str = Field(description="Name of the worker.")
+    started_at: datetime = Field(description="When it began, UTC.")
+    ended_at: datetime | None = Field(description="When it ended; null while it runs.")
+    outcome: Literal["succeeded", "failed", "cancelled", "lost", "returned"] | None = Field(
+        description="`lost`: the child process died, or the worker that had only this job for it;"
+        " `returned`: not computed, or nobody knows whether it had begun when its worker died."
+    )
+    detail: str | None = Field(description="The reason, where there is one.")
+
+
+class AttemptsOut(ResponseModel):
+    """The history of a job."""
+
+    items: list[AttemptOut] = Field(description="The attempts, oldest first.")
+
+
+class ChunkJobOut(ResponseModel):
+    """A job that computes some neighbouring points of a sweep."""
+
+    id: str = Field(description="Of the job.")
+    state: StateName = Field(description="The last three are final.")
+    first: int = Field(description="Index of its first point.")
+    count: int = Field(description="Points that it was given; what it did not reach is queued again.")
+    attempt: int = Field(description="Number of times a worker has taken it.")
+    progress: float = Field(description="From 0 to 1.")
+    error: dict[str, object] | None = Field(description="Why it failed: `code`, `detail` and more.")
+    created_at: datetime = Field(description="When it was queued, UTC.")
+    started_at: datetime | None = Field(description="When the last attempt began.")
+    finished_at: datetime | None = Field(description="When it came to its final state.")
+
+
+class ChunkJobPageOut(ResponseModel):
+    """Some jobs of a sweep."""
+
+    items: list[ChunkJobOut | dict[str, float | str | bool | None]] = Field(
+        description="In the order that was asked for; with `columns` the values of these by their names."
+    )
+    total: int | None = Field(
+        description="Jobs that match in all; null with `where` or `after`, unless `count=exact`."
+    )
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")
+    next: str | None = Field(
+        description="Path and query of the next page, also in the header Link; null on the last one."
+    )
+
+
+class QueuePartOut(ResponseModel):
+    """Live jobs of one state and kind."""
+
+    state: Literal["queued", "running"] = Field(description="Where they are in their lives.")
+    kind: KindName = Field(description=KIND)
+    jobs: int = Field(description="How many.")
+    oldest_seconds: float = Field(description="Seconds since the oldest one was submitted.")
+
+
+class RunningJobOut(ResponseModel):
+    """A job that a worker is computing."""
+
+    id: str = Field(description="Of the job.")
+    kind: KindName = Field(description=KIND)
+    sweep: str | None = Field(description="Of a chunk: its sweep.")
+    attempt: int = Field(description="Number of times a worker has taken it.")
+    seconds: float = Field(description="Since the attempt began.")
+
+
+class WorkerOut(ResponseModel):
+    """A worker or service that was seen lately."""
+
+    name: str = Field(description="As in attempts.")
+    host: str = Field(description="The machine.")
+    engine: str = Field(description="`local`, `procrastinate`, or `service` for an API process.")
+    slots: int = Field(description="Jobs that it computes at once; 0 for a service.")
+    started_at: datetime = Field(description="When it started, UTC.")
+    silent_seconds: float = Field(description="Since its last sign of life.")
+    kernels: str | None = Field(
+        description="How far its kernels are compiled; null if all are. Until then jobs go the plain way."
+    )
+    running: list[RunningJobOut] = Field(description="What it does.")
+
+
+class RateOut(ResponseModel):
+    """Attempts at jobs that ended lately."""
+
+    minutes: int = Field(description="Within so many last minutes.")
+    succeeded: int = Field(description="With a result.")
+    failed: int = Field(description="With an error.")
+    cancelled: int = Field(description="By a client.")
+    lost: int = Field(description="By the death of a worker or its child process.")
+    returned: int = Field(description="Returned to the queue.")
+
+
+class StatusOut(ResponseModel):
+    """The activity of the installation at one instant."""
+
+    at: datetime = Field(description="The instant of these figures by the database's clock, UTC.")
+    queue: list[QueuePartOut] = Field(description="The live jobs; what there is none of is left out.")
+    workers: list[WorkerOut] = Field(description="Workers and services that were seen lately.")
+    rates: list[RateOut] = Field(description="Of the last 1, 5 and 15 minutes.")
+
+
+class FaultOut(ResponseModel):
+    """One fault of a request."""
+
+    pointer: str = Field(description="JSON pointer into the body; `?name` is a query parameter.")
+    code: str = Field(description="Stable code for programs.")
+    message: str = Field(description="Sentence for people; says what would have been accepted.")
+    position: int = Field(
+        default=0,
+        description="Of a fault in the language of queries: its character in the parameter, from 0.",
+    )
+
+
+class ProblemDetailsOut(ResponseModel):
+    """Why a request was refused. Fields that do not apply are left out."""
+
+    type: str = Field(description="`urn:polhode:problem:` and the code.")
+    title: str = Field(description="The kind of refusal in a few words; the same for all with this type.")
+    status: int = Field(description="The HTTP status, again.")
+    detail: str = Field(description="The fault of this request, for people.")
+    errors: list[FaultOut] = Field(description="Every fault of the request.")
+    counterexample: CounterexampleOut = Field(
+        description="With `inadmissible_potential` and `inadmissible_motion`."
+    )
+    evidence: EvidenceOut = Field(description="With `undecided_potential`.")
+    verdict: Literal["admissible", "undecided"] = Field(
+        description="With `signs_unsettled`, `essential_singularity`, `separatrix_undecided` and"
+        " `passage_undecided`: the verdict on the potential, which is known although the windows are not."
+    )
+    existence: ExistenceOut = Field(
+        description="With `no_motion`: the λ for which motions exist. Left out in a list of jobs if"
+        " too many problems are refused."
+    )
+    windows: list[MotionWindowOut] = Field(description="With `several_windows` and `no_such_window`.")
+    items: list[JobItemOut] = Field(
+        description="With `no_problem_accepted`: the refusal of each problem of the list, in its order."
+    )
+    checks: dict[str, str] = Field(description="With `not_ready`.")
+    referrers: list[str] = Field(description="With `in_use`: paths of what refers to it, 100 at most.")
+    needed_role: str = Field(description="With `role_insufficient`.")
+    request_id: str = Field(description="Also in the header X-Request-ID, and in the log of the service.")

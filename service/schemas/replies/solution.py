@@ -1,10 +1,11 @@
-"""The answers of /v1/solutions, and of the health checks."""
+"""The answers of /v1/solutions with functions, provenance and audits, and of the health checks."""
 
 from datetime import datetime
 from typing import Literal
 
 from pydantic import Field
 
+from service.schemas.replies.job import StateName
 from service.schemas.replies.response_model import ResponseModel
 from service.schemas.replies.verdict import NoticeOut
 
@@ -276,4 +277,145 @@ class ReadinessOut(HealthOut):
         default=None,
         exclude_if=lambda compiling: compiling is None,
         description="How far the compiled code is that makes jobs fast; absent when all of it is there.",
+    )
+
+
+class TwoDoublesOut(ResponseModel):
+    """A number as the sum of two doubles, so that multiples of it cost no digits."""
+
+    hi: float = Field(description="The double nearest to it.")
+    lo: float = Field(description="What that leaves.")
+    error: float = Field(description="Bound of the absolute error of the sum.")
+
+
+class MotionFunctionOut(ResponseModel):
+    """A motion as a function of time: in each piece a Chebyshev series for each column.
+
+    The piece k maps the times from breaks[k] to breaks[k+1] onto x from -1 to 1; a column's value is the
+    sum over n of coefficients[k][n][column] T_n(x).
+    """
+
+    columns: list[str] = Field(
+        description="p, q, r, g1, g2, g3; with the orientation also psi1, psi3 and local_q0, ..., local_q3:"
+        " the quaternion of the time within a period, about the vertical by what psi1 gained in earlier ones."
+    )
+    breaks: list[float] = Field(
+        description="Ends of the pieces, growing; of a periodic motion from 0 to the period."
+    )
+    coefficients: list[list[list[float]]] = Field(description="By piece, degree and column.")
+    period: TwoDoublesOut | None = Field(
+        description="Times are reduced by its multiples; null: only times within breaks can be asked."
+    )
+    error: float = Field(description="Bound of the absolute error within breaks of columns not in errors.")
+    errors: dict[str, float] = Field(description="The same for columns that have a bound of their own.")
+    advances: dict[str, TwoDoublesOut] = Field(description="What columns that grow gain in each period.")
+
+
+Records = dict[str, dict[str, object]]
+"""Attributes of records, by the identifiers of the records."""
+
+_SOLUTION, _ATTEMPT, _WORKER = (
+    "polhode:solution/019f0000",
+    "polhode:job/019f0001/attempt/1",
+    "polhode:worker/h",
+)
+
+
+class ProvenanceGraphOut(ResponseModel):
+    """Entities, activities and agents, and how they are related."""
+
+    prefix: dict[str, str] = Field(
+        description="What the prefixes of identifiers stand for.",
+        examples=[{"polhode": "urn:polhode:provenance:"}],
+    )
+    entity: Records = Field(
+        description="The problem, the kept result of its examination, the solution.",
+        examples=[{_SOLUTION: {"prov:type": "polhode:Solution", "polhode:tier": "standard"}}],
+    )
+    activity: Records = Field(
+        description="The examination, and each attempt at computing the solution.",
+        examples=[{_ATTEMPT: {"prov:startTime": "2026-01-02T03:04:05+00:00", "polhode:numerics": 1}}],
+    )
+    agent: Records = Field(
+        description="Workers, and the software with its versions.",
+        examples=[{_WORKER: {"prov:label": "h"}}],
+    )
+    used: Records = Field(description="What each activity began with.")
+    wasGeneratedBy: Records = Field(  # noqa: N815
+        description="What each activity made.",
+        examples=[{"_:generation1": {"prov:entity": _SOLUTION, "prov:activity": _ATTEMPT}}],
+    )
+    wasDerivedFrom: Records = Field(description="What each entity was made of.")  # noqa: N815
+    wasAssociatedWith: Records = Field(  # noqa: N815
+        description="Who or what carried each activity out.",
+        examples=[{"_:association1": {"prov:activity": _ATTEMPT, "prov:agent": _WORKER}}],
+    )
+
+
+class DifferenceOut(ResponseModel):
+    """The difference of two solutions in one number or column."""
+
+    difference: float | None = Field(
+        description="Largest absolute difference; null if one of the numbers is none."
+    )
+    allowed: float | None = Field(description="Sum of the errors that both claim.")
+    share: float | None = Field(
+        description="The difference in units of what is allowed, of columns the largest: up to 1 they agree."
+        " Null if that is no number: then they do not."
+    )
+
+
+class AuditedOut(ResponseModel):
+    """Method, tier, error and provenance of one of the two solutions."""
+
+    method: str = Field(description="The method.")
+    tier: str = Field(description="The tier of accuracy.")
+    error: float = Field(description="Its claimed error of any variable.")
+    provenance: ProvenanceOut | None = Field(description="Version, numerics and machine.")
+
+
+class ComparisonOut(ResponseModel):
+    """The comparison of a stored solution with the new one."""
+
+    identical: bool = Field(description="All stored numbers are the same bits.")
+    detail: str = Field(description="The result in words.")
+    differences: dict[str, DifferenceOut] = Field(
+        description="Of what both have: `period`, `energy`, `trace`, `psi1`, `psi3`, `function` (at 33"
+        " times), `samples` (all that are stored). Empty if a stored part cannot be read or is missing."
+    )
+    stored: AuditedOut = Field(description="The audited solution.")
+    found: AuditedOut = Field(description="The new solution.")
+
+
+class AuditOut(ResponseModel):
+    """An audit: a job that solves the problem of a solution again."""
+
+    id: str = Field(description="Of the audit, and of its job: `/v1/jobs/{id}` has its attempts and events.")
+    solution: str = Field(description="Id of the audited solution.")
+    state: StateName = Field(description="Of the job.")
+    verdict: Literal["agrees", "disagrees", "failed"] | None = Field(
+        description="`agrees`: within the errors that both claim. `failed`: there is no second solution, see"
+        " `error`. Null while the job is live or if it was cancelled."
+    )
+    found: str | None = Field(description="Id of the new solution, when succeeded.")
+    comparison: ComparisonOut | None = Field(description="Of the two solutions, when succeeded.")
+    error: dict[str, object] | None = Field(description="Why it failed: `code` and `detail`.")
+    problem: dict[str, object] = Field(description="What is solved.")
+    created_at: datetime = Field(description="When it was asked for, UTC.")
+    finished_at: datetime | None = Field(description="When the job came to its final state.")
+
+
+class AuditPageOut(ResponseModel):
+    """Some audits of a solution, newest first."""
+
+    items: list[AuditOut | dict[str, float | str | bool | None]] = Field(
+        description="In the order that was asked for; with `columns` facts of their jobs by their names."
+    )
+    total: int | None = Field(
+        description="Audits that match in all; null with `where` or `after`, unless `count=exact`."
+    )
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")
+    next: str | None = Field(
+        description="Path and query of the next page, also in the header Link; null on the last one."
     )

@@ -1,16 +1,86 @@
 """Writes a verdict, or the refusal of a document, as text for people."""
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.schemas.reading.faults import Fault
-from service.schemas.replies.classification_text import describe_classification
-from service.schemas.replies.existence_text import existence_sentence
+from service.schemas.reading.documents import Fault
 from service.schemas.replies.response_model import QUADRANTS_OUT
-from service.schemas.replies.verdict import FunctionOut, MotionWindowOut, VerdictOut
+from service.schemas.replies.verdict import (
+    BallOut,
+    ClassificationOut,
+    ExistenceOut,
+    FunctionOut,
+    MotionWindowOut,
+    NearCaseOut,
+    StretchOut,
+    VerdictOut,
+)
+
+
+def describe_classification(found: ClassificationOut) -> Iterator[str]:
+    """Yield the cases that the state lies on, the nearest classical one with its residuals, and the rest."""
+    yield f"lies on     {', '.join(found.on) if found.on else 'no classical or integrable case'}"
+    if found.nearest is not None:
+        yield f"nearest     {_near(found.nearest)}"
+        for name, left in found.nearest.relations.items():
+            yield f"            {name}: {'no value here' if left is None else f'{left:.3g}'}"
+    for case in found.cases:
+        if found.nearest is None or case.case != found.nearest.case:
+            yield f"also        {_near(case)}"
+    for integrable in found.integrable:
+        verb = "holds" if integrable.holds else "does not hold"
+        yield f"integrable  {integrable.case} {verb}: {_residuals(integrable.residuals)}"
+
+
+def _near(case: NearCaseOut) -> str:
+    if case.is_on:
+        return f"{case.case}: the state lies on it"
+    return f"{case.case}: " + (
+        "Newton's steps from the state lead nowhere"
+        if case.distance is None
+        else f"at most {case.distance:.3g} away"
+    )
+
+
+def _residuals(residuals: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {left:.3g}" for name, left in residuals.items())
+
+
+DIGITS = 6
+"""Most significant digits of an end."""
+
+
+def existence_sentence(existence: ExistenceOut) -> str:
+    """Return it, as ``motions exist for lambda in (0.5795, ∞)``."""
+    name, found = ("lambda", existence.lambda_) if existence.nu is None else ("nu", existence.nu)
+    open_ones = existence.undecided
+    if found:
+        said = f"motions exist for {name} in {_listed(found)}"
+    else:
+        said = f"none was found for any {name}" if open_ones else f"there is none for any {name}"
+    return f"{said}; not decided for {name} in {_listed(open_ones)}" if open_ones else said
+
+
+def _listed(stretches: Sequence[StretchOut]) -> str:
+    return " and ".join(f"({_end(each.from_, each, 0)}, {_end(each.to, each, 1)})" for each in stretches)
+
+
+def _end(ball: BallOut | None, stretch: StretchOut, side: int) -> str:
+    """Return the known digits of an end, or the infinite end."""
+    if ball is None:
+        other = stretch.from_ or stretch.to
+        is_negative = other is not None and other.mid.startswith("-")
+        return ("-∞", "0")[side] if is_negative else ("0", "∞")[side]
+    middle, radius = float(ball.mid), float(ball.rad)
+    known = DIGITS
+    if radius and middle:
+        known = max(1, min(DIGITS, math.floor(math.log10(abs(middle) / radius))))
+    return f"{middle:.{known}g}"
+
 
 _PROOFS = {
     "symbolic": "proved: the compatibility equation holds identically",

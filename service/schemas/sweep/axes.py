@@ -6,9 +6,16 @@ from typing import Annotated, Protocol
 from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Strict, Tag, WithJsonSchema
 
 from service.dynamics.sweep_axes import Axis, LinearAxis, ListedAxis, LogarithmicAxis, UniformAxis
-from service.schemas.reading.choices import TAG_MARK, WireModel, tag_by_field
-from service.schemas.reading.long_lists import each_of
-from service.schemas.reading.numbers import Exact, Positive, integer_schema, read_exact, read_integer, refuse
+from service.schemas.reading.numbers import (
+    Exact,
+    Positive,
+    each_of,
+    integer_schema,
+    read_exact,
+    read_integer,
+    refuse,
+)
+from service.schemas.reading.parts import TAG_MARK, WireModel, tag_by_field
 
 MAX_LISTED = 100_000
 LONGEST_AXIS = 100_000_000

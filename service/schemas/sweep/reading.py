@@ -1,5 +1,6 @@
-"""Reads sweep documents, with all faults at once."""
+"""Reads sweep documents, with all faults at once, and checks the rules between their parts."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -16,21 +17,26 @@ from pydantic import (
 from pydantic_core import CoreSchema
 
 from service.dynamics.equations.orientation import PRECESSION, QUATERNION
+from service.dynamics.errors import InvalidNumberError
+from service.dynamics.exact import exact_number
 from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import Problem, TimeList
+from service.schemas.problem.documents import ProblemIn
 from service.schemas.problem.problem import each_once, read_problem
-from service.schemas.problem.sections import ProblemIn
-from service.schemas.reading.choices import WireModel
-from service.schemas.reading.faults import Fault, InvalidProblemError
+from service.schemas.reading.documents import (
+    Fault,
+    InvalidProblemError,
+    NoSuchPlaceError,
+    split_pointer,
+    value_at,
+    with_values,
+)
 from service.schemas.reading.marks_in import LABELS_HELP, NOTE_HELP, Labels, Note
 from service.schemas.reading.numbers import Priority, refuse
-from service.schemas.reading.parts import read_parts
-from service.schemas.reading.pointers import split_pointer, with_values
-from service.schemas.sweep import rules
+from service.schemas.reading.parts import WireModel, read_parts
 from service.schemas.sweep.axes import MODELS as AXES
 from service.schemas.sweep.axes import AxisIn, AxisModel
-from service.schemas.sweep.kept_numbers import DEFAULT_KEEP, NUMBERS
-from service.schemas.sweep.sweep import Combine, Sweep, SweepAxis, json_number
+from service.schemas.sweep.sweep import DEFAULT_KEEP, NUMBERS, Combine, Sweep, SweepAxis, json_number
 
 MAX_AXES = 16
 
@@ -96,7 +102,7 @@ def read_sweep(document: object, *, max_points: int | None = None) -> Sweep:
     """
     parts, faults = read_parts(document, SweepIn, AXES)
     given = list(_readable_axes(document))
-    faults += rules.length_faults(given, parts.get("combine"), max_points)
+    faults += length_faults(given, parts.get("combine"), max_points)
     axes, problem = _first_point(parts.get("base"), given, _pointers(document), faults)
     match (problem, parts):
         case (
@@ -111,9 +117,9 @@ def read_sweep(document: object, *, max_points: int | None = None) -> Sweep:
             columns = _series_columns(problem) if series else ()
             samples = _samples(problem) if columns else 0
             sweep = Sweep(base, axes, combine, tuple(keep), columns, samples, problem)
-            faults += rules.kept_faults(keep, problem, has_series=series)
+            faults += kept_faults(keep, problem, has_series=series)
             if series:
-                faults += rules.series_faults(sweep)
+                faults += series_faults(sweep)
             if not faults:
                 return sweep
     raise InvalidSweepError(each_once(faults))
@@ -152,14 +158,14 @@ def _first_point(
     """Return the valid axes and the first point, if it is a problem; add the faults."""
     if not isinstance(base, dict):
         return (), None
-    misplaced = list(rules.pointer_faults(pointers, base))
+    misplaced = list(pointer_faults(pointers, base))
     bad = {fault.pointer for fault in misplaced}
     axes = tuple(
         SweepAxis(axis.pointer, split_pointer(axis.pointer), axis.to_domain(place))
         for place, axis in given
         if f"/axes/{place}/pointer" not in bad
     )
-    faults += [*misplaced, *rules.budget_faults(base)]
+    faults += [*misplaced, *budget_faults(base)]
     first = with_values(base, {each.path: json_number(each.axis.value(0)) for each in axes})
     try:
         return axes, read_problem(first)
@@ -178,3 +184,95 @@ def _series_columns(problem: Problem) -> tuple[str, ...]:
 
 def _samples(problem: Problem) -> int:
     return len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples
+
+
+MAX_SERIES_SAMPLES = 100_000_000
+"""Samples of all points together: 0.8 GB of every column before compression."""
+
+_SAMPLES = ("time", "samples")
+
+Placed = Sequence[tuple[int, AxisModel]]
+"""The axes that could be read, each with its place in the list."""
+
+
+def pointer_faults(pointers: Mapping[int, str], base: Mapping[str, object]) -> Iterator[Fault]:
+    """Yield the faults of the axes' pointers into the base."""
+    first_use: dict[str, int] = {}
+    for place, pointer in pointers.items():
+        where = f"/axes/{place}/pointer"
+        try:
+            found = value_at(base, split_pointer(pointer))
+        except NoSuchPlaceError as error:
+            message = f"{error}; accepted is a pointer to a number that the base has"
+            yield Fault(where, "unknown_pointer", message)
+            continue
+        if not _is_number(found):
+            message = f"the base has no number at {pointer}; accepted is a pointer to one that it has"
+            yield Fault(where, "not_a_number", message)
+        elif pointer in first_use:
+            message = f"/axes/{first_use[pointer]} has this pointer too; each number varies along one axis"
+            yield Fault(where, "pointer_taken", message)
+        first_use.setdefault(pointer, place)
+
+
+def length_faults(axes: Placed, combine: object, max_points: int | None) -> Iterator[Fault]:
+    """Yield the faults of the numbers of values."""
+    lengths = [axis.to_domain(place).length for place, axis in axes]
+    if combine == "zip":
+        for (place, _), length in zip(axes, lengths, strict=True):
+            if length != lengths[0]:
+                message = f"{length} values, and /axes/{axes[0][0]} has {lengths[0]}; zip needs equally many"
+                yield Fault(f"/axes/{place}", "unequal_lengths", message)
+    points = max(lengths, default=0) if combine == "zip" else math.prod(lengths)
+    if max_points is not None and points > max_points:
+        yield Fault("/axes", "too_many_points", f"{points} points; at most {max_points} are accepted")
+
+
+def budget_faults(base: Mapping[str, object]) -> Iterator[Fault]:
+    """Yield a fault for a budget, which is turned into a tier for one problem at a time."""
+    match base:
+        case {"accuracy": {"budget_seconds": _}}:
+            message = "a budget is for single problems; accepted in a sweep are a tolerance and a tier"
+            yield Fault("/base/accuracy/budget_seconds", "budget_in_sweep", message)
+
+
+def kept_faults(keep: Sequence[str], problem: Problem, *, has_series: bool) -> Iterator[Fault]:
+    """Yield the faults of ``keep`` for points like ``problem``."""
+    if not keep and not has_series:
+        accepted = ", ".join(NUMBERS)
+        yield Fault("/keep", "invalid_length", f"nothing is kept of the points; accepted are {accepted}")
+    for place, name in enumerate(keep):
+        output = NUMBERS[name].output
+        if name in keep[:place]:
+            yield Fault(f"/keep/{place}", "invalid_value", f"{name} is given twice; once is accepted")
+        elif output is not None and output not in problem.outputs:
+            message = f'{name} needs "{output}" among the outputs of the base'
+            yield Fault(f"/keep/{place}", "output_needed", message)
+
+
+def series_faults(sweep: Sweep) -> Iterator[Fault]:
+    """Yield the faults of keeping the samples of every point of ``sweep``."""
+    if not sweep.series_columns:
+        message = "the outputs of the base hold no function of time; add gamma, omega or orientation"
+        yield Fault("/series", "output_needed", message)
+    for place, each in enumerate(sweep.axes):
+        if each.path == _SAMPLES:
+            message = "series are equally long: with them the number of samples cannot vary"
+            yield Fault(f"/axes/{place}/pointer", "varying_samples", message)
+    total = sweep.points * sweep.samples
+    if total > MAX_SERIES_SAMPLES:
+        message = (
+            f"{sweep.points} points with {sweep.samples} samples are {total} samples; at most "
+            f"{MAX_SERIES_SAMPLES} are accepted. Without series any point can be solved again by itself"
+        )
+        yield Fault("/series", "series_too_large", message)
+
+
+def _is_number(found: object) -> bool:
+    if isinstance(found, bool) or not isinstance(found, int | float | str):
+        return False
+    try:
+        exact_number(found)
+    except InvalidNumberError:
+        return False
+    return True

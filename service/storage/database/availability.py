@@ -6,14 +6,20 @@ keeps its result and retries. A programming error would only repeat itself. Both
 """
 
 import sqlite3
-from typing import TYPE_CHECKING
+import sys
+from typing import TYPE_CHECKING, TypeGuard
 
 from sqlalchemy import exc
 
-from service.storage.database.postgres_errors import is_postgres_error
-
 if TYPE_CHECKING:
     import psycopg
+
+
+def is_postgres_error(error: object) -> "TypeGuard[psycopg.Error]":
+    """Tell whether an error is one of the driver of Postgres, without loading it."""
+    driver = sys.modules.get("psycopg")
+    return driver is not None and isinstance(error, driver.Error)
+
 
 _SQLITE_AWAY = frozenset(
     {

@@ -8,6 +8,11 @@ use a plain BEGIN and, under WAL, neither wait nor block others.
 ``synchronous`` stays FULL. NORMAL would keep the database consistent, but under WAL it
 loses the last commits when the power fails, and with them an acknowledged job;
 FULL costs one fsync a commit (0.3 ms on the disk it was measured on).
+
+``POLHODE_FAULT=commit:before:3`` is fault injection for tests: it kills the process with SIGKILL
+when it is about to commit its third transaction, ``commit:after:3`` as soon as it has. Like a
+power cut, this writes and releases nothing; before and after a commit are the two moments that
+differ. Outside of tests the variable is not set and nothing happens.
 """
 
 import json
@@ -25,11 +30,13 @@ from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from service.storage.database.availability import is_stopped
-from service.storage.database.faults import chosen_fault
 from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFile, DatabaseFileError, file_of
 
 if TYPE_CHECKING:  # SQLAlchemy loads the driver of the database that is used, and no other
     from psycopg import Connection as PostgresConnection
+import os
+import signal
+from typing import Literal, get_args
 
 T = TypeVar("T")
 
@@ -309,3 +316,41 @@ def _configure_postgres(connection: "PostgresConnection", _: ConnectionPoolEntry
 def _begin_sqlite(connection: Connection) -> None:
     statement: str = connection.get_execution_options().get(_BEGIN, "BEGIN")
     connection.exec_driver_sql(statement)
+
+
+VARIABLE = "POLHODE_FAULT"
+
+Moment = Literal["before", "after"]
+
+
+class PlannedKill:
+    """Kills this process at the ``number``-th time that ``moment`` comes."""
+
+    def __init__(self, moment: Moment, number: int) -> None:
+        self._moment = moment
+        self._left = number
+
+    def reach(self, moment: Moment) -> None:
+        """Count a moment, and kill the process at the chosen one."""
+        if moment == self._moment:
+            self._left -= 1
+            if self._left == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+
+def chosen_fault() -> PlannedKill | None:
+    """Return the fault that the environment asks for.
+
+    Raises
+    ------
+    ValueError
+        The variable has another value: a test that relied on it would prove nothing.
+    """
+    wish = os.environ.get(VARIABLE)
+    if wish is None:
+        return None
+    for moment in get_args(Moment):
+        prefix = f"commit:{moment}:"
+        if wish.startswith(prefix):
+            return PlannedKill(moment, int(wish.removeprefix(prefix)))
+    raise ValueError(f"{VARIABLE}={wish}: accepted are commit:before:N and commit:after:N")

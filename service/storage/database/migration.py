@@ -11,8 +11,8 @@ from sqlalchemy import Connection, Engine, text
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.storage.database import procrastinate_schema
+from service.storage.database.availability import is_postgres_error
 from service.storage.database.database import is_postgres, make_engine
-from service.storage.database.postgres_errors import is_postgres_error
 from service.storage.database.revisions import (
     UnknownRevisionError,
     migrations_folder,

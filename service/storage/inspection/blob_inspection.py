@@ -8,17 +8,23 @@ from typing import Any  # the columns depend on the kind
 from sqlalchemy import ColumnElement, Select, and_, delete, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute
 
-from service.storage.codecs.arrays import CodecError, decode_arrays, decode_dense
-from service.storage.codecs.documents import decode_document
-from service.storage.codecs.points import SOLVED, bounds_of, decode_points
+from service.storage.codecs.packing import (
+    SOLVED,
+    CodecError,
+    bounds_of,
+    decode_arrays,
+    decode_dense,
+    decode_document,
+    decode_points,
+)
 from service.storage.database.database import Database
 from service.storage.inspection.inspect import EXAMPLES, Finding
-from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.base import Base
-from service.storage.tables.examinations import ExaminationRow
+from service.storage.tables.jobs import AtlasRow
+from service.storage.tables.operations import ExaminationRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow
 from service.storage.tables.sweeps import SweepChunkRow
-from service.verdicts.sealing import is_sound
+from service.verdicts.cache_rows import is_sound
 
 Fields = tuple[Any, ...]
 

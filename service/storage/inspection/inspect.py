@@ -8,9 +8,8 @@ from sqlalchemy.orm import Session
 
 from service.storage.database.database import Database
 from service.storage.database.revisions import fault_of, newest_revision, stored_revision
-from service.storage.inspection.invariants import Invariant, invariants_of_jobs
-from service.storage.inspection.key_invariants import invariants_of_keys
-from service.storage.inspection.sweep_invariants import invariants_of_sweeps
+from service.storage.inspection.invariants import Invariant, invariants_of_jobs, invariants_of_keys
+from service.storage.inspection.sweep_checks import invariants_of_sweeps
 
 EXAMPLES = 5
 """Largest number of ids of violating rows that are listed for each invariant."""

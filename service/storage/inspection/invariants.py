@@ -1,4 +1,4 @@
-"""The invariants of jobs, attempts and solutions, which hold at any instant even after a kill.
+"""The invariants of jobs, attempts, solutions and API keys, which hold at any instant even after a kill.
 
 Each invariant comes with a query for the rows that violate it. A query is one
 statement, so it sees one state of the database even while others write; it
@@ -8,11 +8,23 @@ counts and compares inside the database, whatever its size.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from sqlalchemy import CheckConstraint, ColumnElement, TextClause, and_, exists, func, not_, or_, select, text
+from sqlalchemy import (
+    CheckConstraint,
+    ColumnElement,
+    TextClause,
+    and_,
+    exists,
+    func,
+    not_,
+    or_,
+    select,
+    text,
+    update,
+)
 from sqlalchemy.orm import aliased
 
-from service.jobs.states import FINISHED, JobKind, JobState
-from service.storage.database.clock import DatabaseNow
+from service.jobs.records import FINISHED, JobKind, JobState
+from service.storage.database.database import Database
 from service.storage.inspection.repairs import (
     Broken,
     Repair,
@@ -26,12 +38,12 @@ from service.storage.inspection.repairs import (
     open_attempts,
     release_leases,
 )
-from service.storage.tables.atlases import AtlasRow
-from service.storage.tables.audits import AuditRow
-from service.storage.tables.base import Word
-from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.base import DatabaseNow, Word
+from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
+from service.storage.tables.operations import ApiKeyRow
 from service.storage.tables.schema import METADATA, TABLES
-from service.storage.tables.solutions import DenseOutputRow, SolutionRow
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
+from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
 SILENT_SECONDS = 60.0
 """If a lease ended so long ago, no worker is alive: any would have taken the job over."""
@@ -243,4 +255,66 @@ def _atlases() -> Iterator[Invariant]:
         "a job that has an atlas has succeeded in drawing it",
         select(JobRow.id).where(not_(has_succeeded), has_atlas),
         Remedy("the atlas is removed: the job draws it anew", forget_atlases),
+    )
+
+
+def invariants_of_keys() -> Iterator[Invariant]:
+    """Yield the invariants of keys."""
+    yield Invariant(
+        "stored_bytes",
+        "a key is charged for the arrays of its results, and for its atlases, that are stored",
+        select(ApiKeyRow.id).where(ApiKeyRow.stored_bytes != _stored()),
+        Remedy("the bytes are counted again", _recharge),
+    )
+
+
+def _recharge(database: Database, broken: Broken) -> int:
+    with database.read() as session:
+        found = session.scalars(broken).all()
+    for key_id in found:
+        with database.write() as session:
+            # Lock the key first: a transaction that stores for it charges the key last, so it waits here
+            # or was committed before the count.
+            session.scalar(select(ApiKeyRow.id).where(ApiKeyRow.id == key_id).with_for_update())
+            statement = update(ApiKeyRow).where(ApiKeyRow.id == key_id).values(stored_bytes=_stored())
+            session.execute(statement.execution_options(synchronize_session=False))
+    return len(found)
+
+
+def _stored() -> ColumnElement[int]:
+    """Return the number of bytes that are stored for a key."""
+    total: ColumnElement[int] = _of_chunks() + _of_atlases()
+    for table in (DenseOutputRow, SamplesRow):
+        total = total + _of_solutions(table)
+    return total
+
+
+def _of_solutions(table: type[DenseOutputRow] | type[SamplesRow]) -> ColumnElement[int]:
+    return (
+        select(func.coalesce(func.sum(func.length(table.data)), 0))
+        .join(SolutionRow, SolutionRow.id == table.solution_id)
+        .join(JobRow, JobRow.id == SolutionRow.job_id)
+        .where(JobRow.key_id == ApiKeyRow.id)
+        .correlate(ApiKeyRow)
+        .scalar_subquery()
+    )
+
+
+def _of_atlases() -> ColumnElement[int]:
+    return (
+        select(func.coalesce(func.sum(func.length(AtlasRow.data)), 0))
+        .join(JobRow, JobRow.id == AtlasRow.job_id)
+        .where(JobRow.key_id == ApiKeyRow.id)
+        .correlate(ApiKeyRow)
+        .scalar_subquery()
+    )
+
+
+def _of_chunks() -> ColumnElement[int]:
+    return (
+        select(func.coalesce(func.sum(func.length(SweepChunkRow.data)), 0))
+        .join(SweepRow, SweepRow.id == SweepChunkRow.sweep_id)
+        .where(SweepRow.key_id == ApiKeyRow.id)
+        .correlate(ApiKeyRow)
+        .scalar_subquery()
     )

@@ -24,13 +24,11 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Session
 
-from service.jobs.states import AttemptOutcome, JobState
-from service.storage.database.clock import DatabaseNow
+from service.jobs.records import AttemptOutcome, JobState
 from service.storage.database.database import Database
 from service.storage.jobs.moves import end_attempt, move
-from service.storage.tables.atlases import AtlasRow
-from service.storage.tables.audits import AuditRow
-from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.base import DatabaseNow
+from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
 
 Broken = Select[str]
 """Selects the ids of the rows that violate an invariant."""

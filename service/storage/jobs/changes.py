@@ -13,11 +13,11 @@ from enum import StrEnum
 from sqlalchemy import and_, literal_column, or_, select
 from sqlalchemy.orm import Session
 
-from service.jobs.job import Job
-from service.storage.database.clock import database_now
+from service.jobs.records import Job
 from service.storage.database.database import Database
+from service.storage.database.rows import database_now
 from service.storage.jobs.records import job_of
-from service.storage.marks.mark_rows import marks_of
+from service.storage.marks import marks_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
 

@@ -12,17 +12,14 @@ from sqlalchemy import Connection, bindparam, delete, func, literal_column, sele
 from sqlalchemy.orm import Session, defer
 
 from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_rest, further, pilot
-from service.jobs.job import Claim
 from service.jobs.kernels import Kernels, Way, way_of_sweep
-from service.jobs.lanes import Lane
-from service.jobs.outcome import ChunkOutcome
-from service.jobs.states import AttemptOutcome, JobKind, JobState, sources
-from service.storage.database.clock import DatabaseNow, database_now
-from service.storage.database.ids import new_id
+from service.jobs.queue import Lane
+from service.jobs.records import AttemptOutcome, ChunkOutcome, Claim, JobKind, JobState, sources
+from service.storage.database.rows import database_now, new_id
 from service.storage.jobs.moves import end_attempt, fence, may_become, move
-from service.storage.jobs.turns import next_turns
+from service.storage.jobs.submitting import next_turns
 from service.storage.keys.key_store import charge
-from service.storage.tables.base import Document, table_of
+from service.storage.tables.base import DatabaseNow, Document, table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.operations import WorkerRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
@@ -138,7 +135,7 @@ def replace_failed(session: Session, sweep: SweepRow | None, job_id: str) -> lis
     if asked.count > 1:
         return queue_chunks(session, sweep, cut(asked, PARTS), most, alone=job.alone)
     # Here and not at the top: it loads NumPy, which a worker needs for nothing else.
-    from service.storage.codecs.points import ChunkPoints, chunk_outcome  # noqa: PLC0415
+    from service.storage.codecs.packing import ChunkPoints, chunk_outcome  # noqa: PLC0415
 
     code = str((job.error or {}).get("code", "internal_error"))
     refused = chunk_outcome(ChunkPoints(outcomes=[code], numbers={}), seconds=0.0)

@@ -1,27 +1,52 @@
 """Gives queued jobs to a worker, within the caller's transaction."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any  # of a row that the statement describes
 
-from sqlalchemy import ColumnElement, Connection, Row, bindparam, insert, select, update
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    Row,
+    Select,
+    Update,
+    bindparam,
+    insert,
+    literal_column,
+    select,
+    update,
+)
 
-from service.jobs.dispatch import Dispatcher
-from service.jobs.job import Claim, Taken
-from service.jobs.lanes import Lane
-from service.jobs.states import JobKind, JobState
-from service.storage.database.clock import DatabaseNow
+from service.jobs.queue import Lane
+from service.jobs.records import Claim, JobKind, JobState, StoredSolution, Taken
+from service.jobs.store import Dispatcher
 from service.storage.database.database import is_postgres
-from service.storage.examinations.kept_rows import sound_content
+from service.storage.examinations import sound_content
 from service.storage.jobs import chunks
 from service.storage.jobs.finishing import solved, succeed
-from service.storage.jobs.joint_statements import claim_and_begin
 from service.storage.jobs.moves import may_become
-from service.storage.jobs.stored import stored_solutions
-from service.storage.tables.audits import AuditRow
-from service.storage.tables.base import table_of
-from service.storage.tables.examinations import ExaminationRow
-from service.storage.tables.jobs import AttemptRow, JobRow
-from service.verdicts.entries import examination_version
+from service.storage.tables.base import DatabaseNow, table_of
+from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow
+from service.storage.tables.operations import ExaminationRow
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
+from service.verdicts.cache_rows import examination_version
+
+_SOLUTIONS, _DENSE, _SAMPLES = table_of(SolutionRow), table_of(DenseOutputRow), table_of(SamplesRow)
+_STORED = (
+    select(_SOLUTIONS.c.id, _SOLUTIONS.c.problem, _SOLUTIONS.c.summary, _DENSE.c.data, _SAMPLES.c.data)
+    .outerjoin(_DENSE, _DENSE.c.solution_id == _SOLUTIONS.c.id)
+    .outerjoin(_SAMPLES, _SAMPLES.c.solution_id == _SOLUTIONS.c.id)
+    .where(_SOLUTIONS.c.id.in_(bindparam("ids", expanding=True)))
+)
+
+
+def stored_solutions(connection: Connection, solution_ids: Sequence[str]) -> dict[str, StoredSolution]:
+    """Return those of the solutions that there are, by their ids."""
+    rows = connection.execute(_STORED, {"ids": solution_ids})
+    return {
+        str(solution_id): StoredSolution(problem, summary, dense or b"", samples)
+        for solution_id, problem, summary, dense, samples in rows
+    }
+
 
 _JOBS, _EXAMINATIONS, _AUDITS = table_of(JobRow), table_of(ExaminationRow), table_of(AuditRow)
 
@@ -76,7 +101,30 @@ _CLAIM = (
         .label("audited"),
     )
 )
-_CLAIM_AND_BEGIN = claim_and_begin(_CLAIM)
+
+
+def _claim_and_begin(claim: Update) -> Select[*tuple[object, ...]]:
+    """Return the statement that begins the attempts of the jobs that ``claim`` returns.
+
+    Its rows have in ``solved`` the first solution of an equal problem, if there is one.
+    """
+    claimed = claim.cte("claimed")
+    begun = insert(table_of(AttemptRow)).from_select(
+        ["job_id", "number", "worker", "started_at"],
+        select(claimed.c.id, claimed.c.attempt, bindparam("claimant"), claimed.c.started_at),
+    )
+    solved = (
+        select(_SOLUTIONS.c.id)
+        .where(_SOLUTIONS.c.digest == claimed.c.digest)
+        .order_by(_SOLUTIONS.c.id)
+        .limit(literal_column("1"))
+        .scalar_subquery()
+    )
+    columns: Iterable[ColumnElement[object]] = (*claimed.c, solved.label("solved"))
+    return select(*columns).add_cte(begun.cte("begun"))
+
+
+_CLAIM_AND_BEGIN = _claim_and_begin(_CLAIM)
 _BEGIN = insert(table_of(AttemptRow))
 
 

@@ -2,7 +2,7 @@
 
 from sqlalchemy import Connection
 
-from service.jobs.dispatch import Dispatcher
+from service.jobs.store import Dispatcher
 from service.settings import Settings
 from service.storage.jobs.table_dispatcher import TableDispatcher
 

@@ -6,35 +6,47 @@ from dataclasses import replace
 from sqlalchemy import Connection, bindparam, select, update
 from sqlalchemy.orm import Session
 
-from service.jobs.dispatch import Dispatcher
-from service.jobs.errors import JobFinishedError, JobNotFoundError
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Attempt, Claim, Job, JobPage, Taken
 from service.jobs.kernels import Way
-from service.jobs.lanes import Lane
-from service.jobs.outcome import ChunkOutcome, Drawn, Outcome, Refused, Solved, SolveOutcome
-from service.jobs.states import SUBMITTED, AttemptOutcome, JobKind, JobState
-from service.schemas.query.list_query import ListQuery
+from service.jobs.queue import Lane
+from service.jobs.records import (
+    SUBMITTED,
+    Attempt,
+    AttemptOutcome,
+    ChunkOutcome,
+    Claim,
+    Drawn,
+    Job,
+    JobFinishedError,
+    JobKind,
+    JobNotFoundError,
+    JobPage,
+    JobState,
+    Outcome,
+    Refused,
+    Solved,
+    SolveOutcome,
+    Taken,
+)
+from service.jobs.store import Dispatcher, Receipt
+from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
-from service.storage.database.clock import DatabaseNow, database_now
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id
-from service.storage.examinations.kept_rows import keep_rows
+from service.storage.database.rows import database_now, is_id
+from service.storage.examinations import keep_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
 from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_atlas
 from service.storage.jobs.moves import end_attempt, fence, history, lose, move
-from service.storage.jobs.pages import page_of_jobs
-from service.storage.jobs.records import delivery_of, job_of
+from service.storage.jobs.records import delivery_of, job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.idempotency_store import write_key
-from service.storage.marks.mark_rows import marks_of, rewrite
+from service.storage.marks import marks_of, rewrite
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
-from service.storage.tables.base import table_of
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
-from service.verdicts.entries import Entry, Examination
+from service.verdicts.cache_rows import Entry, Examination
 
 _JOBS = table_of(JobRow)
 _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(

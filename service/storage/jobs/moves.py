@@ -11,19 +11,20 @@ from collections.abc import Mapping, Sequence
 from sqlalchemy import ColumnElement, exists, func, or_, select, update
 from sqlalchemy.orm import Session
 
-from service.jobs.job import Attempt, Claim
-from service.jobs.states import (
+from service.jobs.records import (
     FINISHED,
     MOST_DOUBTS,
+    Attempt,
     AttemptOutcome,
+    Claim,
     JobState,
     after_loss,
     pause_after,
     sources,
 )
-from service.storage.database.clock import DatabaseNow, database_now
+from service.storage.database.rows import database_now
 from service.storage.jobs.records import attempt_of
-from service.storage.tables.base import table_of
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
 
 _JOBS = table_of(JobRow)

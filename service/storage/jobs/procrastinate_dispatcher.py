@@ -39,8 +39,8 @@ from sqlalchemy import (
 )
 from sqlalchemy import cast as sql_cast
 
-from service.jobs.dispatch import Delivery
-from service.jobs.lanes import Lane
+from service.jobs.queue import Lane
+from service.jobs.store import Delivery
 from service.storage.jobs.table_dispatcher import (
     EACH,
     SHOWN,
@@ -74,7 +74,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class ProcrastinateDispatcher:
-    """The :class:`~service.jobs.dispatch.Dispatcher` of the engine for many machines."""
+    """The :class:`~service.jobs.store.Dispatcher` of the engine for many machines."""
 
     def __init__(self) -> None:
         # It never connects: every query is given the transaction's connection.

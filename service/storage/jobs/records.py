@@ -1,10 +1,14 @@
-"""Converts rows of jobs and attempts to the records of service.jobs."""
+"""Converts rows of jobs and attempts to the records of service.jobs, and reads pages of them."""
 
-from service.jobs.dispatch import Delivery
-from service.jobs.job import Attempt, Job
-from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.jobs.records import Attempt, AttemptOutcome, Job, JobKind, JobPage, JobState
+from service.jobs.store import Delivery
+from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import Marks
-from service.storage.database.clock import instant, optional_instant
+from service.storage.database.database import Database
+from service.storage.database.rows import instant, optional_instant, rows_of_page
+from service.storage.marks import marks_of
+from service.storage.searching.pages import find
+from service.storage.searching.sources import Source
 from service.storage.tables.jobs import AttemptRow, JobRow
 
 
@@ -45,3 +49,12 @@ def attempt_of(row: AttemptRow) -> Attempt:
         outcome=None if row.outcome is None else AttemptOutcome(row.outcome),
         detail=row.detail,
     )
+
+
+def page_of_jobs(database: Database, source: Source, query: ListQuery) -> JobPage:
+    """Return one page of the jobs that match; only the wanted columns of them, if there are any."""
+    with database.search() as session:
+        found = find(session, source, query)
+        rows = [] if query.columns else rows_of_page(session, JobRow, found.ids)
+        jobs = tuple(map(job_of, rows, marks_of(session, rows)))
+        return JobPage(jobs, found.total, found.values, found.next)

@@ -16,11 +16,10 @@ from sqlalchemy import (
     select,
 )
 
-from service.jobs.dispatch import Delivery
-from service.jobs.lanes import Lane
-from service.jobs.states import JobKind, JobState
-from service.storage.database.clock import DatabaseNow
-from service.storage.tables.base import table_of
+from service.jobs.queue import Lane
+from service.jobs.records import JobKind, JobState
+from service.jobs.store import Delivery
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 
 _JOBS = table_of(JobRow)
@@ -121,7 +120,7 @@ _STATEMENTS = {which: first_jobs(which=which) for which in EACH}
 
 
 class TableDispatcher:
-    """The :class:`~service.jobs.dispatch.Dispatcher` of the local engine: the table itself."""
+    """The :class:`~service.jobs.store.Dispatcher` of the local engine: the table itself."""
 
     def dispatch(self, connection: Connection, deliveries: Sequence[Delivery]) -> None:
         """Do nothing: the row of a queued job is its delivery."""

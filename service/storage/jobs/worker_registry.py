@@ -5,10 +5,11 @@ from typing import Literal
 from sqlalchemy import delete, select
 
 from service.jobs.kernels import Kernels
-from service.local.hosts import OtherHostError, WorkerProcess
-from service.storage.database.clock import DatabaseNow, database_now
+from service.local.worker_process import OtherHostError, WorkerProcess
 from service.storage.database.database import Database
 from service.storage.database.revisions import refuse_unknown
+from service.storage.database.rows import database_now
+from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import WorkerRow
 
 SILENT_LEASES = 3

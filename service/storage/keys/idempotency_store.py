@@ -4,10 +4,9 @@ from sqlalchemy import Connection, bindparam, delete, select, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.sql.dml import ReturningInsert
 
-from service.jobs.idempotency import KEPT_SECONDS, GivenAnswer, GivenKey, KeyTakenError
-from service.storage.database.clock import DatabaseNow
+from service.jobs.store import KEPT_SECONDS, GivenAnswer, GivenKey, KeyTakenError
 from service.storage.database.database import Database, is_postgres
-from service.storage.tables.base import table_of
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import IdempotencyKeyRow
 
 _KEYS = table_of(IdempotencyKeyRow)

@@ -8,13 +8,11 @@ from datetime import datetime
 from sqlalchemy import Connection, func, or_, select, update
 
 from service.jobs.keys import ApiKey, KeyNotFoundError, Role, key_hash, key_prefix
-from service.jobs.lanes import Lane
-from service.jobs.states import FINISHED, JobState
-from service.jobs.sweeps import POINTS_PER_JOB
-from service.storage.database.clock import DatabaseNow, instant, optional_instant
+from service.jobs.queue import Lane
+from service.jobs.records import FINISHED, POINTS_PER_JOB, JobState
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
-from service.storage.tables.base import table_of
+from service.storage.database.rows import instant, new_id, optional_instant
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.operations import ApiKeyRow
 from service.storage.tables.sweeps import SweepRow

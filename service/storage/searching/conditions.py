@@ -7,8 +7,7 @@ from typing import Any  # SQL expressions of some type
 from sqlalchemy import ColumnClause, ColumnElement, Double, Select, UnaryExpression, bindparam, false, select
 from sqlalchemy.sql.operators import custom_op
 
-from service.schemas.query.conditions import Condition, Value
-from service.schemas.query.kinds import Kind
+from service.schemas.query.conditions import Condition, Kind, Value
 from service.storage.searching.sources import Expression, Source
 
 _COMPARE: Mapping[str, Callable[[Any, Any], ColumnElement[bool]]] = {

@@ -12,8 +12,7 @@ from dataclasses import replace
 from sqlalchemy import ColumnElement, func, intersect, select
 from sqlalchemy.orm import Session, aliased
 
-from service.schemas.query.conditions import Condition, OrderKey, Subject
-from service.schemas.query.list_query import ListQuery
+from service.schemas.query.conditions import Condition, ListQuery, OrderKey, Subject
 from service.storage.database.database import is_postgres
 from service.storage.searching.conditions import conditions_of, found_in_index, untouched
 from service.storage.searching.sources import Expression, Source

@@ -8,9 +8,7 @@ from typing import Any, Self  # parameters of some type
 from sqlalchemy import ColumnElement, and_, false, or_
 from sqlalchemy.orm import Session
 
-from service.schemas.query.conditions import Subject, Value
-from service.schemas.query.kinds import Kind
-from service.schemas.query.list_query import ListQuery
+from service.schemas.query.conditions import Kind, ListQuery, Subject, Value
 from service.storage.database.database import is_postgres
 from service.storage.searching.conditions import bound
 from service.storage.searching.sources import Expression, Source

@@ -16,8 +16,7 @@ from typing import Any  # rows and parameters of some type
 from sqlalchemy import ColumnElement, Row, Select, func, select
 from sqlalchemy.orm import Session, aliased
 
-from service.schemas.query.conditions import Condition, Subject, Value
-from service.schemas.query.list_query import ID, ListQuery
+from service.schemas.query.conditions import ID, Condition, ListQuery, Subject, Value
 from service.storage.database.database import is_postgres
 from service.storage.searching.conditions import conditions_of, values_meet
 from service.storage.searching.narrowing import (

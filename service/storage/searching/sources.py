@@ -11,13 +11,10 @@ from typing import Any  # SQL expressions of some type
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import InstrumentedAttribute
 
-from service.jobs.states import JobKind
-from service.schemas.query.conditions import Subject
-from service.schemas.query.facts import OF_JOBS, OF_RESULTS, OF_SOLUTIONS, OF_SWEEPS, stored_name
-from service.schemas.query.kinds import Kind
-from service.schemas.query.subjects import Vocabulary
-from service.storage.tables.audits import AuditRow
-from service.storage.tables.jobs import JobRow
+from service.jobs.records import JobKind
+from service.schemas.query.conditions import Kind, Subject
+from service.schemas.query.facts import OF_JOBS, OF_RESULTS, OF_SOLUTIONS, OF_SWEEPS, Vocabulary, stored_name
+from service.storage.tables.jobs import AuditRow, JobRow
 from service.storage.tables.labels import LABELS_OF, AnyLabelRow
 from service.storage.tables.solutions import SolutionNumberRow, SolutionRow
 from service.storage.tables.sweeps import SweepRow

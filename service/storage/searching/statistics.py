@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from service.schemas.query.conditions import Condition, Subject, Value
-from service.schemas.query.kinds import Kind
+from service.schemas.query.conditions import Condition, Kind, Subject, Value
 from service.storage.searching.narrowing import met
 from service.storage.searching.sources import Source
 

@@ -7,11 +7,11 @@ from sqlalchemy import select
 
 from service.dynamics.accuracy import AccuracyTable
 from service.dynamics.numerics import NUMERICS
-from service.schemas.replies.accuracy import AccuracyTableModel
-from service.storage.database.clock import DatabaseNow
+from service.schemas.replies.installation import AccuracyTableModel
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.solutions.shipped_accuracy import shipped_table
+from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import CalibrationRow
 
 logger = logging.getLogger(__name__)

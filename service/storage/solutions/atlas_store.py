@@ -4,24 +4,20 @@ from collections.abc import Mapping
 
 from sqlalchemy import Connection, select
 
-from service.jobs.dispatch import Dispatcher
-from service.jobs.errors import AtlasNotFoundError
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Job, JobPage
-from service.jobs.lanes import Lane
-from service.jobs.states import JobKind
-from service.schemas.query.list_query import ListQuery
+from service.jobs.queue import Lane
+from service.jobs.records import AtlasNotFoundError, Job, JobKind, JobPage
+from service.jobs.store import Dispatcher, Receipt
+from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED
-from service.storage.codecs.documents import Document, decode_document
+from service.storage.codecs.packing import Document, decode_document
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id
-from service.storage.jobs.pages import page_of_jobs
-from service.storage.jobs.records import delivery_of, job_of
+from service.storage.database.rows import is_id
+from service.storage.jobs.records import delivery_of, job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
 from service.storage.searching.sources import OF_ATLAS_ROWS
-from service.storage.tables.atlases import AtlasRow
 from service.storage.tables.base import table_of
+from service.storage.tables.jobs import AtlasRow
 
 _ATLASES = table_of(AtlasRow)
 

@@ -5,26 +5,22 @@ from dataclasses import dataclass
 
 from sqlalchemy import Connection, select
 
-from service.jobs.dispatch import Dispatcher
-from service.jobs.errors import AuditNotFoundError, SolutionNotFoundError
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Job, JobPage
-from service.jobs.lanes import Lane
-from service.schemas.query.list_query import ListQuery
+from service.jobs.queue import Lane
+from service.jobs.records import AuditNotFoundError, Job, JobPage, SolutionNotFoundError
+from service.jobs.store import Dispatcher, Receipt
+from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id
-from service.storage.examinations.kept_rows import keep_rows
-from service.storage.jobs.pages import page_of_jobs
-from service.storage.jobs.records import delivery_of, job_of
+from service.storage.database.rows import is_id
+from service.storage.examinations import keep_rows
+from service.storage.jobs.records import delivery_of, job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
-from service.storage.marks.mark_rows import marks_of
+from service.storage.marks import marks_of
 from service.storage.searching.sources import audits_of
-from service.storage.tables.audits import AuditRow
-from service.storage.tables.jobs import JobRow
+from service.storage.tables.jobs import AuditRow, JobRow
 from service.storage.tables.solutions import SolutionRow
-from service.verdicts.entries import Entry, Examination
+from service.verdicts.cache_rows import Entry, Examination
 
 
 @dataclass(frozen=True, slots=True)

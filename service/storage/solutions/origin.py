@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 
-from service.jobs.errors import SolutionNotFoundError
-from service.jobs.job import Attempt
+from service.jobs.records import Attempt, SolutionNotFoundError
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id
+from service.storage.database.rows import is_id
 from service.storage.jobs.moves import history
-from service.storage.marks.mark_rows import marks_of
+from service.storage.marks import marks_of
 from service.storage.solutions.solution_store import Solution, solution_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.solutions import SolutionRow

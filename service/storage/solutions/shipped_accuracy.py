@@ -4,7 +4,7 @@ from functools import cache
 from pathlib import Path
 
 from service.dynamics.accuracy import AccuracyTable
-from service.schemas.replies.accuracy import AccuracyTableModel, ComparedWaysOut, TierCostsOut
+from service.schemas.replies.installation import AccuracyTableModel, ComparedWaysOut, TierCostsOut
 
 SHIPPED = Path(__file__).with_name("shipped_accuracy.json")
 SHIPPED_COSTS = Path(__file__).with_name("shipped_costs.json")

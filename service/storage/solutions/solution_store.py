@@ -11,16 +11,13 @@ from datetime import datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.jobs.errors import SolutionNotFoundError
-from service.schemas.query.conditions import Value
-from service.schemas.query.list_query import ListQuery
+from service.jobs.records import SolutionNotFoundError
+from service.schemas.query.conditions import ListQuery, Value
 from service.schemas.reading.marks import Marks
-from service.storage.database.clock import instant
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id
-from service.storage.database.paging import rows_of_page
+from service.storage.database.rows import instant, is_id, rows_of_page
 from service.storage.jobs.finishing import solved
-from service.storage.marks.mark_rows import marks_of, rewrite
+from service.storage.marks import marks_of, rewrite
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow

@@ -6,10 +6,10 @@ from typing import Any  # the types of the columns of a table that is not mapped
 
 from sqlalchemy import Connection, Select, bindparam, exists, select
 
-from service.jobs.errors import SolutionNotFoundError
+from service.jobs.records import SolutionNotFoundError
 from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id
+from service.storage.database.rows import is_id
 from service.storage.tables.base import table_of
 from service.storage.tables.labels import SolutionLabelRow
 from service.storage.tables.solutions import SamplesRow, SolutionRow

@@ -3,16 +3,21 @@
 from sqlalchemy import ColumnElement, and_, delete, func, or_, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from service.jobs.errors import InUseError, JobNotFoundError, SolutionNotFoundError, StillAtWorkError
-from service.jobs.states import FINISHED, SUBMITTED, JobState
-from service.jobs.sweeps import SweepNotFoundError
+from service.jobs.records import (
+    FINISHED,
+    SUBMITTED,
+    InUseError,
+    JobNotFoundError,
+    JobState,
+    SolutionNotFoundError,
+    StillAtWorkError,
+    SweepNotFoundError,
+)
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id
+from service.storage.database.rows import is_id
 from service.storage.jobs import chunks
 from service.storage.keys.key_store import charge
-from service.storage.tables.atlases import AtlasRow
-from service.storage.tables.audits import AuditRow
-from service.storage.tables.jobs import JobRow
+from service.storage.tables.jobs import AtlasRow, AuditRow, JobRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.schemas.query.conditions import Condition, OrderKey, Subject
-from service.schemas.query.kinds import Kind
+from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from service.schemas.query.conditions import Condition
 from service.schemas.sweep.sweep import Sweep
-from service.storage.codecs.points import decode_points
+from service.storage.codecs.packing import decode_points
 from service.storage.sweeps.point_query import (
     INDEX,
     OUTCOME,

@@ -1,39 +1,40 @@
-"""The store of sweeps in SQL; one method is one transaction."""
+"""The store of sweeps in SQL; one method is one transaction.
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+The estimate of how long a sweep still takes reads the latest attempts at its chunks.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cache
+from typing import Any  # the types of the columns of a table that is not mapped
 
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, Select, bindparam, select
 from sqlalchemy.orm import Session, defer
 
-from service.jobs.chunking import pilot
-from service.jobs.dispatch import Dispatcher
-from service.jobs.estimates import remaining_seconds
-from service.jobs.idempotency import Receipt
-from service.jobs.states import JobState
-from service.jobs.sweeps import (
+from service.jobs.chunking import RECENT_SECONDS, ChunkRun, pilot, remaining_seconds
+from service.jobs.records import (
+    JobState,
     SweepFinishedError,
     SweepNotFoundError,
     SweepPage,
     SweepProgress,
     SweepRecord,
 )
+from service.jobs.store import Dispatcher, Receipt
+from service.schemas.query.conditions import ListQuery
 from service.schemas.query.facts import facts_of
-from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
-from service.storage.database.clock import database_now, instant, optional_instant
 from service.storage.database.database import Database
-from service.storage.database.ids import is_id, new_id
-from service.storage.database.paging import rows_of_page
+from service.storage.database.rows import database_now, instant, is_id, new_id, optional_instant, rows_of_page
 from service.storage.jobs import chunks
 from service.storage.jobs.records import delivery_of
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.idempotency_store import write_key
-from service.storage.marks.mark_rows import insert_labels, marks_of, rewrite
+from service.storage.marks import insert_labels, marks_of, rewrite
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SWEEP_ROWS
-from service.storage.sweeps.recent_chunks import chunk_runs, complete_since
-from service.storage.tables.base import Document
+from service.storage.tables.base import Document, table_of
+from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
 _PAGE = 1000
@@ -226,3 +227,100 @@ def _remaining(session: Session, running: Sequence[SweepRow]) -> Mapping[str, fl
         row.id: remaining_seconds(row.points - row.done, runs[row.id], since=since, now=now)
         for row in running
     }
+
+
+_LATEST = 1000
+"""Only so many of the latest attempts are read, so that the cost does not grow with their number."""
+
+
+def complete_since(session: Session, now: float) -> float:
+    """Return the instant from which on :func:`chunk_runs` sees every ended attempt."""
+    nth = select(AttemptRow.ended_at).where(AttemptRow.ended_at > now - RECENT_SECONDS)
+    oldest = session.scalar(nth.order_by(AttemptRow.ended_at.desc()).offset(_LATEST - 1).limit(1))
+    return now - RECENT_SECONDS if oldest is None else oldest
+
+
+def chunk_runs(session: Session, sweep_ids: Collection[str], since: float) -> dict[str, list[ChunkRun]]:
+    """Return by sweep the attempts at its chunks that ended after ``since`` or still run.
+
+    The first chunk of each sweep is left out: it includes the start-up of workers.
+    """
+    latest = (
+        select(AttemptRow.job_id, AttemptRow.started_at, AttemptRow.ended_at)
+        .where(AttemptRow.ended_at > since)
+        .order_by(AttemptRow.ended_at.desc())
+        .limit(_LATEST)
+        .subquery()
+    )
+    ended = (
+        select(JobRow.sweep_id, JobRow.problem, latest.c.started_at, latest.c.ended_at)
+        .join(latest, latest.c.job_id == JobRow.id)
+        .where(JobRow.sweep_id.in_(sweep_ids))
+    )
+    at_work = select(JobRow.sweep_id, JobRow.problem, JobRow.started_at).where(
+        JobRow.state == JobState.RUNNING.value, JobRow.sweep_id.in_(sweep_ids)
+    )
+    rows = [(str(each[0]), _first(each[1]), each[2], each[3]) for each in session.execute(ended)]
+    brought = _points(session, {(sweep_id, first) for sweep_id, first, _, _ in rows})
+    runs: dict[str, list[ChunkRun]] = {sweep_id: [] for sweep_id in sweep_ids}
+    for sweep_id, first, started_at, ended_at in rows:
+        if first:
+            runs[sweep_id].append(ChunkRun(started_at, ended_at, brought.get((sweep_id, first), 0)))
+    for each in session.execute(at_work):
+        if _first(each[1]) and each[2] is not None:
+            runs[str(each[0])].append(ChunkRun(each[2], None, 0))
+    return runs
+
+
+def _points(session: Session, places: Collection[tuple[str, int]]) -> dict[tuple[str, int], int]:
+    """Return the number of points of the chunks that begin at ``places``, by sweep and first point."""
+    if not places:
+        return {}
+    statement = select(SweepChunkRow.sweep_id, SweepChunkRow.first, SweepChunkRow.count).where(
+        SweepChunkRow.sweep_id.in_({sweep_id for sweep_id, _ in places}),
+        SweepChunkRow.first.in_({first for _, first in places}),
+    )
+    return {(sweep_id, first): count for sweep_id, first, count in session.execute(statement)}
+
+
+def _first(problem: Mapping[str, object]) -> int:
+    first = problem["first"]
+    assert isinstance(first, int)
+    return first
+
+
+_SWEEPS = table_of(SweepRow)
+
+
+@dataclass(frozen=True, slots=True)
+class SweepStanding:
+    """The facts that decide which points there are: as long as the way is one, chunks are only ever added."""
+
+    id: str
+    done: int
+    refused: int
+    way: str | None
+    is_finished: bool
+
+
+def standing_in(record: SweepRecord) -> SweepStanding:
+    """Return how far a sweep was when its record was read."""
+    return SweepStanding(record.id, record.done, record.refused, record.way, record.finished_at is not None)
+
+
+def sweep_standing_of(database: Database, sweep_id: str) -> SweepStanding:
+    """Return how far a sweep is, or raise :class:`SweepNotFoundError`."""
+    if not is_id(sweep_id):
+        raise SweepNotFoundError(sweep_id)
+    with database.read_rows() as connection:
+        found = connection.execute(_statement(), {"id": sweep_id}).one_or_none()
+    if found is None:
+        raise SweepNotFoundError(sweep_id)
+    return SweepStanding(str(found.id), found.done, found.refused, found.way, found.finished_at is not None)
+
+
+@cache
+def _statement() -> Select[Any]:
+    """Return the statement, which takes longer to build than to execute."""
+    columns = _SWEEPS.c.id, _SWEEPS.c.done, _SWEEPS.c.refused, _SWEEPS.c.way, _SWEEPS.c.finished_at
+    return select(*columns).where(_SWEEPS.c.id == bindparam("id"))

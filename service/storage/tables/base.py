@@ -1,4 +1,4 @@
-"""The base of all tables: names of constraints, and how Python types are stored.
+"""The base of all tables: names of constraints, how Python types are stored, and the database's clock.
 
 Instants are seconds since 1970, UTC, as doubles by the database's clock. A
 double keeps microseconds, is the same type in SQLite and Postgres, and leases
@@ -11,7 +11,10 @@ from typing import ClassVar, cast
 
 from sqlalchemy import JSON, Dialect, Double, LargeBinary, MetaData, String, Table, TypeDecorator
 from sqlalchemy.dialects.postgresql import JSONB
+from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import DeclarativeBase
+from sqlalchemy.sql.compiler import SQLCompiler
+from sqlalchemy.sql.functions import FunctionElement
 
 Document = Mapping[str, object]
 
@@ -73,3 +76,22 @@ class Word(TypeDecorator[str]):
         if value is not None and value not in self.words:
             raise ValueError(f"{value!r} is none of {', '.join(sorted(self.words))}")
         return value
+
+
+class DatabaseNow(FunctionElement[float]):
+    """The instant at which the statement runs."""
+
+    type = Double()
+    inherit_cache = True
+
+
+@compiles(DatabaseNow, "sqlite")
+def _sqlite(element: DatabaseNow, compiler: SQLCompiler, **_: object) -> str:
+    # unixepoch('subsec') would need SQLite 3.42; Julian days resolve 0.04 ms.
+    return "((julianday('now') - 2440587.5) * 86400.0)"
+
+
+@compiles(DatabaseNow, "postgresql")
+def _postgresql(element: DatabaseNow, compiler: SQLCompiler, **_: object) -> str:
+    # Not now(), which is the start of the transaction.
+    return "CAST(EXTRACT(EPOCH FROM clock_timestamp()) AS double precision)"

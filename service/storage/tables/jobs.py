@@ -1,13 +1,13 @@
-"""The tables of jobs and their attempts."""
+"""The tables of jobs, their attempts, and what jobs make beside solutions: audits and atlases."""
 
 from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, SmallInteger, String, Uuid, desc, false, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.jobs.lanes import Lane
-from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.jobs.queue import Lane
+from service.jobs.records import AttemptOutcome, JobKind, JobState
 from service.schemas.reading.marks import LONGEST_NOTE
-from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, Word
-from service.storage.tables.now import DatabaseNow
+from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Document, Word
+from service.storage.tables.solutions import SolutionRow
 from service.storage.tables.sweeps import SweepRow
 
 
@@ -58,7 +58,7 @@ class JobRow(Base):
     priority: Mapped[int] = mapped_column(default=0, server_default="0")
     lane: Mapped[int] = mapped_column(SmallInteger, default=Lane.SINGLE.value, server_default="0")
     turn: Mapped[float] = mapped_column(default=0.0, server_default="0")
-    """Among jobs of equal priority and lane the smallest is claimed first: see :mod:`service.jobs.turns`."""
+    """Among jobs of equal priority and lane the smallest is claimed first: see :mod:`service.jobs.queue`."""
     ready_at: Mapped[float] = mapped_column(default=0.0, server_default="0")
     """Not claimed before this instant: a job that has lost several workers waits, each time longer."""
     attempt: Mapped[int] = mapped_column(default=0)
@@ -114,3 +114,31 @@ class AttemptRow(Base):
     ended_at: Mapped[float | None]
     outcome: Mapped[str | None] = mapped_column(Word(AttemptOutcome))
     detail: Mapped[str | None] = mapped_column(String(512))
+
+
+class AtlasRow(Base):
+    """An atlas; it has the id of its job, and goes with it."""
+
+    __tablename__ = "atlases"
+
+    job_id: Mapped[str] = mapped_column(
+        Uuid(as_uuid=False), ForeignKey(JobRow.id, ondelete="CASCADE"), primary_key=True
+    )
+    data: Mapped[bytes]
+    """Encoded by :mod:`service.storage.codecs.packing`."""
+
+
+class AuditRow(Base):
+    """The fact that a job is an audit; it goes with the job, and so with either of the two solutions."""
+
+    __tablename__ = "audits"
+
+    job_id: Mapped[str] = mapped_column(
+        Uuid(as_uuid=False), ForeignKey(JobRow.id, ondelete="CASCADE"), primary_key=True
+    )
+    solution_id: Mapped[str] = mapped_column(
+        Uuid(as_uuid=False), ForeignKey(SolutionRow.id, ondelete="CASCADE"), index=True
+    )
+    """The audited solution, not the one that the job makes."""
+    comparison: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
+    """The comparison of the two solutions; null as long as there is no second one."""

@@ -1,4 +1,4 @@
-"""The tables of the installation: API keys, answers kept, live workers and services, calibrations."""
+"""The tables of the installation: keys, stored answers, live processes, calibrations, examinations."""
 
 from sqlalchemy import JSON, BigInteger, String, Uuid, true
 from sqlalchemy.orm import Mapped, mapped_column
@@ -71,3 +71,19 @@ class CalibrationRow(Base):
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
     created_at: Mapped[float] = mapped_column(index=True)
     document: Mapped[Document]
+
+
+class ExaminationRow(Base):
+    """A kept verdict, or the kept windows of a curve: nothing in it that cannot be found again."""
+
+    __tablename__ = "examinations"
+
+    key: Mapped[str] = mapped_column(primary_key=True)
+    version: Mapped[str] = mapped_column(String(128))
+    """Version of the code that found it; see :func:`service.verdicts.cache_rows.examination_version`."""
+    content: Mapped[bytes]
+    """JSON, in UTF-8."""
+    seal: Mapped[str]
+    """Checksum of key and content."""
+    used_at: Mapped[float] = mapped_column(index=True)
+    """When a job or a question last came with it, to within a day."""

@@ -1,12 +1,15 @@
 """Lists every table, each after the tables that it refers to."""
 
-from service.storage.tables.atlases import AtlasRow
-from service.storage.tables.audits import AuditRow
 from service.storage.tables.base import Base
-from service.storage.tables.examinations import ExaminationRow
-from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
 from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
-from service.storage.tables.operations import ApiKeyRow, CalibrationRow, IdempotencyKeyRow, WorkerRow
+from service.storage.tables.operations import (
+    ApiKeyRow,
+    CalibrationRow,
+    ExaminationRow,
+    IdempotencyKeyRow,
+    WorkerRow,
+)
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionNumberRow, SolutionRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 

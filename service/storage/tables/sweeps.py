@@ -3,10 +3,9 @@
 from sqlalchemy import JSON, BigInteger, CheckConstraint, ForeignKey, Index, String, Uuid
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.jobs.states import JobState
+from service.jobs.records import JobState
 from service.schemas.reading.marks import LONGEST_NOTE
-from service.storage.tables.base import ASKED_DOCUMENT, Base, Document, Word
-from service.storage.tables.now import DatabaseNow
+from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Document, Word
 
 
 class SweepRow(Base):

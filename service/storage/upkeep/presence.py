@@ -14,15 +14,15 @@ from collections.abc import Callable
 from sqlalchemy import Connection, delete, insert, inspect, select, update
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.local.hosts import new_worker_name, this_host
+from service.local.worker_process import new_worker_name, this_host
 from service.logs import Complaints
-from service.storage.database.clock import DatabaseNow
+from service.storage.database.availability import is_postgres_error
 from service.storage.database.database import Database
-from service.storage.database.postgres_errors import is_postgres_error
-from service.storage.tables.base import table_of
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import WorkerRow
 
 logger = logging.getLogger(__name__)
+
 
 SEEN_SECONDS = 5.0
 """How often a service refreshes its presence row."""

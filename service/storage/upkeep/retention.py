@@ -1,5 +1,6 @@
-"""Deletes old samples, which a later request recomputes from the dense output, and surplus examinations.
+"""Deletes what is old: samples, answers to requests with an Idempotency-Key, surplus examinations.
 
+A later request recomputes samples from the dense output.
 Dense outputs, enclosures of the certified tier (their radii cannot be recomputed),
 samples rounded from enclosures (the dense output has fewer digits), chunks of
 sweeps, and the rows of jobs are kept for ever.
@@ -16,10 +17,10 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
 from service.storage.codecs.summary import PROVEN_SAMPLES
-from service.storage.database.clock import database_now
 from service.storage.database.database import Database
-from service.storage.database.ids import first_id
-from service.storage.examinations.examination_store import ExaminationStore
+from service.storage.database.rows import database_now, first_id
+from service.storage.examinations import ExaminationStore
+from service.storage.keys.idempotency_store import IdempotencyStore
 from service.storage.keys.key_store import charge
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.solutions import SamplesRow, SolutionRow
@@ -160,3 +161,26 @@ def _delete(session: Session, solution_ids: list[str]) -> Pruned:
     for key_id in sorted(by_key):
         charge(session.connection(), key_id, -by_key[key_id])
     return Pruned(len(sizes), sum(sizes.values()))
+
+
+class Forgetting:
+    """Runs while a service does; several services may run it at once."""
+
+    def __init__(self, store: IdempotencyStore) -> None:
+        self._store = store
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._keep, name="forgetting", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop after the round that runs."""
+        self._stopping.set()
+        self._thread.join()
+
+    def _keep(self) -> None:
+        # Not at once: a service that is killed and started again and again has better things to do.
+        while not self._stopping.wait(ROUND_SECONDS):
+            try:
+                self._store.forget_old()
+            except SQLAlchemyError as fault:
+                logger.warning("old answers could not be deleted: %s", type(fault).__name__)

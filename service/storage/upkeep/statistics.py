@@ -15,9 +15,9 @@ from sqlalchemy import ColumnElement, case, func, or_, select, text
 from sqlalchemy.orm import Session
 
 from service.jobs.kernels import Kernels, most_missing
-from service.jobs.states import FINISHED, AttemptOutcome, JobState
-from service.storage.database.clock import database_now
+from service.jobs.records import FINISHED, AttemptOutcome, JobState
 from service.storage.database.database import Database
+from service.storage.database.rows import database_now
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.operations import WorkerRow
 from service.storage.tables.solutions import SolutionRow

@@ -12,9 +12,9 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from service.jobs.kernels import Kernels
-from service.jobs.states import FINISHED, JobState
-from service.storage.database.clock import database_now, instant
+from service.jobs.records import FINISHED, JobState
 from service.storage.database.database import Database
+from service.storage.database.rows import database_now, instant
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.operations import WorkerRow
 

@@ -6,9 +6,8 @@ import threading
 import pytest
 
 from service.api.events import watcher
-from service.api.events.lookout import Lookout
-from service.api.events.recent import RecentEvents
-from service.api.events.texts import Told, id_of_position, position_of_id
+from service.api.events.poller import Lookout, Told, id_of_position, position_of_id
+from service.api.events.watcher import RecentEvents
 from service.api.routes import events as routes
 from service.app import create_app
 from service.jobs.keys import Role

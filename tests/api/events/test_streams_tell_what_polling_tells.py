@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from service.api.events import watcher
-from service.jobs.outcome import Refused, Solved
+from service.jobs.records import Refused, Solved
 from tests.support.api import STATE
 from tests.support.effort import examples
 from tests.support.streams import Event, Stream, get, started

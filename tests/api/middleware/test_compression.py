@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.api.bodies import MAX_BODY_BYTES
-from service.api.formats.codings import (
+from service.api.formats.negotiation import (
     ACCEPTED,
     CodingError,
     decoded,

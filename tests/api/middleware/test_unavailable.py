@@ -14,18 +14,18 @@ from sqlalchemy import Engine, create_engine, event, exc, make_url, text
 from service.api.keys.access import ACCESS
 from service.app import create_app
 from service.dashboard.routes import PAGES
-from service.jobs.states import JobState
+from service.jobs.records import JobState
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import NEEDED_QUERY, STATE, TestClient
 from tests.support.lists import list_jobs
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until
-from workers.process.limits import JobLimits
+from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 EXAMPLES = Path(__file__).parents[3] / "examples"

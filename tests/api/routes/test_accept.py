@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from service.jobs.outcome import Solved
+from service.jobs.records import Solved
 from service.schemas.problem.problem import problem_digest
 from tests.support.api import PLANAR
 from tests.support.canonical import canonical_document

@@ -7,7 +7,7 @@ import pytest
 
 from service.dynamics.accuracy import TIER_TOLERANCES
 from service.dynamics.numerics import NUMERICS
-from service.schemas.replies.accuracy import Use, Way
+from service.schemas.replies.installation import Use, Way
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.storage.solutions.shipped_accuracy import shipped_comparison, shipped_costs, shipped_table
 from tests.support.accuracy import row, table

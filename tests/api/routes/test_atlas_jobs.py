@@ -12,7 +12,7 @@ from service.sandbox import SandboxTimeoutError
 from service.settings import Settings
 from service.storage.inspection.inspect import inspect
 from service.storage.keys.key_store import KeyStore
-from service.storage.tables.atlases import AtlasRow
+from service.storage.tables.jobs import AtlasRow
 from service.verdicts.atlases import examine_atlas
 from tests.support.api import TestClient
 from tests.support.keys import make

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from service.catalogue.classical import classical
+from service.catalogue import classical
 from tests.support.api import solve_job
 
 pytestmark = pytest.mark.any_database

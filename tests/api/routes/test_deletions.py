@@ -6,7 +6,7 @@ import pytest
 from sqlalchemy import func, select
 
 from service.jobs.keys import Role
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.keys.key_store import KeyStore

@@ -6,9 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from sqlalchemy import func, select, update
 
-from service.jobs.idempotency import KEPT_SECONDS, GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.jobs.keys import Role
-from service.storage.database.ids import new_id
+from service.jobs.store import KEPT_SECONDS, GivenAnswer, GivenKey, KeyTakenError, Receipt
+from service.storage.database.rows import new_id
 from service.storage.keys.idempotency_store import IdempotencyStore
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.operations import IdempotencyKeyRow

@@ -12,7 +12,7 @@ from service.api.submission import MOST_PROBLEMS
 from service.dynamics.verdict.verdict import decide
 from service.sandbox import Sandbox
 from service.storage.jobs.job_store import SqlJobStore
-from service.verdicts import examination, kept
+from service.verdicts import cached, examination
 from tests.support.api import PLANAR, STATE
 from tests.support.examinations import examination_of
 from tests.support.finishing import finish_success
@@ -152,7 +152,7 @@ def examine_or_die(text):
 @pytest.mark.any_database
 def test_equal_potentials_are_judged_once(monkeypatch):
     judged = []
-    monkeypatch.setattr(kept, "decide", lambda *given: judged.append(given) or decide(*given))
+    monkeypatch.setattr(cached, "decide", lambda *given: judged.append(given) or decide(*given))
     problems = [with_lambda(value) for value in (1, 2, 3)] + [INADMISSIBLE]
     asked = examination_of(problems)
     reply = json.loads(examination.examine_problems(json.dumps(asked)))

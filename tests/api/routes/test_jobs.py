@@ -3,7 +3,7 @@ import threading
 import pytest
 
 from service.api.queries.prefer import wait_seconds
-from service.jobs.states import JobState
+from service.jobs.records import JobState
 from service.storage.solutions.accuracy_store import AccuracyStore
 from tests.support.accuracy import row, table
 from tests.support.api import PLANAR, STATE, finish

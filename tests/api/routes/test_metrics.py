@@ -12,12 +12,12 @@ from sqlalchemy import text
 
 from service.api.prometheus import WorkerCollector
 from service.app import create_app
-from service.jobs.states import JobState
-from service.local.restarts import Restarts, WorkerStanding
+from service.jobs.records import JobState
+from service.local.workers import Restarts, WorkerStanding
 from service.settings import Settings
-from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
+from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import WorkerRow
 from service.storage.tables.sweeps import SweepRow
 from service.storage.upkeep.statistics import BOUNDS, SETTLED_SECONDS, Statistics
@@ -186,7 +186,7 @@ def test_requests_are_counted_by_the_template_of_their_route(client, stored, scr
 
 @pytest.mark.any_database
 def test_a_fault_of_ours_is_counted_as_one(client, monkeypatch, scrape):
-    monkeypatch.setattr("service.api.routes.installation.health.json_response", lambda _: 1 / 0)
+    monkeypatch.setattr("service.api.routes.installation.json_response", lambda _: 1 / 0)
     assert client.get("/livez").status_code == 500
     assert scrape()("polhode_http_request_seconds_count", route="/livez", status="500") == 1
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from service.storage.database.clock import DatabaseNow
+from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import WorkerRow
 from tests.support.api import STATE, finish
 from tests.support.sweeps import POINTS, SWEEP, finish_sweep

@@ -5,7 +5,7 @@ from datetime import datetime
 
 import pytest
 
-from service.jobs.outcome import Solved
+from service.jobs.records import Solved
 from tests.support.api import PLANAR, solve_job
 from tests.support.finishing import finish_success
 from workers.computation.compute import solve_document

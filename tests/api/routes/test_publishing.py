@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from service.api.formats.citation import Cited, bibtex, title_of
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from tests.support.sweeps import POINTS, SWEEP, finish_sweep
 
 pytestmark = pytest.mark.any_database

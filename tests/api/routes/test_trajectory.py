@@ -16,7 +16,7 @@ from service.dynamics.solution.dense_output import (
     chebyshev_coefficients,
     chebyshev_points,
 )
-from service.storage.codecs.arrays import encode_arrays, encode_dense
+from service.storage.codecs.packing import encode_arrays, encode_dense
 from tests.support.api import COLUMNS, ERROR, STATE, STORED_TIMES, SUMMARY, Stored, finish, values_at
 from tests.support.finishing import finish_success
 

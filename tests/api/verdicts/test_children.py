@@ -115,7 +115,7 @@ def test_periods_of_a_motion_that_never_closes_are_refused(client):
 
 def test_what_nothing_is_known_of_is_refused_with_the_evidence(monkeypatch):
     undecided = Verdict("undecided", "numeric", evidence=NumericEvidence(9, 4096, "0 ± 1", "that it holds"))
-    monkeypatch.setattr("service.verdicts.kept.decide", lambda *_: undecided)
+    monkeypatch.setattr("service.verdicts.cached.decide", lambda *_: undecided)
     error = json.loads(examine_problem(json.dumps(PLANAR)))["error"]
     assert error["code"] == "undecided_potential"
     assert error["evidence"] == {

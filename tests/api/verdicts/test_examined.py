@@ -5,12 +5,12 @@ import json
 
 import pytest
 
-from service.api.verdicts.examined import Examiner, ToExamine
+from service.api.verdicts.examiner import Examiner, ToExamine
 from service.api.verdicts.verdict_queue import Claimant
 from service.schemas.problem.problem import check_problem
-from service.storage.examinations.examination_store import ExaminationStore
-from service.verdicts import kept
-from service.verdicts.entries import keys_of
+from service.storage.examinations import ExaminationStore
+from service.verdicts import cached as kept
+from service.verdicts.cache_rows import keys_of
 from service.verdicts.memory import KeptExaminations
 from tests.support.api import PLANAR
 

@@ -10,7 +10,7 @@ import pytest
 from httpx import ASGITransport, AsyncClient
 from starlette.requests import ClientDisconnect, Request
 
-from service.api.middleware.disconnects import while_connected
+from service.api.middleware.heavy_answers import while_connected
 from service.api.replies.errors import ApiError
 from service.api.verdicts.verdict_queue import Claimant, VerdictQueue
 from service.app import create_app

@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Iterator
 
-from service.schemas.replies.accuracy import ComparedWaysOut, OutputCostOut, Way, WayOut
+from service.schemas.replies.installation import ComparedWaysOut, OutputCostOut, Way, WayOut
 from service.storage.solutions.shipped_accuracy import SHIPPED_COMPARISON
 from tests.benchmarks import costs, precision
 from tests.benchmarks.measuring import Effort

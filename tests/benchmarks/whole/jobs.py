@@ -11,8 +11,8 @@ import numpy as np
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.problem import PlanarMotion, TimePeriods
 from service.dynamics.sampling import exact_instants
-from service.jobs.outcome import Solved
-from service.storage.codecs.arrays import decode_arrays
+from service.jobs.records import Solved
+from service.storage.codecs.packing import decode_arrays
 from service.verdicts.examination import examine_problems
 from tests.benchmarks.kept import forgetful
 from tests.benchmarks.measuring import Effort, Result, Table, clock, in_words, median

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from typing import Any  # fields of a model
 
 from service.dynamics.numerics import NUMERICS
-from service.schemas.replies.accuracy import MachineOut, ShippedMeasurement
+from service.schemas.replies.installation import MachineOut, ShippedMeasurement
 from service.versions import version_of
 from workers.calibration.measurement import this_machine
 

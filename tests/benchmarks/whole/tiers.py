@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from service.dynamics.accuracy import TIERS
-from service.schemas.replies.accuracy import TierCostOut, TierCostsOut, Use
+from service.schemas.replies.installation import TierCostOut, TierCostsOut, Use
 from service.storage.solutions.shipped_accuracy import SHIPPED_COSTS
 from tests.benchmarks.lists import seconds_of_list
 from tests.benchmarks.measuring import Effort, Table, in_words, median

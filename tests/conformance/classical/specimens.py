@@ -8,7 +8,7 @@ from random import Random
 from service.dynamics.classical.catalogue import CASES
 from service.dynamics.classical.placement import Placed, place
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 
 Document = dict[str, object]
 NAMES = tuple(CASES)

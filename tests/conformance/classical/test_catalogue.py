@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from service.catalogue.classical import classical
+from service.catalogue import classical
 from service.dynamics.classical.catalogue import CASES
-from service.schemas.problem.classical_motion import CaseName, ClassicalMotionIn
+from service.schemas.problem.motions import CaseName, ClassicalMotionIn
 from workers.computation.compute import solve_checked
 
 

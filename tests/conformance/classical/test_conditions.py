@@ -7,7 +7,7 @@ import pytest
 
 from service.dynamics.classical.catalogue import CASES
 from service.schemas.problem.problem import check_problem, read_problem
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from tests.conformance.classical.specimens import LOOPS, NAMES, document, example, placed
 
 CONDITIONED = [name for name, case in CASES.items() if case.condition is not None or case.ratios is not None]

@@ -5,10 +5,9 @@ import copy
 import pytest
 
 from service.dynamics.potentials.potential import FormulaPotential
-from service.schemas.problem.known import read_known
-from service.schemas.problem.problem import check_problem
-from service.schemas.problem.sections import ProblemIn
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.problem.documents import ProblemIn
+from service.schemas.problem.problem import check_problem, read_known
+from service.schemas.reading.documents import InvalidProblemError
 
 DOCUMENT = {
     "body": {"A": 2, "C": 1},

@@ -7,21 +7,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.schemas.query.conditions import Condition, Subject
+from service.schemas.query.conditions import Condition, Excerpt, Kind, Subject, split
 from service.schemas.query.facts import (
     LONGEST_LIST,
     MOST_NUMBERS,
     OF_JOBS,
     OF_SOLUTIONS,
     OF_SWEEPS,
+    Vocabulary,
     facts_of,
     stored_name,
 )
-from service.schemas.query.kinds import Kind
-from service.schemas.query.order import read_columns, read_order
-from service.schemas.query.splitting import Excerpt, split
-from service.schemas.query.subjects import Vocabulary
-from service.schemas.query.where import LONGEST_QUERY, MOST_CONDITIONS, MOST_VALUES, read_where
+from service.schemas.query.reading import (
+    LONGEST_QUERY,
+    MOST_CONDITIONS,
+    MOST_VALUES,
+    read_columns,
+    read_order,
+    read_where,
+)
 
 ALL = Vocabulary({**OF_SWEEPS, **OF_JOBS, **OF_SOLUTIONS}, has_pointers=True, has_labels=True)
 

@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from flint import ctx
 
-from service.catalogue.classical import classical
+from service.catalogue import classical
 from service.schemas.problem.problem import read_problem
 
 EXAMPLES = [row.example for row in classical() if row.example is not None]

@@ -5,9 +5,15 @@ import json
 import pytest
 
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading import long_lists, parts
-from service.schemas.reading.faults import MAX_FAULTS, InvalidProblemError
-from service.schemas.reading.strict_json import MAX_ALL_FIELDS, MAX_FIELDS, InvalidJsonError, parse_json
+from service.schemas.reading import numbers, parts
+from service.schemas.reading.documents import (
+    MAX_ALL_FIELDS,
+    MAX_FAULTS,
+    MAX_FIELDS,
+    InvalidJsonError,
+    InvalidProblemError,
+    parse_json,
+)
 from tests.support.api import PLANAR
 
 pytestmark = pytest.mark.any_database
@@ -39,8 +45,8 @@ def test_a_list_of_a_thousand_problems_has_not_too_many_fields():
 
 def test_a_long_list_of_wrong_numbers_is_read_only_as_far_as_it_is_told(client, monkeypatch):
     read = []
-    details = long_lists.InitErrorDetails
-    monkeypatch.setattr(long_lists, "InitErrorDetails", lambda **of: read.append(of["loc"]) or details(**of))
+    details = numbers.InitErrorDetails
+    monkeypatch.setattr(numbers, "InitErrorDetails", lambda **of: read.append(of["loc"]) or details(**of))
     refused = client.post("/v1/jobs", json={**PLANAR, "time": {"times": [0, *["x"] * 90_000]}})
     faults = refused.json()["errors"]
     assert (refused.status_code, len(faults)) == (422, MAX_FAULTS + 1)

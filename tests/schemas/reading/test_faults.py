@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from service.sandbox import Sandbox
 from service.schemas.problem.problem import read_problem, read_question
-from service.schemas.reading.faults import MAX_FAULTS, InvalidProblemError, pointer_to
+from service.schemas.reading.documents import MAX_FAULTS, InvalidProblemError, pointer_to
 from tests.support.verdicts import read_quietly
 
 PROBLEM = {

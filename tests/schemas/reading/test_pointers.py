@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.schemas.reading.pointers import NoSuchPlaceError, split_pointer, value_at, with_values
+from service.schemas.reading.documents import NoSuchPlaceError, split_pointer, value_at, with_values
 
 KEYS = st.text(alphabet="ab~/01", max_size=3)
 DOCUMENTS = st.recursive(

@@ -7,10 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.schemas.problem.general_potential import read_angle
+from service.schemas.problem.potentials import read_angle
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.faults import InvalidProblemError
-from service.schemas.reading.strict_json import MAX_INTEGER_CHARACTERS, InvalidJsonError, parse_json
+from service.schemas.reading.documents import (
+    MAX_INTEGER_CHARACTERS,
+    InvalidJsonError,
+    InvalidProblemError,
+    parse_json,
+)
 
 SCALARS = (
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()

@@ -3,7 +3,7 @@
 import math
 from fractions import Fraction
 
-from service.schemas.sweep.kept_numbers import NUMBERS, kept_numbers
+from service.schemas.sweep.sweep import NUMBERS, kept_numbers
 from tests.support.api import SUMMARY
 
 STABILITY = {"trace": 1.5, "error": 1e-9, "exponent": 0.0, "exponent_error": 1e-8, "trusted_time": None}

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
-from service.storage.codecs import arrays as codec
-from service.storage.codecs.arrays import (
+from service.storage.codecs import packing as codec
+from service.storage.codecs.packing import (
     CodecError,
     decode_arrays,
     decode_dense,

@@ -6,10 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from service.storage.codecs.arrays import CodecError
-from service.storage.codecs.points import (
+from service.storage.codecs.packing import (
     SOLVED,
     ChunkPoints,
+    CodecError,
     bounds_of,
     chunk_outcome,
     decode_points,

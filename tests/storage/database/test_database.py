@@ -10,9 +10,9 @@ from sqlalchemy import select, text
 from sqlalchemy.exc import DBAPIError, StatementError
 
 from service.storage.database.availability import is_away
-from service.storage.database.clock import DatabaseNow
 from service.storage.database.database import Database, SearchTimeError
 from service.storage.jobs.job_store import SqlJobStore
+from service.storage.tables.base import DatabaseNow
 from service.storage.tables.jobs import JobRow
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.finishing import finish_success

@@ -4,7 +4,7 @@ import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
 
-from service.storage.database.ids import IdSource, is_id
+from service.storage.database.rows import IdSource, is_id
 
 
 def test_ids_grow_and_differ_in_every_thread():

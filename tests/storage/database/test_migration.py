@@ -11,12 +11,12 @@ from alembic.migration import MigrationContext
 from sqlalchemy import event, insert, inspect, text
 from sqlalchemy.exc import DBAPIError
 
-from service.jobs.lanes import Lane
+from service.jobs.queue import Lane
 from service.storage.database import migration
 from service.storage.database.database import make_engine
-from service.storage.database.ids import new_id
 from service.storage.database.migration import migrate
 from service.storage.database.revisions import migrations_folder
+from service.storage.database.rows import new_id
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.schema import METADATA

@@ -62,7 +62,7 @@ def test_commands_refuse_it_in_one_line(newer_url, arguments):
 @pytest.mark.parametrize("is_alone", [True, False], ids=["alone", "by a service"])
 def test_a_worker_refuses_it_in_one_line(newer_url, is_alone, capsys, monkeypatch):
     # A worker chooses one thread for its process; later tests here, and their children, keep what they had.
-    monkeypatch.setattr("workers.process.worker.use_one_thread", lambda: None)
+    monkeypatch.setattr("workers.process.start.use_one_thread", lambda: None)
     monkeypatch.setattr("workers.cli.main.start_logging", lambda *_: None)
     bell = Doorbell()
     line = [] if is_alone else ["--wake-fd", str(bell.new_line().detach())]

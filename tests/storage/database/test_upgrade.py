@@ -6,12 +6,11 @@ import uuid
 import pytest
 from sqlalchemy import MetaData, inspect, text
 
-from service.jobs.states import AttemptOutcome, JobState
-from service.schemas.query.kinds import Kind
-from service.schemas.query.list_query import ListQuery, equals
+from service.jobs.records import AttemptOutcome, JobState
+from service.schemas.query.conditions import Kind, ListQuery, equals
 from service.storage.database.database import Database, make_engine
-from service.storage.database.ids import new_id
 from service.storage.database.migration import migrate
+from service.storage.database.rows import new_id
 from service.storage.inspection.inspect import inspect as inspect_database
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.solutions.solution_store import SolutionStore

@@ -7,11 +7,11 @@ from random import Random
 import pytest
 from sqlalchemy import func, select, update
 
-from service.storage.examinations import kept_rows
-from service.storage.examinations.examination_store import ExaminationStore
+from service.storage import examinations as kept_rows
+from service.storage.examinations import ExaminationStore
 from service.storage.inspection.blob_inspection import check_blobs, repair_examinations
-from service.storage.tables.examinations import ExaminationRow
-from service.verdicts.entries import Entry
+from service.storage.tables.operations import ExaminationRow
+from service.verdicts.cache_rows import Entry
 
 DAMAGES = [{"content": b'{"number": 7}'}, {"content": b"\xff\x00"}, {"seal": "0" * 64}]
 

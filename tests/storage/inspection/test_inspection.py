@@ -8,10 +8,9 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
-from service.jobs.outcome import Drawn, Solved
-from service.jobs.states import JobState
+from service.jobs.records import Drawn, JobState, Solved
 from service.schemas.reading.marks import Marks
-from service.storage.codecs.documents import encode_document
+from service.storage.codecs.packing import encode_document
 from service.storage.database.database import Database
 from service.storage.database.sqlite_file import file_of
 from service.storage.inspection.inspect import inspect, invariants, repair

@@ -7,12 +7,11 @@ from threading import Barrier
 import pytest
 from sqlalchemy import select, update
 
-from service.jobs.lanes import Lane
-from service.jobs.outcome import Solved
-from service.jobs.states import JobState
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome
+from service.jobs.queue import Lane
+from service.jobs.records import JobState, Solved
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from service.storage.database.database import Database
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.jobs import JobRow

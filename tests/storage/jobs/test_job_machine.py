@@ -15,13 +15,19 @@ from hypothesis.stateful import (
 )
 from sqlalchemy import event, func, select
 
-from service.jobs.errors import JobFinishedError
-from service.jobs.job import Claim
-from service.jobs.outcome import Refused, Solved
-from service.jobs.states import MOST_DOUBTS, AttemptOutcome, JobState, pause_after
-from service.storage.database.clock import DatabaseNow
+from service.jobs.records import (
+    MOST_DOUBTS,
+    AttemptOutcome,
+    Claim,
+    JobFinishedError,
+    JobState,
+    Refused,
+    Solved,
+    pause_after,
+)
 from service.storage.jobs import moves
 from service.storage.jobs.job_store import SqlJobStore
+from service.storage.tables.base import DatabaseNow
 from service.storage.tables.schema import TABLES
 from service.storage.tables.solutions import SolutionRow
 from tests.support.effort import examples

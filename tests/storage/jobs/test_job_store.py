@@ -8,16 +8,23 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import func, select
 
-from service.jobs.errors import JobFinishedError, JobNotFoundError, SolutionNotFoundError
-from service.jobs.job import Taken
-from service.jobs.states import ALLOWED, MOST_DOUBTS, AttemptOutcome, JobState
-from service.storage.database.ids import new_id
+from service.jobs.records import (
+    ALLOWED,
+    MOST_DOUBTS,
+    AttemptOutcome,
+    JobFinishedError,
+    JobNotFoundError,
+    JobState,
+    SolutionNotFoundError,
+    Taken,
+)
+from service.storage.database.rows import new_id
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.effort import examples
 from tests.support.finishing import finish_success
 from tests.support.lists import list_jobs
-from workers.process.runs import shared_out
+from workers.process.batches import shared_out
 
 OVER = -1.0  # a lease that has ended when it is granted
 

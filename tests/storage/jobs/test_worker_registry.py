@@ -3,9 +3,9 @@
 import pytest
 from sqlalchemy import select, update
 
-from service.local.hosts import OtherHostError, WorkerProcess, new_worker_name, this_host
-from service.storage.database.clock import DatabaseNow
+from service.local.worker_process import OtherHostError, WorkerProcess, new_worker_name, this_host
 from service.storage.jobs.worker_registry import FORGOTTEN_SECONDS, WorkerRegistry
+from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import WorkerRow
 from workers.cli.main import main
 

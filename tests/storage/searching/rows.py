@@ -9,14 +9,12 @@ from itertools import count
 from hypothesis import strategies as st
 from sqlalchemy import delete, insert
 
-from service.schemas.query.conditions import Condition, OrderKey, Subject
+from service.schemas.query.conditions import Condition, Kind, ListQuery, OrderKey, Subject
 from service.schemas.query.facts import OF_SOLUTIONS, facts_of
-from service.schemas.query.kinds import Kind
-from service.schemas.query.list_query import ListQuery
 from service.schemas.reading.marks import Marks
 from service.storage.codecs.summary import summary_columns
-from service.storage.database.ids import new_id
-from service.storage.marks.mark_rows import insert_labels
+from service.storage.database.rows import new_id
+from service.storage.marks import insert_labels
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.tables.base import table_of

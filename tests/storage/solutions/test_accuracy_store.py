@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy import func, select
 
 from service.dynamics.numerics import NUMERICS
-from service.schemas.replies.accuracy import AccuracyTableModel
+from service.schemas.replies.installation import AccuracyTableModel
 from service.storage.solutions import accuracy_store
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.storage.solutions.shipped_accuracy import shipped_table

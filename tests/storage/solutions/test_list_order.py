@@ -5,11 +5,10 @@ from contextlib import contextmanager
 import pytest
 from sqlalchemy import delete, event, text
 
-from service.jobs.states import JobState
-from service.schemas.query.conditions import OrderKey
-from service.schemas.query.list_query import ListQuery
-from service.schemas.query.where import read_where
-from service.storage.database.ids import new_id
+from service.jobs.records import JobState
+from service.schemas.query.conditions import ListQuery, OrderKey
+from service.schemas.query.reading import read_where
+from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.searching.sources import SOLUTIONS
 from service.storage.solutions.solution_store import SolutionStore

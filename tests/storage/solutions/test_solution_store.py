@@ -2,11 +2,10 @@
 
 import pytest
 
-from service.schemas.query.conditions import OrderKey
-from service.schemas.query.list_query import ListQuery
-from service.schemas.query.where import read_where
+from service.schemas.query.conditions import ListQuery, OrderKey
+from service.schemas.query.reading import read_where
 from service.storage.codecs.summary import summary_columns
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.searching.sources import SOLUTIONS
 from tests.storage.searching.rows import subject_of
 from tests.support.databases import PROBLEM, SUMMARY

@@ -8,9 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import select, update
 
-from service.jobs.job import Claim
-from service.jobs.states import JobState
-from service.storage.codecs.points import SOLVED, ChunkPoints, chunk_outcome, decode_points
+from service.jobs.records import Claim, JobState
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome, decode_points
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.sweeps.sweep_store import SweepStore

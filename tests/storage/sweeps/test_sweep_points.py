@@ -8,10 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from service.schemas.query.conditions import Condition, OrderKey, Subject
-from service.schemas.query.kinds import Kind
+from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject
 from service.schemas.sweep.reading import read_sweep
-from service.storage.codecs.points import SOLVED
+from service.storage.codecs.packing import SOLVED
 from service.storage.sweeps import point_reader
 from service.storage.sweeps.point_query import PointQuery
 from service.storage.sweeps.point_reader import PointReader

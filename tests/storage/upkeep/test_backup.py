@@ -7,16 +7,15 @@ import threading
 import pytest
 from sqlalchemy import func, inspect, select, text
 
-from service.jobs.states import JobState
+from service.jobs.records import JobState
 from service.storage.database.database import Database, make_engine
-from service.storage.database.ids import new_id
 from service.storage.database.migration import migrate
+from service.storage.database.rows import new_id
 from service.storage.inspection.inspect import inspect as inspect_database
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.tables.jobs import JobRow
-from service.storage.upkeep.backup import back_up, restore
-from service.storage.upkeep.backup_checks import BackupError
+from service.storage.upkeep.backup import BackupError, back_up, restore
 from tests.support.databases import FIRST, PROBLEM, SUMMARY, empty_database, upgrade_to, url_of
 from tests.support.finishing import finish_success
 from tests.support.lists import list_jobs
@@ -244,7 +243,7 @@ def test_another_programs_database_is_not_overwritten(sqlite_url, tmp_path):
 
 def test_a_database_that_others_hold_is_not_waited_for_for_ever(sqlite_url, tmp_path, monkeypatch):
     back_up(sqlite_url, tmp_path / "b")
-    monkeypatch.setattr("service.storage.upkeep.sqlite_backup.BUSY_SECONDS", 0.1)
+    monkeypatch.setattr("service.storage.upkeep.backup.BUSY_SECONDS", 0.1)
     holder = make_engine(sqlite_url)
     with holder.connect() as connection:
         connection.exec_driver_sql("INSERT INTO workers VALUES ('w', 'h', 'local', 1, 0, 0, true, null)")

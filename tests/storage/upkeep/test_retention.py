@@ -7,7 +7,7 @@ from sqlalchemy import delete, func, insert, select, text, update
 from service.app import create_app
 from service.jobs.keys import Role
 from service.settings import Settings
-from service.storage.database.ids import first_id, new_id
+from service.storage.database.rows import first_id, new_id
 from service.storage.inspection.inspect import inspect
 from service.storage.keys.key_store import KeyLimits, KeyStore
 from service.storage.tables.jobs import JobRow

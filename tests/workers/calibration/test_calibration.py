@@ -15,19 +15,32 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.schemas.problem.problem import read_problem
-from service.schemas.query.list_query import ListQuery
-from service.schemas.replies.accuracy import AccuracyTableModel
-from service.storage.codecs.arrays import decode_arrays
+from service.schemas.query.conditions import ListQuery
+from service.schemas.replies.installation import AccuracyTableModel
+from service.storage.codecs.packing import decode_arrays
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.storage.solutions.solution_store import SolutionStore
 from tests.support.databases import url_of
 from workers.calibration import measurement
-from workers.calibration.measurement import FULL, QUICK, ClaimExceededError, Effort, calibrate, steps
-from workers.calibration.problems import CASES, SAMPLES
-from workers.calibration.reference import STRIDE, ReferenceStates, reference_states, samples_of
-from workers.calibration.whole_jobs import whole_jobs
+from workers.calibration.measurement import (
+    FULL,
+    QUICK,
+    ClaimExceededError,
+    Effort,
+    calibrate,
+    steps,
+    whole_jobs,
+)
+from workers.calibration.reference import (
+    CASES,
+    SAMPLES,
+    STRIDE,
+    ReferenceStates,
+    reference_states,
+    samples_of,
+)
 from workers.cli.calibrate import describe
 from workers.cli.main import main
 from workers.computation.compute import solve_document

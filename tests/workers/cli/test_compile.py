@@ -17,8 +17,8 @@ from tests.workers.processes import ROOT, wait_until
 from workers.cli import compile as task
 from workers.computation import compiled_code
 from workers.computation.compiled_code import FOLDER_VARIABLE, GROUPS
-from workers.process import compiling
-from workers.process.compiling import Compiling
+from workers.process import start as compiling
+from workers.process.start import Compiling
 
 TASK = """
 import os, sys

@@ -12,8 +12,8 @@ from sqlalchemy import text, update
 
 from service.sandbox import Sandbox
 from service.schemas.problem.problem import check_problem, problem_digest
-from service.storage.codecs import arrays as codec
-from service.storage.codecs.arrays import decode_dense, encode_dense
+from service.storage.codecs import packing as codec
+from service.storage.codecs.packing import decode_dense, encode_dense
 from service.storage.database.database import Database
 from service.storage.inspection import blob_inspection
 from service.storage.inspection.blob_inspection import check_blobs
@@ -22,10 +22,10 @@ from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.api import PLANAR, STATE
 from tests.workers.chores import do_chunk
+from workers.cli.doctor import COLLISIONS, check_windows
 from workers.cli.main import main
-from workers.computation.comparison import Sameness
+from workers.computation.audit import Sameness
 from workers.computation.compute import solve_document
-from workers.computation.outdated import COLLISIONS, check_windows
 from workers.computation.reproduction import repeat_solutions
 
 pytestmark = pytest.mark.any_database

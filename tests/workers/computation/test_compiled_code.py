@@ -15,7 +15,7 @@ import pytest
 
 import workers
 from service.jobs.kernels import NeedsKernelsError
-from service.jobs.outcome import Solved
+from service.jobs.records import Solved
 from service.sandbox import Sandbox
 from service.verdicts.atlases import examine_atlas_of_job
 from tests.support.effort import each_once

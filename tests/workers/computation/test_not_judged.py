@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from service.jobs.outcome import Refused
+from service.jobs.records import Refused
 from workers.computation.compute import solve_checked, solve_document
 
 DOCUMENT = {

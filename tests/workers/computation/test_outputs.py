@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from service.jobs.outcome import Refused, Solved
-from service.storage.codecs.arrays import decode_arrays
+from service.jobs.records import Refused, Solved
+from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_document
 
 NU_1 = {"type": "planar", "nu": 1}

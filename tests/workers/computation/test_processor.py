@@ -8,15 +8,15 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from service.jobs.outcome import Solved, SolveOutcome
+from service.jobs.records import Solved, SolveOutcome
 from service.sandbox import Sandbox
 from service.schemas.problem.problem import check_problem, problem_digest
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import STATE
 from tests.support.other_processor import environment, masks
-from workers.computation import processor
-from workers.computation.comparison import Sameness
+from workers.computation import compiled_code as processor
+from workers.computation.audit import Sameness
 from workers.computation.compute import solve_document
 from workers.computation.reproduction import repeat_solutions
 from workers.computation.summary import provenance

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from service.jobs.outcome import Refused, Solved
+from service.jobs.records import Refused, Solved
 from service.schemas.problem.problem import read_problem
 from service.verdicts import examination
 from workers.computation import compute

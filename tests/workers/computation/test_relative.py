@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 
 from service.dynamics.accuracy import TIER_TOLERANCES, GroupError, keeps
 from service.dynamics.problem import Accuracy
-from service.jobs.outcome import Refused, Solved
+from service.jobs.records import Refused, Solved
 from service.schemas.problem.problem import check_problem, problem_digest, read_problem
-from service.storage.codecs.arrays import decode_arrays, decode_dense
-from service.storage.codecs.points import SOLVED, decode_points
+from service.storage.codecs.packing import SOLVED, decode_arrays, decode_dense, decode_points
 from tests.support.effort import seldom
 from tests.support.golden import GOLDEN
 from workers.computation import compute, promises

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from service.dynamics.accuracy import TIER_TOLERANCES
-from service.jobs.outcome import Refused, Solved
+from service.jobs.records import Refused, Solved
 from service.schemas.problem.problem import read_problem
-from service.storage.codecs.arrays import decode_arrays, decode_dense
+from service.storage.codecs.packing import decode_arrays, decode_dense
 from tests.support.golden import GOLDEN
 from workers.computation.compute import solve_checked, solve_document
 

@@ -8,17 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from service.jobs.batching import BatchSize
-from service.jobs.job import Claim
-from service.jobs.states import AttemptOutcome, JobKind, JobState
+from service.jobs.queue import BatchSize
+from service.jobs.records import AttemptOutcome, Claim, JobKind, JobState
 from service.sandbox import Sandbox
 from tests.workers import chores
 from tests.workers.process.together import LIMITS, Together
 from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
-from workers.process.batches import Ledger, compute_in_turn
-from workers.process.limits import JobLimits
-from workers.process.runs import shared_out
+from workers.process.batches import Ledger, compute_in_turn, shared_out
+from workers.process.results import JobLimits
 
 pytestmark = pytest.mark.any_database
 TOGETHER = 5

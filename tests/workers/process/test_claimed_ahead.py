@@ -3,8 +3,8 @@
 import pytest
 from sqlalchemy.exc import OperationalError
 
-from service.jobs.batching import BatchSize
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.queue import BatchSize
+from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
 from tests.workers.process.together import LIMITS, Together
 from tests.workers.processes import wait_until

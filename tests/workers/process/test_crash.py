@@ -5,8 +5,8 @@ import signal
 
 import pytest
 
-from service.jobs.lanes import Lane
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.queue import Lane
+from service.jobs.records import AttemptOutcome, JobState
 from tests.workers.processes import stop_between_transactions, wait_until
 
 LEASE = 1.0

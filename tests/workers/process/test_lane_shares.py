@@ -4,12 +4,10 @@ from concurrent.futures import Future
 
 import pytest
 
-from service.jobs.job import Claim, Taken
-from service.jobs.lanes import Lane
-from service.jobs.outcome import Solved
-from service.jobs.states import JobKind
+from service.jobs.queue import Lane
+from service.jobs.records import Claim, JobKind, Solved, Taken
 from workers.process import runner as runner_module
-from workers.process.limits import JobLimits
+from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 LIMITS = JobLimits(lease_seconds=1e6, job_seconds=1e6, memory_mb=1000, max_attempts=3, retry_seconds=0.0)

@@ -6,14 +6,13 @@ import sqlite3
 import pytest
 from sqlalchemy import exc
 
-from service.local.hosts import WorkerProcess
+from service.local.worker_process import WorkerProcess
 from service.storage.database.database import Database
 from service.storage.database.sqlite_file import DatabaseFileError
 from service.storage.jobs.worker_registry import WorkerRegistry
 from tests.support.databases import copy_of
-from workers.process.loop import EngineLoop
-from workers.process.presence import Presence
-from workers.process.waker import Waker
+from workers.process.start import Waker
+from workers.process.worker import EngineLoop, Presence
 
 
 class Nobody:
@@ -53,7 +52,7 @@ def away():
 
 def run(monkeypatch, caplog, nobody, presence):
     """Let a worker work until it has nothing to do; return what it says."""
-    monkeypatch.setattr("workers.process.loop._AWAY_SECONDS", 0.0)
+    monkeypatch.setattr("workers.process.worker._AWAY_SECONDS", 0.0)
     waker = Waker()
     nobody.loop = EngineLoop(
         nobody,

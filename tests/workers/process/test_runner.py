@@ -5,9 +5,9 @@ import signal
 
 import pytest
 
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, JobState
 from service.local.wakeup import Doorbell
-from service.storage.codecs.points import SOLVED, decode_points
+from service.storage.codecs.packing import SOLVED, decode_points
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.lists import list_jobs
 from tests.support.waiting import wait_for

@@ -5,12 +5,12 @@ import signal
 
 import pytest
 
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
 from tests.workers import chores
 from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
-from workers.process.limits import JobLimits
+from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 pytestmark = pytest.mark.any_database

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from workers.process import template
+from workers.process import tasks
 from workers.process.tasks import WARM_UP
 
 ROOT = Path(__file__).parents[3]
@@ -48,7 +48,7 @@ def test_children_forked_after_the_order_have_the_rest_and_older_ones_have_not()
 @pytest.mark.parametrize("server", [lambda: None, os.getpid])
 def test_no_other_process_gets_the_order(monkeypatch, server):
     # The signal would end a process that does not expect it, as the parent of an orphan.
-    monkeypatch.setattr(template, "_server", server())
+    monkeypatch.setattr(tasks, "_server", server())
     sent = []
     monkeypatch.setattr(os, "kill", lambda *order: sent.append(order))
     WARM_UP.order()

@@ -5,16 +5,16 @@ from functools import partial
 import pytest
 
 from service.jobs.kernels import KERNELS, NEVER, WAITS, Kernels, NeedsKernelsError
-from service.jobs.states import AttemptOutcome, JobState
-from service.local.hosts import WorkerProcess
+from service.jobs.records import AttemptOutcome, JobState
+from service.local.worker_process import WorkerProcess
 from service.sandbox import SandboxMemoryError, SandboxTimeoutError
 from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM
 from tests.support.sweeps import SWEEP
 from tests.workers.process.together import LIMITS
-from workers.process.presence import Presence
 from workers.process.results import LONG_WAIT_SECONDS, WAIT_SECONDS, Results
+from workers.process.worker import Presence
 
 pytestmark = pytest.mark.any_database
 

@@ -10,17 +10,15 @@ from pathlib import Path
 import pytest
 
 from service.jobs.kernels import KERNELS, Kernels
-from service.local.hosts import WorkerProcess
 from service.local.wakeup import WARM
+from service.local.worker_process import WorkerProcess
 from service.sandbox import Sandbox, SandboxBrokenError
 from service.storage.database.database import Database
 from service.storage.jobs.worker_registry import WorkerRegistry
 from tests.support.databases import copy_of
-from workers.process.compiling import Compiling
-from workers.process.loop import EngineLoop
-from workers.process.presence import Presence
-from workers.process.waker import Waker
-from workers.process.warming import Warming, WarmUp
+from workers.process.start import Compiling, Waker, Warming
+from workers.process.tasks import WarmUp
+from workers.process.worker import EngineLoop, Presence
 
 HALF = Kernels(20, 40, 12.0)
 

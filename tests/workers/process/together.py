@@ -1,13 +1,13 @@
 """A runner with one child and the test's own loop, for jobs that share calls."""
 
-from service.jobs.lanes import Lane
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.queue import Lane
+from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
-from service.storage.database.ids import new_id
+from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from tests.workers import chores
 from tests.workers.processes import wait_until
-from workers.process.limits import JobLimits
+from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 LIMITS = JobLimits(lease_seconds=3600.0, job_seconds=3600.0, memory_mb=300, max_attempts=3, retry_seconds=0)

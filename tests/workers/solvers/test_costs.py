@@ -12,7 +12,7 @@ from service.dynamics.motion import Motion
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem, TimePeriods
 from service.schemas.problem.problem import read_problem
 from tests.conformance.specimens import CATALOGUE, Specimen
-from workers.computation.certification import beside_enclosures
+from workers.computation.compute import beside_enclosures
 from workers.solvers import choose as table
 from workers.solvers.assembly.families import Declined, Family, Place
 from workers.solvers.choose import FAMILIES, FamilyName, find_motion, row_for

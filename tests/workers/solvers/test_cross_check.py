@@ -13,8 +13,8 @@ from tests.support.effort import each_once
 from tests.support.heyoka_integrator import HEYOKA
 from tests.support.planar import formula, planar
 from tests.support.solving import solve_planar
+from workers.cli.documents import describe
 from workers.computation.compute import solve_document
-from workers.computation.text import describe
 from workers.solvers.cross_check import compare
 
 ZERO, ONE = Fraction(0), Fraction(1)

@@ -11,7 +11,7 @@ from flint import ctx
 from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.solution.dense_output import DenseOutput
-from service.jobs.outcome import Refused
+from service.jobs.records import Refused
 from tests.support import solving
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from service.dynamics.accuracy import TIERS
-from service.jobs.outcome import Solved
+from service.jobs.records import Solved
 from service.sandbox import Sandbox
-from service.schemas.reading.faults import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.reading import read_sweep
 from tests.conformance.specimens import CATALOGUE
 from tests.workers.sweeping.test_sweeping import IN_BLOCKS, IN_MOVING

@@ -7,18 +7,17 @@ import numpy as np
 import pytest
 
 from service.dynamics.verdict.verdict import decide
-from service.jobs.outcome import Refused
-from service.schemas.sweep.kept_numbers import kept_numbers
+from service.jobs.records import Refused
 from service.schemas.sweep.reading import read_sweep
-from service.storage.codecs.arrays import decode_arrays
-from service.storage.codecs.points import SOLVED, decode_points
-from service.verdicts import kept
+from service.schemas.sweep.sweep import kept_numbers
+from service.storage.codecs.packing import SOLVED, decode_arrays, decode_points
+from service.verdicts import cached
 from service.verdicts.examination import examine_problem
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk, states
 from workers.sweeping.chunk import compute_chunk
-from workers.sweeping.moving.moving import MovingSolver
 from workers.sweeping.plan import make_plan
+from workers.sweeping.varying_body.block import MovingSolver
 
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}
 THREE_TERMS = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/50"}}
@@ -829,7 +828,7 @@ def test_a_verdict_is_shared_only_if_it_is_proved_for_all(name, is_judged):
 @pytest.mark.usefixtures("no_hurry")
 def test_points_refused_one_by_one_share_a_verdict(monkeypatch):
     asked = []
-    monkeypatch.setattr(kept, "decide", lambda *question: asked.append(question) or decide(*question))
+    monkeypatch.setattr(cached, "decide", lambda *question: asked.append(question) or decide(*question))
     document = sweep(
         (B, values(0, 1, -1)),
         (LAMBDA, uniform(1, 2, 3)),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from service.dynamics.accuracy import TIERS
-from service.jobs.outcome import Refused
+from service.jobs.records import Refused
 from workers.cli.main import main
 from workers.computation import compiled_code
 from workers.computation.compiled_code import FOLDER_VARIABLE

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.tape import Instruction, Tape, with_inputs
-from service.schemas.reading.pointers import with_values
+from service.schemas.reading.documents import with_values
 from workers.solvers.compiled.evaluation.program import Program, make_program, rests_of
 from workers.sweeping.parameters.family import Path, potential_of
 

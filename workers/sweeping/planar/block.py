@@ -12,7 +12,7 @@ from service.dynamics.accuracy import keeps
 from service.dynamics.motion import COLUMNS, group_errors
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Times
-from service.schemas.reading.pointers import with_values
+from service.schemas.reading.documents import with_values
 from service.schemas.sweep.sweep import Sweep, json_number
 from workers.solvers.choose import QUICK_SPEED, compiled_tier
 from workers.solvers.compiled.batch import Tier
@@ -30,16 +30,21 @@ from workers.sweeping.parameters.points import (
 from workers.sweeping.parameters.programs import AffineProgram, Group, affine_program, grouped
 from workers.sweeping.planar.by_roots import sweep_by_roots
 from workers.sweeping.planar.doubles import Sampling, Swept, sweep_sets
-from workers.sweeping.planar.emptiness import have_no_motion_at
-from workers.sweeping.planar.integrals import KeptIntegrals
-from workers.sweeping.planar.kept_outputs import OUTPUTS, KeptOutputs
-from workers.sweeping.planar.near_poles import keep_their_sign
-from workers.sweeping.planar.quick import Quick, Side
-from workers.sweeping.planar.solved import NO_MOTION, FoundPoints, SolvedBlock, numbers_of_motions
+from workers.sweeping.planar.exclusions import have_no_motion_at, keep_their_sign
+from workers.sweeping.planar.outputs import OUTPUTS, KeptIntegrals, KeptOutputs
+from workers.sweeping.planar.records import (
+    NO_MOTION,
+    FoundPoints,
+    Quick,
+    Side,
+    SolvedBlock,
+    numbers_of_motions,
+)
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+
 
 MAX_PROGRAMS = 64
 """Largest number of programs of a family, by the signs of its coefficients."""

@@ -13,25 +13,23 @@ from service.api.bodies import BodyIfAny, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.disconnects import while_connected
+from service.api.middleware.heavy_answers import while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
 from service.api.queueing import Made, SubmissionTerms, queue
-from service.api.replies.places import AuditId, SolutionId
 from service.api.replies.records import audit_out
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import AuditId, SolutionId, json_response, refusals
 from service.api.routes.jobs import SubmitQuery
 from service.api.submission import Checked, accept, check
-from service.jobs.idempotency import Receipt
-from service.jobs.job import Job
-from service.schemas.problem.audit import AuditIn, audited_problem
-from service.schemas.problem.members import MEMBERS
-from service.schemas.reading.faults import InvalidProblemError
+from service.jobs.records import Job
+from service.jobs.store import Receipt
+from service.schemas.problem.documents import MEMBERS, AuditIn, audited_problem
+from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.analysis import QueryEstimateOut
-from service.schemas.replies.audit import AuditOut, AuditPageOut
+from service.schemas.replies.solution import AuditOut, AuditPageOut
 from service.settings import Settings
 from service.storage.searching.sources import audits_of
 from service.storage.solutions.audit_store import Audit

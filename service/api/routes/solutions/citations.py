@@ -9,10 +9,8 @@ from pydantic import Field
 from service.api.dependencies import Inside
 from service.api.formats.citation import CITATIONS, Cited, bibtex, cff, title_of
 from service.api.formats.negotiation import Accept, preferred
-from service.api.queries.format_names import FORMAT_HELP
-from service.api.queries.queries import QueryModel, query_of, query_parameters
-from service.api.replies.places import SolutionId
-from service.api.replies.responses import refusals
+from service.api.queries.queries import FORMAT_HELP, QueryModel, query_of, query_parameters
+from service.api.replies.responses import SolutionId, refusals
 from service.api.tagged import told_of
 from service.storage.solutions.standing import standing_of
 

@@ -11,14 +11,13 @@ from service.api.dependencies import Inside
 from service.api.middleware.heavy_answers import heavy
 from service.api.queries.queries import without_query
 from service.api.replies.errors import ApiError
-from service.api.replies.places import SolutionId
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import SolutionId, json_response, refusals
 from service.api.tagged import told_of
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, as_decimals, join
-from service.schemas.reading.balls import ONE_AT_A_TIME
+from service.schemas.problem.rules import ONE_AT_A_TIME
 from service.schemas.replies.solution import EnclosureOut, EnclosuresOut
-from service.storage.codecs.arrays import decode_arrays
+from service.storage.codecs.packing import decode_arrays
 
 FloatArray = NDArray[np.float64]
 

@@ -5,10 +5,9 @@ from fastapi import APIRouter, Request, Response
 from service.api.dependencies import Inside
 from service.api.formats.prov_json import provenance_graph
 from service.api.queries.queries import without_query
-from service.api.replies.places import SolutionId
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import SolutionId, json_response, refusals
 from service.api.tagged import told_of
-from service.schemas.replies.provenance import ProvenanceGraphOut
+from service.schemas.replies.solution import ProvenanceGraphOut
 from service.storage.solutions.origin import origin_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])

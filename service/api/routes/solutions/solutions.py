@@ -13,21 +13,17 @@ from service.api.dependencies import Inside, Resources
 from service.api.middleware.heavy_answers import listed
 from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
-from service.api.replies.places import SolutionId
 from service.api.replies.records import solution_out
-from service.api.replies.responses import JSON, json_content, refusals
+from service.api.replies.responses import JSON, SolutionId, json_content, refusals
 from service.api.tagged import told_of
 from service.dynamics.methods import SolvedBy
 from service.dynamics.problem import Tier
-from service.schemas.problem.family_names import FamilyName
-from service.schemas.query.conditions import Condition, OrderKey, Subject
-from service.schemas.query.facts import OF_SOLUTIONS
-from service.schemas.query.kinds import Kind
-from service.schemas.query.list_query import equals
-from service.schemas.reading.faults import Fault
+from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject, equals
+from service.schemas.query.facts import OF_SOLUTIONS, FamilyName
+from service.schemas.reading.documents import Fault
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
-from service.storage.database.ids import is_id
+from service.storage.database.rows import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.solutions.standing import standing_and_marks
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from pydantic import Field, PlainValidator, WithJsonSchema
 
 from service.api.dependencies import Inside, Resources
-from service.api.formats.functions import write_function
 from service.api.formats.negotiation import PARQUET, Accept, chosen, named_file
-from service.api.formats.trajectories import Trajectory, media_types, write
+from service.api.formats.trajectories import Trajectory, media_types, write, write_function
 from service.api.keys.limits import query_samples_faults
 from service.api.middleware.heavy_answers import heavy
-from service.api.queries.format_names import FORMAT_HELP, FormatName
 from service.api.queries.queries import (
+    FORMAT_HELP,
     Asked,
+    FormatName,
     QueryModel,
     asked_of,
     query_parameters,
@@ -27,8 +27,7 @@ from service.api.queries.queries import (
     without_query,
 )
 from service.api.replies.errors import ApiError
-from service.api.replies.places import SolutionId
-from service.api.replies.responses import refusals
+from service.api.replies.responses import SolutionId, refusals
 from service.api.tagged import told_of
 from service.dynamics.equations.orientation import (
     QUATERNION,
@@ -45,14 +44,13 @@ from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.ball_columns import is_part
 from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.solution.preview import deviation, preview_times
-from service.jobs.errors import SolutionNotFoundError
-from service.schemas.problem.asked_series import asked_series
-from service.schemas.reading.faults import Fault
+from service.jobs.records import SolutionNotFoundError
+from service.schemas.problem.documents import asked_series
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
-from service.schemas.replies.function import MotionFunctionOut
-from service.schemas.replies.solution import TrajectoryOut
+from service.schemas.replies.solution import MotionFunctionOut, TrajectoryOut
 from service.settings import Settings
-from service.storage.codecs.arrays import decode_arrays, decode_dense
+from service.storage.codecs.packing import decode_arrays, decode_dense
 from service.storage.solutions.solution_store import Solution
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])

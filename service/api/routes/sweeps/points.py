@@ -1,22 +1,38 @@
-"""GET /v1/sweeps/{id}/points: the computed points, as a page of JSON or a stream."""
+"""GET /v1/sweeps/{id}/points, /grid, /package: computed points as a page, stream, matrix or ZIP."""
 
+import json
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from http import HTTPStatus
 from itertools import chain, islice
 from typing import Annotated
 
+import numpy as np
 import orjson
 from fastapi import APIRouter, Depends, Request, Response
 
 from service.api.dependencies import Inside
-from service.api.formats.metadata import about_points
-from service.api.formats.negotiation import CSV, JSON, NPZ, PARQUET, Accept, chosen, named_file
-from service.api.formats.points import STREAMS, rows
+from service.api.formats.columns import about_points, coded, errors_of_points, npz_file, provenance_of_points
+from service.api.formats.negotiation import (
+    ARROW,
+    CSV,
+    JSON,
+    MEDIA_TYPES,
+    NPZ,
+    PARQUET,
+    Accept,
+    chosen,
+    named_file,
+    preferred,
+)
+from service.api.formats.packages import ZIP, Package, package
+from service.api.formats.points import STREAMS, kinds_of, parquet, rows
+from service.api.middleware.caching import is_head
 from service.api.middleware.heavy_answers import heavy
-from service.api.middleware.methods import is_head
 from service.api.queries.cursors import cursor_of
+from service.api.queries.grid import GridQuery, GridWish, read_grid_wish
 from service.api.queries.lists import link_to, next_page
 from service.api.queries.points import (
     DEFAULT_ROWS,
@@ -27,19 +43,19 @@ from service.api.queries.points import (
     Wish,
     read_wish,
 )
-from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any
-from service.api.replies.errors import invalid_request
-from service.api.replies.pieces import PiecedAnswer
-from service.api.replies.places import SweepId
-from service.api.replies.responses import refusals
+from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any, without_query
+from service.api.replies.errors import ApiError, invalid_request
+from service.api.replies.responses import PiecedAnswer, SweepId, refusals
 from service.api.tagged import told_of
-from service.jobs.sweeps import SweepRecord
-from service.schemas.reading.faults import Fault
-from service.schemas.replies.sweep import PointPageOut
+from service.jobs.records import SweepRecord
+from service.schemas.reading.documents import Fault
+from service.schemas.replies.sweep import GridOut, PointPageOut
 from service.schemas.sweep.reading import read_sweep
+from service.schemas.sweep.sweep import Sweep, SweepAxis
 from service.storage.sweeps.point_query import PointQuery
 from service.storage.sweeps.point_reader import PointBlock, PointReader
-from service.storage.sweeps.standing import standing_in
+from service.storage.sweeps.point_tables import PointGrid, cell_indices, read_grid
+from service.storage.sweeps.sweep_store import standing_in
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
@@ -182,3 +198,135 @@ def _check_size_of_sort(wish: Wish, reader: PointReader) -> None:
             ", since all are read again for each 64 MB. Set a limit, or leave the series out of columns"
         )
         raise invalid_request([Fault("?order", "sort_too_large", message)])
+
+
+@router.get(
+    "/{sweep_id}/grid",
+    response_model=GridOut,
+    responses={
+        200: {
+            "model": GridOut,
+            "description": "The matrix. As an Arrow stream it has for each row the number of its axis, and"
+            " the lists of the columns and `outcome`; the rest is JSON in the metadata `polhode.grid`. As NPZ"
+            " it has the matrix by the name of its number, the values of the axes by their pointers without"
+            " the first stroke, `outcome` as places in the list `outcomes`, -1 where a point is not"
+            " computed yet, and `indices`.",
+            "content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in (ARROW, NPZ)},
+        },
+        **refusals(404, 406),
+    },
+    openapi_extra=query_parameters(GridQuery, "of"),
+)
+@heavy
+def get_grid(
+    request: Request,
+    sweep_id: SweepId,
+    asked: Annotated[Asked[GridQuery], Depends(asked_of(GridQuery))],
+    inside: Inside,
+    accept: Accept = None,
+) -> Response:
+    """Return a kept number over one or two axes of a grid: rows along the first, columns along the last.
+
+    Of a sweep with more axes `at` chooses a place on each of the others.
+    """
+    name = asked.parameters.format
+    media_type = preferred(list(_WRITERS), accept) if name is None else MEDIA_TYPES[name]
+    record = inside.sweeps.get(sweep_id)
+    sweep = read_sweep(record.document)
+    wish = read_grid_wish(asked, sweep)
+    reader = PointReader(inside.sweeps, record.id, sweep, with_series=False)
+    grid = read_grid(reader, cell_indices(sweep, wish.at), wish.of)
+    headers = told_of(request, inside, standing_in(record)) | named_file(f"grid-{record.id}", media_type)
+    return Response(_WRITERS[media_type](sweep, wish, grid), media_type=media_type, headers=headers)
+
+
+def _about(sweep: Sweep, wish: GridWish, grid: PointGrid) -> dict[str, object]:
+    """Return everything but the cells."""
+    free = [each for place, each in enumerate(sweep.axes) if place not in wish.at]
+    places = [(sweep.axes[place], index) for place, index in sorted(wish.at.items())]
+    first, rows, columns = int(grid.indices[0, 0]), grid.indices[:2, 0], grid.indices[0, :2]
+    return {
+        "of": wish.of,
+        "axes": [{"pointer": each.pointer, "values": _doubles(each)} for each in free],
+        "at": [
+            {"pointer": each.pointer, "index": index, "value": float(each.axis.value(index))}
+            for each, index in places
+        ],
+        "indices": [first, int(rows[-1]) - first, int(columns[-1]) - first],
+        "points": grid.indices.size,
+        "done": int(np.count_nonzero(grid.outcomes != None)),  # noqa: E711  (of each cell)
+    }
+
+
+def _doubles(each: SweepAxis) -> list[float]:
+    return [float(value) for value in each.axis.doubles(0, each.axis.length)]
+
+
+def _json(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
+    # Not by json_response, which refuses NaN: missing numbers are NaN here and must become null.
+    about = _about(sweep, wish, grid)
+    return orjson.dumps(
+        {**about, "rows": grid.numbers, "outcomes": grid.outcomes.tolist()}, option=orjson.OPT_SERIALIZE_NUMPY
+    )
+
+
+def _arrow(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
+    from service.api.formats.arrow import matrix_stream  # noqa: PLC0415
+
+    about = _about(sweep, wish, grid)
+    *rows, _ = [each for place, each in enumerate(sweep.axes) if place not in wish.at]
+    values = {each.pointer: np.array(_doubles(each)) for each in rows}
+    return matrix_stream(
+        values, {wish.of: grid.numbers}, {"outcome": grid.outcomes}, {"polhode.grid": json.dumps(about)}
+    )
+
+
+def _npz(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
+    codes, words = coded(grid.outcomes)
+    free = [each for place, each in enumerate(sweep.axes) if place not in wish.at]
+    values = {each.pointer: np.array(_doubles(each)) for each in free}
+    indices = np.array(_about(sweep, wish, grid)["indices"], dtype=np.int64)
+    return npz_file(
+        {wish.of: grid.numbers, "outcome": codes, "outcomes": words, "indices": indices, **values}
+    )
+
+
+_WRITERS = {JSON: _json, ARROW: _arrow, NPZ: _npz}
+
+
+@router.get(
+    "/{sweep_id}/package",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "A ZIP of `datapackage.json` (Frictionless), `sweep.json` and `points.parquet`.",
+            "content": {ZIP: {"schema": {"type": "string", "format": "binary"}}},
+        },
+        **refusals(404, 409),
+    },
+    dependencies=[without_query],
+)
+@heavy
+def get_package(request: Request, sweep_id: SweepId, inside: Inside) -> Response:
+    """Return a finished sweep as a data package: its document, all its points, units, errors, checksums."""
+    record = inside.sweeps.get(sweep_id)
+    if record.finished_at is None:
+        detail = f"sweep {record.id} is {record.state}: only what has finished is a package; wait for its end"
+        raise ApiError(HTTPStatus.CONFLICT, "not_finished", detail)
+    told = told_of(request, inside, standing_in(record))
+    told["Content-Disposition"] = f'attachment; filename="sweep-{record.id}.zip"'
+    if is_head(request):
+        return Response(media_type=ZIP, headers=told)
+    sweep = read_sweep(record.document)
+    wish = read_wish(Asked(PointsQuery(), frozenset(), ()), record.id, sweep, has_lists=True)
+    reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
+    about = Package(
+        record.id,
+        record.document,
+        record.finished_at,
+        kinds_of(wish),
+        errors_of_points(wish.columns, wish.series),
+        provenance_of_points(record),
+    )
+    points = parquet(wish, reader.blocks(wish.query), about_points(record, wish.columns, wish.series))
+    return PiecedAnswer(package(about, points), held=reader.held(wish.query), media_type=ZIP, headers=told)

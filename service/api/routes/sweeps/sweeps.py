@@ -1,4 +1,4 @@
-"""/v1/sweeps: submit, list, show and cancel sweeps."""
+"""/v1/sweeps: submit, list, show and cancel sweeps, and list the jobs that compute their points."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -15,25 +15,24 @@ from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.heavy_answers import listed
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
+from service.api.queries.lists import AskingQuery, Listing, PageQuery, page_answer, read_listing
 from service.api.queries.queries import Asked, asked_of, query_parameters, without_query
-from service.api.replies.places import SweepId
 from service.api.replies.records import sweep_out, sweep_state_out
-from service.api.replies.responses import json_response, refusals
+from service.api.replies.responses import SweepId, json_response, refusals
 from service.jobs.chunking import largest_chunk
-from service.jobs.idempotency import GivenKey
 from service.jobs.keys import ApiKey
-from service.jobs.states import JobState
-from service.jobs.sweeps import SweepRecord
-from service.schemas.query.list_query import in_state
-from service.schemas.reading.faults import Fault
+from service.jobs.records import Job, JobState, SweepRecord
+from service.jobs.store import GivenKey
+from service.schemas.query.conditions import in_state
+from service.schemas.reading.documents import Fault
 from service.schemas.reading.marks import split_marks
 from service.schemas.replies.analysis import QueryEstimateOut
+from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
 from service.schemas.sweep.reading import InvalidSweepError, read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings
-from service.storage.searching.sources import OF_SWEEP_ROWS
+from service.storage.searching.sources import OF_SWEEP_ROWS, chunks_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
@@ -182,3 +181,41 @@ def cancel_sweep(sweep_id: SweepId, inside: Inside, holder: Holder) -> Response:
     record = inside.sweeps.cancel(sweep_id)
     inside.doorbell.ring()
     return json_response(sweep_out(record))
+
+
+@router.get(
+    "/{sweep_id}/jobs",
+    response_model=ChunkJobPageOut | QueryEstimateOut,
+    responses=refusals(404),
+    openapi_extra=query_parameters(AskingQuery),
+)
+def list_sweep_jobs(
+    sweep_id: SweepId,
+    request: Request,
+    asked: Annotated[Asked[AskingQuery], Depends(asked_of(AskingQuery))],
+    inside: Inside,
+) -> Response:
+    """List the jobs that compute the points of a sweep, newest first or as asked."""
+    record = inside.sweeps.get(sweep_id)
+    listing = read_listing(asked, chunks_of(record.id))
+    if listing.query.is_estimated:
+        return listing.estimate()
+    page = inside.jobs.find_of_sweep(record.id, listing.query)
+    return page_answer(request, listing, ChunkJobPageOut, page, list(map(_chunk, page.jobs)))
+
+
+def _chunk(job: Job) -> ChunkJobOut:
+    return ChunkJobOut.model_validate(
+        {
+            "id": job.id,
+            "first": job.problem["first"],
+            "count": job.problem["count"],
+            "state": job.state.value,
+            "attempt": job.attempt,
+            "progress": job.progress,
+            "error": None if job.error is None else dict(job.error),
+            "created_at": job.created_at,
+            "started_at": job.started_at,
+            "finished_at": job.finished_at,
+        }
+    )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection, text
 
-from service.jobs.dispatch import Dispatcher
+from service.jobs.store import Dispatcher
 from service.local.wakeup import Doorbell
 from service.settings import Settings
 from service.storage.database.database import Database

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, JobState
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.table_dispatcher import TableDispatcher
 from tests.workers.processes import network_apart, wait_until

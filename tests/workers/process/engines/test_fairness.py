@@ -3,9 +3,9 @@
 import pytest
 from sqlalchemy import func, select
 
-from service.jobs.lanes import Lane
-from service.jobs.states import JobKind, JobState
-from service.storage.database.ids import new_id
+from service.jobs.queue import Lane
+from service.jobs.records import JobKind, JobState
+from service.storage.database.rows import new_id
 from service.storage.tables.jobs import AttemptRow, JobRow
 from tests.workers.processes import wait_until
 

@@ -2,7 +2,7 @@
 
 import signal
 
-from service.jobs.states import AttemptOutcome, JobState
+from service.jobs.records import AttemptOutcome, JobState
 from tests.workers.processes import PATIENCE, wait_until
 
 

@@ -5,8 +5,8 @@ import signal
 import numpy as np
 from sqlalchemy import select
 
-from service.jobs.states import AttemptOutcome, JobState
-from service.storage.codecs.points import SOLVED, decode_points
+from service.jobs.records import AttemptOutcome, JobState
+from service.storage.codecs.packing import SOLVED, decode_points
 from service.storage.tables.jobs import AttemptRow, JobRow
 from tests.workers.processes import wait_until
 

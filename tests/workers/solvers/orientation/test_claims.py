@@ -25,9 +25,9 @@ from service.dynamics.equations.orientation import (
 )
 from service.dynamics.motion import COLUMNS
 from service.dynamics.reduction.geometry.loop import make_loop
-from service.jobs.outcome import Refused, Solved
+from service.jobs.records import Refused, Solved
 from service.schemas.problem.problem import read_problem
-from service.storage.codecs.arrays import decode_arrays, decode_dense
+from service.storage.codecs.packing import decode_arrays, decode_dense
 from tests.support.effort import examples
 from tests.support.witnesses.rotation_matrix import rotation_matrix
 from workers.computation.compute import solve_document

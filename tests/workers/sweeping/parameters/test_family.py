@@ -12,10 +12,15 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.verdict.verdict import decide
-from service.schemas.reading.pointers import with_values
+from service.schemas.reading.documents import with_values
 from workers.solvers.compiled.evaluation.program import make_program
-from workers.sweeping.parameters.energies import energies_of
-from workers.sweeping.parameters.family import degree_in, potential_of, prove_family, smooth_poles
+from workers.sweeping.parameters.family import (
+    degree_in,
+    energies_of,
+    potential_of,
+    prove_family,
+    smooth_poles,
+)
 from workers.sweeping.parameters.programs import affine_program
 
 BODY = RigidBody(Fraction(2), Fraction(3, 2), Fraction(1))

@@ -8,7 +8,7 @@ import pytest
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.families.expression import expression_potential
 from workers.solvers.compiled.evaluation.program import make_program
-from workers.sweeping.planar.near_poles import keep_their_sign, slopes_along
+from workers.sweeping.planar.exclusions import keep_their_sign, slopes_along
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))
 

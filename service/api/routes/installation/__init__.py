@@ -1,1 +1,0 @@
-"""The endpoints of the installation: its health and state, its catalogue, its documentation."""

@@ -1,1 +1,0 @@
-"""The catalogue for clients: families of potentials, and named cases of the literature."""

@@ -1,1 +1,0 @@
-"""Motions as functions of time, evaluated here."""

@@ -1,1 +1,0 @@
-"""Output for people: pictures, tables in notebooks, progress bars."""

@@ -1,1 +1,0 @@
-"""Keeps the verdicts and windows that were found."""

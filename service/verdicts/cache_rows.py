@@ -1,0 +1,96 @@
+"""Rows of the cache of examinations: their keys, by what a result depends on, and their checksums.
+
+A verdict depends on the moments of inertia and on the potential; windows depend on the curve too. Both are
+found once, and never change for equal versions of what computes them. A row that was damaged is noticed by
+its checksum, and found anew.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+from service.dynamics.numerics import NUMERICS
+from service.versions import version_of
+
+
+def seal_of(key: str, content: bytes) -> str:
+    """Return the checksum, in hexadecimal, of an entry; it covers the key: entries cannot be swapped."""
+    return hashlib.sha256(key.encode() + b"\n" + content).hexdigest()
+
+
+def is_sound(key: str, content: bytes, seal: str) -> bool:
+    """Tell whether an entry is as it was when it was sealed."""
+    return seal_of(key, content) == seal
+
+
+EXAMINATION_CODE = 2
+"""Grows whenever a problem may get another verdict, proof, counterexample or window, in any form."""
+
+_OF_CURVE = ("type", "lambda", "nu", "g1_sign", "g3_sign")
+"""Members of a canonical motion that say on which curve it lies: not its window, and not its start."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A verdict or the windows of a curve, as JSON text, under its key."""
+
+    key: str
+    """SHA-256, in hexadecimal, of what the content depends on."""
+    content: str
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """The data about the examination of a problem that are stored with its job."""
+
+    windows: str
+    """Key of the windows of its curve."""
+    seconds: float
+    """Seconds that it took before the job was queued; next to nothing where its result was cached."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExaminationKeys:
+    """The keys of what is kept of one problem."""
+
+    verdict: str
+    windows: str
+    answer: str
+    """Key of the whole answer, which depends on the window, the start and the kind of times too."""
+
+
+@cache
+def examination_version() -> str:
+    """Return the versions of all that computes verdicts and windows: entries of another one are not used."""
+    parts = (version_of("polhode"), NUMERICS, EXAMINATION_CODE, version_of("python-flint"))
+    return "/".join(map(str, parts))
+
+
+def keys_of(canonical: Mapping[str, object]) -> ExaminationKeys:
+    """Return the keys of a canonical problem with a planar motion."""
+    setting, motion = _setting(canonical), canonical["motion"]
+    assert isinstance(motion, Mapping)
+    curve = {name: motion[name] for name in _OF_CURVE if name in motion}
+    time = canonical["time"]
+    assert isinstance(time, Mapping)
+    ways = [canonical["method"] == "integration", "periods" in time, canonical.get("accept")]
+    return ExaminationKeys(
+        verdict=_key("verdict", *setting),
+        windows=_key("windows", *setting, curve),
+        answer=_key("answer", *setting, motion, ways),
+    )
+
+
+def _setting(canonical: Mapping[str, object]) -> tuple[object, ...]:
+    """Return the moments and the potential; B only where a formula may name it: it plays no other part."""
+    body, potential = canonical["body"], canonical["potential"]
+    assert isinstance(body, Mapping)
+    names_B = "B" in json.dumps(potential)
+    return body["A"], body["C"], body["B"] if names_B else None, potential
+
+
+def _key(kind: str, *parts: object) -> str:
+    content = json.dumps([kind, examination_version(), *parts], sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(content.encode()).hexdigest()

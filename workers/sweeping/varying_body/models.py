@@ -1,0 +1,262 @@
+"""The numbers in potentials that vary with the moments and with parameters, exactly, by their families."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from flint import fmpq
+
+from service.dynamics.exact import exact_number
+from service.dynamics.formula.errors import FormulaError
+from service.dynamics.formula.parser import parse
+from service.dynamics.formula.printer import format_tree
+from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Number, Symbol, Tree, fold_tree
+from service.dynamics.potentials.families.homogeneous import B_coefficients
+from service.dynamics.potentials.potential import Potential
+from service.schemas.reading.documents import with_values
+from workers.sweeping.parameters.coefficients import ExactParts, SplitParameters, parts_of
+from workers.sweeping.parameters.family import Path, degree_in, potential_of
+from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, kind_of
+
+_STEP = fmpq(104_729, 611_953)
+"""A ratio of primes, far from any number that a formula would fold."""
+_MOMENTS = ("A", "B", "C")
+_ONLY = (fmpq(1),)
+"""The coefficients of the first term of either list."""
+_NONE = fmpq(0)
+"""In the place of a moment that nobody asks for."""
+
+
+def model_of(document: Mapping[str, object], paths: Sequence[Path], moments: frozenset[str]) -> Model | None:
+    """Return the potential whose numbers at ``paths`` and ``moments`` vary; None if it has no model."""
+    kind = document.get("type")
+    if kind == "expression" and all(path[0] == "parameters" for path in paths):
+        return _expression(document, tuple(path[-1] for path in paths), moments)
+    if kind == "homogeneous" and all(path[0] in ("A", "B", "C") for path in paths):
+        return _homogeneous(document, paths)
+    # Their formulas do not know of the body.
+    return FixedModel(document) if kind in ("gravity", "rational") and not paths else None
+
+
+@dataclass(frozen=True, slots=True)
+class FixedModel:
+    """A potential without numbers that vary; "rational" is one for A = 2C."""
+
+    document: Mapping[str, object]
+
+    def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
+        """See Model.values."""
+        return []
+
+    def key(self, values: Sequence[fmpq]) -> Key:
+        """See Model.key."""
+        return ()
+
+    def probes(
+        self, moments: MomentsOfPoint, numbers: Sequence[fmpq]
+    ) -> list[tuple[list[fmpq], Tape]] | None:
+        """See Model.probes."""
+        tape = self.potential(moments, numbers).tape
+        return [([], tape), ([], tape)]
+
+    def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
+        """See Model.potential."""
+        return potential_of(moments.body(), dict(self.document))
+
+
+@dataclass(frozen=True, slots=True)
+class ExpressionModel:
+    """A formula with its largest parts that are made of parameters, moments and numbers alone."""
+
+    document: Mapping[str, object]
+    names: tuple[str, ...]
+    """Names of the parameters on the axes."""
+    holed: Mapping[str, object]
+    """The same with a parameter for each part."""
+    holes: tuple[str, ...]
+    parts: ExactParts
+    """Makes them of the parameters on the axes, A, C and B."""
+    needs_moment: bool
+    """Whether B is in any of them."""
+
+    def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
+        """See Model.values."""
+        A, B, C = moments
+        if B is None and self.needs_moment:
+            return None
+        try:
+            return self.parts.values([*numbers, A, C, _NONE if B is None else B])
+        except ZeroDivisionError:
+            return None
+
+    def key(self, values: Sequence[fmpq]) -> Key:
+        """See Model.key."""
+        return tuple(map(kind_of, values))
+
+    def probes(
+        self, moments: MomentsOfPoint, numbers: Sequence[fmpq]
+    ) -> list[tuple[list[fmpq], Tape]] | None:
+        """See Model.probes."""
+        values = self.values(moments, numbers)
+        if values is None:
+            return None
+        found, body = list[tuple[list[fmpq], Tape]](), moments.body()
+        for stretch in (fmpq(1), 1 + _STEP):
+            # Not large: some are exponents.
+            probe = [
+                value
+                if kind_of(value) in (0, 1, -1)
+                else (13 + k) * _STEP * stretch * (1 if value > 0 else -1)
+                for k, value in enumerate(values)
+            ]
+            shown: dict[Path, object] = {
+                ("parameters", hole): str(value) for hole, value in zip(self.holes, probe, strict=True)
+            }
+            found.append((probe, potential_of(body, with_values(dict(self.holed), shown)).tape))
+        return found
+
+    def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
+        """See Model.potential."""
+        values: dict[Path, object] = {
+            ("parameters", name): str(value) for name, value in zip(self.names, numbers, strict=True)
+        }
+        return potential_of(moments.body(), with_values(dict(self.document), values))
+
+
+@dataclass(frozen=True, slots=True)
+class HomogeneousModel:
+    """The homogeneous family without logarithmic terms."""
+
+    document: Mapping[str, object]
+    paths: tuple[Path, ...]
+    lists: Mapping[str, tuple[fmpq, ...]]
+
+    def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
+        """See Model.values: coefficients and exponents of each power, then what is beside A g1² + C g3²."""
+        lists = {name: list(row) for name, row in self.lists.items()}
+        for (name, place), number in zip(self.paths, numbers, strict=True):
+            lists[name][int(place)] = number
+        alpha = moments.A / moments.C
+        sums: dict[tuple[int, int, int, int], list[fmpq]] = {}
+        for name, ratio in (("B", alpha), ("C", 1 / alpha)):
+            for n, weight in enumerate(lists[name]):
+                if not weight:
+                    continue
+                if n and _has_gap(ratio, n):
+                    return None
+                exponent = 2 * (ratio - 1) * (n + 1) / ratio
+                sign = 1 if name == "B" or n % 2 == 0 else -1
+                for k, factor in enumerate(B_coefficients(ratio, n) if n else _ONLY):
+                    first, third = exponent - 2 * k, fmpq(2 * k)
+                    if name == "C":
+                        first, third = third, first
+                    key = (int(first.p), int(first.q), int(third.p), int(third.q))
+                    known = sums.setdefault(key, [fmpq(0), first, third])
+                    known[0] += weight * (sign * factor)
+        found = [value for term in sums.values() for value in term]
+        return [*found, moments.A, moments.C, *lists["A"]]
+
+    def key(self, values: Sequence[fmpq]) -> Key:
+        """See Model.key: a family writes a sum by signs, and even powers without absolute values."""
+        of_terms = len(values) - 2 - len(self.lists["A"])
+        even = tuple(
+            int(value.p) if place % 3 and value.q == 1 and int(value.p) % 2 == 0 else None
+            for place, value in enumerate(values[:of_terms])
+        )
+        return even, tuple(map(kind_of, values))
+
+    def probes(
+        self, moments: MomentsOfPoint, numbers: Sequence[fmpq]
+    ) -> list[tuple[list[fmpq], Tape]] | None:
+        """See Model.probes: all numbers a little larger, each by another share."""
+        values = self.values(moments, numbers)
+        found: list[tuple[list[fmpq], Tape]] = []
+        for size in (1, 2):
+            shares = [1 + fmpq(size, 1_000_003 + 7919 * k) for k in range(len(numbers) + 2)]
+            # What is 0, 1 or -1 stays.
+            A, C, *moved = (
+                number if kind_of(number) in (0, 1, -1) else number * share
+                for number, share in zip((moments.A, moments.C, *numbers), shares, strict=True)
+            )
+            near = MomentsOfPoint(A, None, C)
+            probe = self.values(near, moved)
+            if values is None or probe is None or self.key(probe) != self.key(values):
+                return None
+            found.append((probe, self.potential(near, moved).tape))
+        return found
+
+    def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
+        """See Model.potential."""
+        values: dict[Path, object] = {
+            path: str(value) for path, value in zip(self.paths, numbers, strict=True)
+        }
+        return potential_of(moments.body(), with_values(dict(self.document), values))
+
+
+def _homogeneous(document: Mapping[str, object], paths: Sequence[Path]) -> Model | None:
+    lists: dict[str, tuple[fmpq, ...]] = {}
+    for name in ("A", "B", "C", "log"):
+        given = document.get(name, [])
+        if not isinstance(given, list):
+            return None
+        lists[name] = tuple(_ratio(exact_number(value)) for value in given)
+    if any(lists["log"]):
+        return None
+    return HomogeneousModel(document, tuple(paths), lists)
+
+
+def _expression(
+    document: Mapping[str, object], names: tuple[str, ...], moments: frozenset[str]
+) -> Model | None:
+    given = document.get("parameters")
+    parameters = dict(given) if isinstance(given, dict) else {}
+    varying = {*names, *moments}
+    try:
+        tree = parse(str(document.get("expression")))
+        if not _is_plain(tree, varying):
+            return None
+        found = SplitParameters(tuple(varying), {*parameters, *names, *_MOMENTS})
+        holed = format_tree(fold_tree(tree, found.build)[0])
+        fixed = {name: _ratio(exact_number(value)) for name, value in parameters.items() if name not in names}
+    except (FormulaError, ValueError):
+        return None
+    holes = tuple(found.names())
+    kept = {name: value for name, value in parameters.items() if name not in names}
+    holed_document = {**document, "expression": holed, "parameters": {**kept, **dict.fromkeys(holes, 1)}}
+    parts = parts_of(found.parts, (*names, "A", "C", "B"), fixed)
+    needs_moment = any(degree_in(part, {"B"}) for part in found.parts)
+    return ExpressionModel(document, names, holed_document, holes, parts, needs_moment)
+
+
+def _is_plain(tree: Tree, varying: set[str]) -> bool:
+    """Tell whether no power of numbers that vary may be rational for some and not for others."""
+
+    def look(_: int, node: Tree, below: Sequence[tuple[bool, bool, bool]]) -> tuple[bool, bool, bool]:
+        """Return whether a variable is in it, whether a number that varies is, and whether it is plain."""
+        if isinstance(node, Symbol):
+            return node.name in VARIABLES, node.name in varying, True
+        has, varies = any(each[0] for each in below), any(each[1] for each in below)
+        is_plain = all(each[2] for each in below)
+        if isinstance(node, Call) and node.function == "sqrt":
+            is_plain &= has or not varies
+        if isinstance(node, Binary) and node.operator == "^":
+            is_plain &= below[0][0] or not varies or _is_whole(node.right)
+        return has, varies, is_plain
+
+    return fold_tree(tree, look)[2]
+
+
+def _is_whole(tree: Tree) -> bool:
+    tree = tree.operand if isinstance(tree, Negation) else tree
+    return isinstance(tree, Number) and tree.value.denominator == 1
+
+
+def _has_gap(ratio: fmpq, n: int) -> bool:
+    """Tell whether a term with n > 0 has no value, or is nothing new: see :func:`.multiplicity`."""
+    m = (n + 1) * min(ratio, 1 / ratio)
+    return m.q == 1 and m <= n
+
+
+def _ratio(value: Fraction) -> fmpq:
+    return fmpq(value.numerator, value.denominator)
