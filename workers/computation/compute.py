@@ -288,7 +288,7 @@ def _columns(problem: Problem, motion: Motion, dense: DenseOutput) -> dict[str, 
         return {}
     wanted = [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in problem.outputs]
     series = {name: motion.samples[:, COLUMNS.index(name)] for name in wanted}
-    return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.rests)}
+    return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.low_parts)}
 
 
 CHECKED_TOLERANCE = 1e-9

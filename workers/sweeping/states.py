@@ -294,7 +294,7 @@ class StateSolver:
                 self._run_request.check,
                 asked,
                 times,
-                self._times.rests,
+                self._times.low_parts,
             )
             is_held = found.endings == VERIFIED
             places = group.places[left[is_held]]

@@ -79,7 +79,7 @@ def solve_batch(batch: Batch) -> BatchResult:
         _NO_RESTS if batch.rests is None else batch.rests,
         TOLERANCES[batch.tier],
         times.doubles,
-        times.rests,
+        times.low_parts,
         batch.columns,
         loops,
         panels,

@@ -129,7 +129,7 @@ class _Found:
         columns = self._sampling.columns
         if len(columns):
             rows = self._samples[n]
-            sample_one(run.loops, run.panels, asked.doubles, asked.rests, columns, self._desk, rows)
+            sample_one(run.loops, run.panels, asked.doubles, asked.low_parts, columns, self._desk, rows)
 
     def swept(self) -> Swept:
         """Return all of them."""

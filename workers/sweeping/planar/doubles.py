@@ -208,7 +208,7 @@ def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArr
             times[n] = asked.doubles
             if not len(batch.columns):
                 continue
-            sample_one(run.loops, run.panels, times[n], asked.rests, batch.columns, desk, samples[n])
+            sample_one(run.loops, run.panels, times[n], asked.low_parts, batch.columns, desk, samples[n])
     return _swept(loops, found, late, np.abs(times).max(axis=1), times, samples)
 
 
