@@ -203,8 +203,6 @@ def split_time(
 def _remainder(
     times: FloatArray, turns: FloatArray, period: Period, low_parts: FloatArray | None
 ) -> FloatArray:
-    times: FloatArray, turns: FloatArray, period: Period, low_parts: FloatArray | None
-) -> FloatArray:
     product, rest = two_product(turns, period.hi)
     small = turns * period.lo if low_parts is None else turns * period.lo - low_parts
     return ((times - product) - rest) - small

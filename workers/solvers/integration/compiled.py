@@ -391,6 +391,4 @@ def samples_of(verified: VerifiedRun, times: FloatArray, low_parts: FloatArray |
     series = _padded(verified.coefficients)
     low = _NONE if low_parts is None else low_parts
     values_at(verified.breaks, series, series.shape[1], times, low, values)
-        verified.breaks, series, series.shape[1], times, _NONE if low_parts is None else low_parts, values
-    )
     return values[: len(times), :STATE].copy()

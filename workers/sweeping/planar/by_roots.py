@@ -20,12 +20,12 @@ from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import Period
 from workers.solvers.compiled.batch import NO_TIMES, BatchResult, bounds_of
-from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.frame import Frame, make_frame
 from workers.solvers.compiled.rational.roots import Radicand, curve_of, expansion_of, radicand_of
 from workers.solvers.compiled.records import FOUND, Records, copied, new_records
 from workers.solvers.compiled.solve import solve_rational
 from workers.solvers.compiled.time_map.sampling import sample_one
+from workers.solvers.compiled.workspace import WORKSPACE
 from workers.sweeping.parameters.family import SweepFamily
 from workers.sweeping.planar.doubles import Sampling, Swept, logarithms_of, pass_a_pole
 
@@ -107,7 +107,7 @@ class _Found:
 
     def __init__(self, loops: Records, sampling: Sampling) -> None:
         sets = len(loops)
-        self._loops, self._about, self._desk = copied(loops), new_records(FOUND, sets), new_records(DESK)
+        self._loops, self._about, self._desk = copied(loops), new_records(FOUND, sets), new_records(WORKSPACE)
         self._about["panels"] = 0
         self._sampling = sampling
         is_shared = sampling.has_times and not isinstance(sampling.time, TimePeriods)
