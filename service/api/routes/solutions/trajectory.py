@@ -209,7 +209,7 @@ def _remade(inside: Resources, solution_id: str) -> _Samples:
 
 
 def _evaluated(dense: DenseOutput, times: SampleTimes) -> _Samples:
-    columns = {"t": times.doubles, **trajectory_columns(dense, times.doubles, times.rests)}
+    columns = {"t": times.doubles, **trajectory_columns(dense, times.doubles, times.low_parts)}
     errors = trajectory_errors(dense, times.doubles)
     error = max((errors[name] for name in COLUMNS if name in errors), default=0.0)
     return _Samples(columns, error, errors, "evaluated")
