@@ -24,7 +24,7 @@ MOST = 10_000_000
 ROW = 40
 """Entries that are read in the time in which a row is looked up; more if the system has forgotten it."""
 
-_IN_AN_INDEX = ("=", "<", "<=", ">", ">=", "in")
+_IN_AN_INDEX = ("=", "<", "<=", ">", ">=", "in", "is not null")
 _IN_LABELS = ("id", "created_at")
 """Columns that the index of labels has, too."""
 
@@ -153,17 +153,21 @@ def slow_parts(
         if not has_index or condition.operator not in _IN_AN_INDEX:
             why = "no index finds what meets" if has_index else "no index has"
             yield "?where", f"{why} {subject.text} {condition.operator}: rows are tried one by one"
-    of_problem = {each.subject.text for each in conditions if source.has_number(each.subject)}
-    of_problem |= {key.subject.text for key in keys if source.has_number(key.subject)}
-    if len(of_problem) > 1:
-        both = " and ".join(sorted(of_problem))
-        yield "?where", f"no index has {both} together: rows are looked up if many have each"
+    asked = {each.subject.text for each in conditions if source.has_number(each.subject)}
+    read_too = [*(key.subject for key in keys), *read.get("?of", ())]
+    both = asked.union(each.text for each in read_too if source.has_number(each))
+    if asked and len(both) > 1:
+        yield (
+            "?where",
+            f"no index has {' and '.join(sorted(both))} together: rows are looked up if many have each",
+        )
     for key in keys[:1]:
         if not (source.has_index_of(key.subject) or key.subject.name in _IN_LABELS):
             yield "?order", f"no index has {key.subject.text}: all rows that match are sorted"
     for parameter, subjects in read.items():
         for subject in subjects:
-            if not source.is_covered(subject):
+            has_table = parameter == "?of" and source.has_number(subject)
+            if not source.is_covered(subject) and not has_table:
                 yield parameter, f"no index has {subject.text}: it is read from all rows that match"
 
 
