@@ -53,10 +53,10 @@ def migrate_database(settings: "Settings") -> None:
         fail(str(fault), REFUSED)
 
 
-def become_worker(arguments: list[str], environment: Mapping[str, str]) -> NoReturn:
-    """Replace this process by ``python -m workers``, since the service does not import workers."""
+def become_worker(name: str, environment: Mapping[str, str], **options: object) -> NoReturn:
+    """Replace this process by a command of the workers, which the service does not import."""
     hold_signals()
-    os.execve(sys.executable, worker_command(*arguments), dict(environment))
+    os.execve(sys.executable, worker_command(name, **options), dict(environment))
 
 
 def fail(reason: str, code: int) -> NoReturn:

@@ -1,5 +1,6 @@
 """A worker process: its name, its host, its command line and its environment."""
 
+import json
 import os
 import sys
 from typing import TYPE_CHECKING
@@ -45,9 +46,12 @@ def new_worker_name(host: str) -> str:
     return f"{host[:64]}:{os.getpid()}:{os.urandom(4).hex()}"
 
 
-def worker_command(*arguments: str) -> list[str]:
-    """Return the command line of a worker. ``-P``: a ``workers.py`` in the working folder is not imported."""
-    return [sys.executable, "-P", "-m", "workers", *arguments]
+def worker_command(name: str, **options: object) -> list[str]:
+    """Return the command line for a command of a worker, its options as JSON; paths are text there.
+
+    ``-P``: a ``workers.py`` in the working folder is not imported.
+    """
+    return [sys.executable, "-P", "-m", "workers", name, json.dumps(options, default=str)]
 
 
 def worker_environment(settings: "Settings") -> dict[str, str]:

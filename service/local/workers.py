@@ -135,9 +135,8 @@ class LocalWorkers:
         self._has_worked = threading.Event()
         line = self._doorbell.new_line(self._has_worked.set)
         with line:
-            options = ["--slots", str(self._settings.workers), "--wake-fd", str(line.fileno())]
             return subprocess.Popen(
-                worker_command("run", *options),
+                worker_command("run", slots=self._settings.workers, wake_fd=line.fileno()),
                 pass_fds=[line.fileno()],
                 env=worker_environment(self._settings),
                 start_new_session=True,

@@ -1,6 +1,7 @@
 """The worker process beside a service is back at once when it was killed; if it cannot live, that is told."""
 
 import errno
+import json
 import subprocess
 import sys
 import threading
@@ -19,8 +20,8 @@ from tests.workers.processes import wait_until
 
 FOREVER = [sys.executable, "-S", "-c", "import signal; signal.pause()"]
 WARM_AT_ONCE = """
-import os, signal, sys
-os.write(int(sys.argv[sys.argv.index("--wake-fd") + 1]), b"warm\\n")
+import json, os, signal, sys
+os.write(json.loads(sys.argv[-1])["wake_fd"], b"warm\\n")
 signal.pause()
 """
 ENDS_AT_THE_SECOND = f"""
@@ -42,7 +43,10 @@ def keep(monkeypatch):
     started = []
 
     def begin(command):
-        monkeypatch.setattr("service.local.workers.worker_command", lambda *given: [*command, *given])
+        def with_options(name, **options):
+            return [*command, name, json.dumps(options)]
+
+        monkeypatch.setattr("service.local.workers.worker_command", with_options)
         bell = Doorbell()
         started.append((LocalWorkers(Settings(workers=1, grace_seconds=0.0), bell), bell))
         return started[-1][0]

@@ -135,7 +135,7 @@ def _alongside() -> Iterator["subprocess.Popen[bytes] | None"]:
     if len(os.sched_getaffinity(0)) < 2:
         yield None
         return
-    second = subprocess.Popen(worker_command("compile", "--is-second"), stdin=subprocess.DEVNULL)
+    second = subprocess.Popen(worker_command("compile", is_second=True), stdin=subprocess.DEVNULL)
     try:
         yield second
     finally:

@@ -3,7 +3,7 @@
 import json
 
 from service.jobs.records import Drawn, Refused
-from service.schemas.atlas.reading import read_atlas
+from service.schemas.atlas.reading import trusted_atlas
 from service.storage.codecs.packing import encode_document
 from service.verdicts.atlases import examine_atlas_of_job
 from workers.computation.compiled_code import way_for
@@ -20,7 +20,7 @@ SAME = ("body", "potential", "accept")
 def draw_document(document_json: str) -> Drawn | Refused:
     """Draw what a document of :func:`~service.schemas.atlas.reading.read_atlas` asks for."""
     answer = examine_atlas_of_job(document_json)
-    if read_atlas(json.loads(document_json)).wants_stability:
+    if trusted_atlas(json.loads(document_json)).wants_stability:
         answer = with_stability(document_json, answer, waits=True)
     found = json.loads(answer)
     return Refused(found["error"]) if "error" in found else Drawn(encode_document(found["verdict"]))

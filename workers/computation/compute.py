@@ -6,6 +6,7 @@ Motions of the certified tier, and those that fall back on it, are sampled from 
 import json
 import logging
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf, isfinite, nextafter, ulp
 
@@ -17,7 +18,7 @@ from service.dynamics.accuracy import TIER_TOLERANCES
 from service.dynamics.bounds import is_within, largest
 from service.dynamics.equations.orientation import orientation_columns
 from service.dynamics.errors import BudgetTooSmallError, DynamicsError
-from service.dynamics.motion import COLUMNS, CrossCheck, Motion
+from service.dynamics.motion import COLUMNS, CrossCheck, Motion, columns_of
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.reduction.windows import hand_on_windows
 from service.dynamics.sampling import exact_instants
@@ -28,6 +29,8 @@ from service.jobs.kernels import NeedsKernelsError, told_way
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
+from service.schemas.problem.trusted import trusted_problem
+from service.schemas.reading.documents import Part
 from service.storage.codecs.packing import encode_arrays, encode_dense
 from service.storage.solutions.shipped_accuracy import shipped_table
 from service.verdicts.cached import Kept, read_windows
@@ -42,8 +45,7 @@ from workers.computation.compiled_code import (
     way_for,
     why_no_folder,
 )
-from workers.computation.outputs import InUnits, find_out
-from workers.computation.promises import errors_of, in_units, require_promise
+from workers.computation.outputs import InUnits, errors_of, find_out, in_units, require_promise
 from workers.computation.summary import Document, summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
@@ -59,25 +61,29 @@ FloatArray = NDArray[np.float64]
 
 
 def solve_document(
-    document_json: str, windows_json: str = "", way: Way | None = None, *, waits: bool = False
+    document_json: str,
+    windows_json: str = "",
+    way: Way | None = None,
+    *,
+    waits: bool = False,
+    read: Callable[[Part], Problem] = trusted_problem,
 ) -> SolveOutcome:
     """Solve the problem in ``document_json``; what cannot be solved is told in the outcome, not raised.
 
     ``windows_json`` has the windows of its curve, if they were kept: they are not found again. Without a
     ``way`` it is the compiled one if its kernels are ready, and a plain one waits for them: no refusal of a
-    solver is final. So does a given one that ``waits``.
+    solver is final. So does a given one that ``waits``. A document that nobody has validated is ``read`` by
+    who does.
 
     Raises
     ------
-    InvalidProblemError
-        The document states no problem.
     NeedsKernelsError
         The plain way waits for kernels, and does not have what they have.
     """
     began = time.perf_counter()
     document = json.loads(document_json)
     try:
-        problem = read_problem(document)
+        problem = read(document)
     except DynamicsError as fault:
         return _refused(document, fault)
     motion = problem.motion
@@ -198,14 +204,14 @@ def solve_checked(
     that were found before. The way is that of :func:`solve_document`.
     """
     document = json.loads(document_json)
-    examined = examine_document(document, explains=explains, kept=kept)
+    examined = examine_document(document, explains=explains, kept=kept, read=read_problem)
     return _solve_examined(document, examined, way, waits=waits)
 
 
 def solve_judged(document_json: str, report_json: str) -> SolveOutcome:
     """Solve a problem of which ``report_json`` is what :func:`.examine_problem` answers."""
     document, report = json.loads(document_json), json.loads(report_json)
-    problem = None if "error" in report else read_problem(document)
+    problem = None if "error" in report else trusted_problem(document)
     return _solve_examined(document, Examined(report, problem), None)
 
 
@@ -228,7 +234,7 @@ def _solve_examined(
             return _refused(document, fault)
         # Another document: it states a tier where the first one had a budget.
         document = with_tier(document, choice)
-        problem = read_problem(document)
+        problem = trusted_problem(document)
     return _solve_read(document, as_solved(problem), began, way, waits)
 
 
@@ -286,8 +292,7 @@ def _columns(problem: Problem, motion: Motion, dense: DenseOutput) -> dict[str, 
     """Return t, rounded to doubles, and the columns that were asked for, at the exact times."""
     if not problem.wants_series:
         return {}
-    wanted = [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in problem.outputs]
-    series = {name: motion.samples[:, COLUMNS.index(name)] for name in wanted}
+    series = {name: motion.samples[:, COLUMNS.index(name)] for name in columns_of(problem.outputs)}
     return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.rests)}
 
 

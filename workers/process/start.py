@@ -122,7 +122,7 @@ class Compiling:
         try:
             # A group of its own, so that its second process ends with it.
             task = subprocess.Popen(
-                worker_command("compile", "--in-background"),
+                worker_command("compile", in_background=True),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from service.dynamics.problem import PlanarMotion
 from service.jobs.kernels import NeedsKernelsError
 from service.jobs.records import ChunkOutcome
-from service.schemas.sweep.reading import read_sweep
-from service.schemas.sweep.sweep import Sweep
+from service.schemas.problem.problem import read_problem
+from service.schemas.sweep.sweep import Sweep, trusted_sweep
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from service.verdicts.cached import Kept
 from workers.computation.compiled_code import GROUPS, keep_compiled_code, way_for
@@ -68,7 +68,7 @@ def solve_point(
     document = json.dumps(sweep.document(index))
     try:
         outcome = (
-            solve_document(document, way=way, waits=waits)
+            solve_document(document, way=way, waits=waits, read=read_problem)
             if is_judged
             else solve_checked(document, explains=False, kept=kept, way=way, waits=waits)
         )
@@ -287,4 +287,4 @@ class _Chunk:
 @lru_cache(maxsize=8)
 def _solver_of(sweep_json: str, way: Way, *, waits: bool) -> ChunkSolver:
     # Proofs and programs are the same for all chunks of a sweep.
-    return ChunkSolver(make_plan(read_sweep(json.loads(sweep_json))), way, waits=waits)
+    return ChunkSolver(make_plan(trusted_sweep(json.loads(sweep_json))), way, waits=waits)

@@ -152,8 +152,7 @@ def outer_axes(sweep: Sweep, least: int = 1) -> tuple[int, ...] | None:
 def slice_of(sweep: Sweep, outer: Sequence[int], numbers: Sequence[Fraction]) -> Sweep | None:
     """Return the points with these numbers on the ``outer`` axes; None if the first of them is no problem."""
     fixed = {sweep.axes[k].path: json_number(number) for k, number in zip(outer, numbers, strict=True)}
-    base = with_values(dict(sweep.base), dict(fixed))
-    assert isinstance(base, dict)
+    base = with_values(sweep.base, dict(fixed))
     axes = tuple(each for k, each in enumerate(sweep.axes) if k not in outer)
     combine = sweep.combine
     if not axes:

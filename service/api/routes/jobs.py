@@ -30,7 +30,8 @@ from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.errors import ApiError
 from service.api.replies.records import job_out
 from service.api.replies.responses import JobId, json_response, refusals
-from service.api.submission import Accepted, Checked, JudgedDocument, accept, accept_many, check, check_each
+from service.api.submission import accept, accept_many, check, check_each
+from service.api.verdicts.examiner import Submission
 from service.jobs.queue import Lane
 from service.jobs.records import Job, JobPage, JobState
 from service.jobs.store import Receipt
@@ -134,16 +135,15 @@ async def submit_job(
     return await inside.idempotency.once(given, work)
 
 
-def _checked(content: bytes, settings: Settings) -> Checked | list[Checked | ApiError]:
+def _checked(content: bytes, settings: Settings) -> Submission | list[Submission | ApiError]:
     document = read_json(content)
     return check_each(document, settings) if isinstance(document, list) else check(document, settings)
 
 
-async def _submit_one(problem: Checked, inside: Resources, terms: SubmissionTerms) -> Response:
-    examined = await accept(inside, problem, terms.holder)
+async def _submit_one(problem: Submission, inside: Resources, terms: SubmissionTerms) -> Response:
+    accepted = await accept(inside, problem, terms.holder)
 
     def store(receipt: Receipt[Made] | None) -> Job:
-        accepted = examined.accepted()
         return inside.jobs.submit(
             accepted.document,
             accepted.digest,
@@ -163,17 +163,16 @@ def _shown(job: Job) -> tuple[JobOut, str]:
 
 
 async def _submit_list(
-    problems: list[Checked | ApiError], inside: Resources, terms: SubmissionTerms
+    problems: list[Submission | ApiError], inside: Resources, terms: SubmissionTerms
 ) -> Response:
-    examined = await accept_many(inside, problems, terms.holder)
-    return await run_in_threadpool(_queue_list, examined, inside, terms)
+    answers = await accept_many(inside, problems, terms.holder)
+    return await run_in_threadpool(_queue_list, answers, inside, terms)
 
 
 def _queue_list(
-    examined: Sequence[JudgedDocument | ApiError], inside: Resources, terms: SubmissionTerms
+    answers: Sequence[Submission | ApiError], inside: Resources, terms: SubmissionTerms
 ) -> Response:
-    answers = [each if isinstance(each, ApiError) else each.accepted_or_refusal() for each in examined]
-    accepted = [answer for answer in answers if isinstance(answer, Accepted)]
+    accepted = [answer for answer in answers if isinstance(answer, Submission)]
     if not accepted:
         raise _nothing_accepted(answers)
     jobs = inside.jobs.submit_many(
@@ -191,7 +190,7 @@ def _queue_list(
     return _list_submitted(answers, jobs)
 
 
-def _list_submitted(answers: Sequence[Accepted | ApiError], made: Sequence[Job]) -> Response:
+def _list_submitted(answers: Sequence[Submission | ApiError], made: Sequence[Job]) -> Response:
     jobs = iter(made)
     items = [
         _refused(answer)
@@ -206,7 +205,7 @@ def _refused(refusal: ApiError) -> JobItemOut:
     return JobItemOut(status=refusal.status, job=None, problem=refusal.document())
 
 
-def _nothing_accepted(answers: Sequence[Accepted | ApiError]) -> ApiError:
+def _nothing_accepted(answers: Sequence[Submission | ApiError]) -> ApiError:
     refusals = [answer for answer in answers if isinstance(answer, ApiError)]
     faults = [
         replace(fault, pointer=f"/{index}{fault.pointer}")

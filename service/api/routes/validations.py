@@ -17,8 +17,8 @@ from service.api.middleware.heavy_answers import while_connected
 from service.api.middleware.security import Holder
 from service.api.queries.queries import QueryModel, query_of, query_parameters
 from service.api.replies.responses import json_response, refusals
-from service.api.submission import needs_verdict, settle
-from service.api.verdicts.examiner import examine, examine_with_formulas
+from service.api.submission import needs_verdict
+from service.api.verdicts.examiner import Submission, examine, examine_with_formulas
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import (
     TIER_TOLERANCES,
@@ -31,8 +31,10 @@ from service.dynamics.accuracy import (
 from service.dynamics.problem import Problem
 from service.schemas.problem.budgets import expected_of_tiers
 from service.schemas.problem.documents import ProblemIn
-from service.schemas.problem.problem import Question, check_problem, read_question
-from service.schemas.problem.rules import ONE_AT_A_TIME, CheckedProblem
+from service.schemas.problem.problem import check_problem, check_question
+from service.schemas.problem.questions import Question
+from service.schemas.problem.rules import CheckedProblem
+from service.schemas.problem.trusted import ONE_AT_A_TIME
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
@@ -109,7 +111,7 @@ async def validate(
     would do. Nothing is stored.
     """
     asked = await inside.reading.run(len(content), _checked, content, inside.settings)
-    whole, verdict = asked.question.problem, None
+    whole, verdict = asked.whole, None
     if whole is None or needs_verdict(whole):
         claimant = Claimant(None if holder is None else holder.id)
         verdict = await while_connected(request, _judged(inside, asked, query.formats, claimant))
@@ -121,6 +123,8 @@ async def validate(
 @dataclass(frozen=True, slots=True)
 class _Asked:
     question: Question
+    whole: CheckedProblem | None
+    """The problem, if motion and times are given."""
     document: Mapping[str, object]
     text: str
 
@@ -136,11 +140,11 @@ async def _judged(
 
 def _checked(content: bytes, settings: Settings) -> _Asked:
     document = read_json(content)
-    question = read_question(document)
+    question, whole = check_question(document)
     assert isinstance(document, dict)
-    if question.problem is not None:
-        check_problem_samples(question.problem.problem, settings)
-    return _Asked(question, document, json.dumps(document))
+    if whole is not None:
+        check_problem_samples(whole.problem, settings)
+    return _Asked(question, whole, document, json.dumps(document))
 
 
 def _planned(
@@ -165,13 +169,14 @@ def _completed(
     assert isinstance(plan, dict)
     window, table = plan["window"], AccuracyStore(inside.database).current()
     problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
-    accepted = settle(problem, checked, window, table)
-    tiers = _tiers(problem, accepted.problem, window, table)
+    accepted = Submission(problem, checked).settled(window, table)
+    settled = accepted.checked.problem
+    tiers = _tiers(problem, settled, window, table)
     return {
         **plan,
-        "tier": accepted.problem.accuracy.tier,
-        "tolerance": accepted.problem.tolerance,
-        "expected_seconds": tiers[TIERS.index(accepted.problem.accuracy.tier)]["expected_seconds"],
+        "tier": settled.accuracy.tier,
+        "tolerance": settled.tolerance,
+        "expected_seconds": tiers[TIERS.index(settled.accuracy.tier)]["expected_seconds"],
         "tiers": tiers,
         "solution": inside.solutions.of_problem(accepted.digest),
     }

@@ -5,13 +5,11 @@ faults of every member, or do not say what would have been accepted. A document 
 whole is read part by part, and the readable parts are still checked against the rules of the domain.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from inspect import get_annotations
-from typing import (
-    Any,  # JSON schemas
-    TypeVar,
-)
+from typing import Any, TypeVar  # Any: JSON schemas and documents
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
@@ -56,6 +54,14 @@ class WireModel(BaseModel):
     """The base class of all request models: unknown fields are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
+
+
+class Section(WireModel, ABC):
+    """A part of a document that has a canonical document: equal parts have equal ones."""
+
+    @abstractmethod
+    def canonical(self) -> dict[str, object]:
+        """Return the canonical document."""
 
 
 def require_kind(
@@ -171,6 +177,12 @@ def read_part(model: type[BaseModel], name: str, document: dict[str, object]) ->
     if name not in document:
         return model.model_fields[name].get_default(call_default_factory=True, validated_data={})
     return _adapter(model, name).validate_python(document[name])
+
+
+def fields_of(model: BaseModel) -> dict[str, Any]:
+    """Return the fields of a model as a document has them, with numbers as they were read."""
+    fields = ((field.alias or name, getattr(model, name)) for name, field in type(model).model_fields.items())
+    return {name: fields_of(value) if isinstance(value, BaseModel) else value for name, value in fields}
 
 
 @cache

@@ -16,8 +16,7 @@ from service.dynamics.accuracy import (
     Source,
     Unavailable,
 )
-from service.dynamics.problem import Tier
-from service.schemas.problem.documents import OutputName
+from service.dynamics.problem import Output, Tier
 from service.schemas.replies.response_model import ResponseModel
 
 
@@ -198,7 +197,7 @@ class OutputCostOut(ResponseModel):
     """The time of a job as outputs are asked for one by one."""
 
     problem: str = Field(description="The motion.")
-    output: OutputName = Field(description="What is asked for beside the outputs of the rows before.")
+    output: Output = Field(description="What is asked for beside the outputs of the rows before.")
     seconds: float = Field(description="Of the job with this and those before it, processor time, median.")
     added: float | None = Field(
         description="Seconds more than without it; null for the first. Below zero only by the clock's noise."

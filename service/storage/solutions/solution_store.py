@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from service.jobs.records import SolutionNotFoundError
 from service.schemas.query.conditions import ListQuery, Value
+from service.schemas.reading.documents import Part
 from service.schemas.reading.marks import Marks
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, is_id, rows_of_page
@@ -30,7 +31,7 @@ class Solution:
     id: str
     job_id: str
     """The job that computed it; later jobs may have reused it."""
-    problem: Mapping[str, object]
+    problem: Part
     summary: Mapping[str, object]
     created_at: datetime
     marks: Marks

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from service.api.verdicts.examiner import Examiner, ToExamine
+from service.api.verdicts.examiner import Examiner, Submission
 from service.api.verdicts.verdict_queue import Claimant
 from service.schemas.problem.problem import check_problem
 from service.storage.examinations import ExaminationStore
@@ -44,7 +44,8 @@ class Process:
 
 
 def problem(document):
-    return ToExamine(json.dumps(document), keys_of(check_problem(document).canonical))
+    checked = check_problem(document)
+    return Submission(document, checked, keys=keys_of(checked.canonical), text=json.dumps(document))
 
 
 def on_curve(lambda_, **changes):

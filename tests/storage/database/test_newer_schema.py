@@ -16,7 +16,8 @@ from service.storage.database.database import make_engine
 from service.storage.database.migration import migrate
 from service.storage.database.revisions import UnknownRevisionError, newest_revision
 from tests.support.api import TestClient
-from workers.cli.main import main as run_workers
+from tests.support.commands import polhode
+from workers.cli.main import run
 
 POLHODE = Path(sys.executable).with_name("polhode")
 
@@ -65,8 +66,7 @@ def test_a_worker_refuses_it_in_one_line(newer_url, is_alone, capsys, monkeypatc
     monkeypatch.setattr("workers.process.start.use_one_thread", lambda: None)
     monkeypatch.setattr("workers.cli.main.start_logging", lambda *_: None)
     bell = Doorbell()
-    line = [] if is_alone else ["--wake-fd", str(bell.new_line().detach())]
-    assert run_workers(["run", *line]) == 1
+    assert run(wake_fd=None if is_alone else bell.new_line().detach()) == 1
     bell.close()
     said = capsys.readouterr().err
     assert said.count("\n") == 1
@@ -82,7 +82,7 @@ def test_serve_refuses_it_in_one_line(newer_url, tmp_path):
 
 
 def test_the_doctor_says_whose_it_is_and_mends_nothing(newer_url, capsys):
-    assert run_workers(["doctor", "--fix"]) == 1
+    assert polhode("doctor", "--fix") == 1
     said = capsys.readouterr()
     assert_said(said.out)
     assert "polhode migrate" not in said.out

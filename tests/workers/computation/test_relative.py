@@ -18,7 +18,7 @@ from service.schemas.problem.problem import check_problem, problem_digest, read_
 from service.storage.codecs.packing import SOLVED, decode_arrays, decode_dense, decode_points
 from tests.support.effort import seldom
 from tests.support.golden import GOLDEN
-from workers.computation import compute, promises
+from workers.computation import compute, outputs
 from workers.computation.compute import solve, solve_document
 from workers.solvers.units import Units, speed_of
 from workers.sweeping import chunk
@@ -240,9 +240,9 @@ def test_the_speed_is_about_the_largest_angular_velocity():
 @pytest.mark.parametrize("accuracy", [RELATIVE, {"tier": "certified"}])
 def test_compiled_code_is_kept_from_the_first_kernel_on(monkeypatch, accuracy):
     order = list[str]()
-    keep, speed = compute.keep_compiled_code, promises.speed_of
+    keep, speed = compute.keep_compiled_code, outputs.speed_of
     monkeypatch.setattr(compute, "keep_compiled_code", lambda: (order.append("keep"), keep())[1])
-    monkeypatch.setattr(promises, "speed_of", lambda problem: (order.append("speed"), speed(problem))[1])
+    monkeypatch.setattr(outputs, "speed_of", lambda problem: (order.append("speed"), speed(problem))[1])
     solve_document(json.dumps(quicker(GRAVITY, squared=1, accuracy=accuracy)))
     assert order[:2] == ["keep", "speed"]
     assert order.count("keep") == 1

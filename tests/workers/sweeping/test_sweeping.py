@@ -8,11 +8,12 @@ import pytest
 
 from service.dynamics.verdict.verdict import decide
 from service.jobs.records import Refused
+from service.schemas.problem.problem import read_problem
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import kept_numbers
 from service.storage.codecs.packing import SOLVED, decode_arrays, decode_points
 from service.verdicts import cached
-from service.verdicts.examination import examine_problem
+from service.verdicts.examination import examine_document
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk, states
 from workers.sweeping.chunk import compute_chunk
@@ -653,10 +654,11 @@ def computed(document, first=0, count=None):
 
 def alone(swept, index):
     """The outcome, numbers and series of a point's job, or of what is refused before it."""
-    problem = json.dumps(swept.document(index))
-    outcome = solve_checked(problem) if "error" not in json.loads(examine_problem(problem)) else None
-    if outcome is None:
-        return json.loads(examine_problem(problem))["error"]["code"], [np.nan] * len(swept.keep), {}
+    problem = swept.document(index)
+    answer = examine_document(problem, read=read_problem).answer
+    if "error" in answer:
+        return answer["error"]["code"], [np.nan] * len(swept.keep), {}
+    outcome = solve_checked(json.dumps(problem))
     if isinstance(outcome, Refused):
         return outcome.error["code"], [np.nan] * len(swept.keep), {}
     return SOLVED, kept_numbers(outcome.summary, swept.keep), decode_arrays(outcome.samples)

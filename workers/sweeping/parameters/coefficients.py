@@ -20,8 +20,9 @@ from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree, post_order
+from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
-from workers.sweeping.parameters.family import Path, degree_in, potential_of
+from workers.sweeping.parameters.family import Path, degree_in
 
 _Operation = Callable[[fmpq, fmpq], fmpq]
 
@@ -163,8 +164,8 @@ def coefficients_of(
     shown = dict(zip(coefficients.paths, map(str, values), strict=True))
     own = dict(zip(paths, map(str, first), strict=True))
     try:
-        compiled = potential_of(body, with_values(linear_document, dict(shown))).tape
-        is_same = compiled == potential_of(body, with_values(dict(document), dict(own))).tape
+        compiled = potential_of(with_values(linear_document, dict(shown)), body).tape
+        is_same = compiled == potential_of(with_values(document, dict(own)), body).tape
     except (DynamicsError, ValueError):
         return None
     return coefficients if is_same else None

@@ -31,8 +31,8 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import PRECISION
 from service.dynamics.verdict.verdict import Verdict, decide
-from service.schemas.problem.potentials import MODELS
-from service.schemas.reading.documents import with_values
+from service.schemas.problem.trusted import potential_of
+from service.schemas.reading.documents import Part, with_values
 
 FloatArray = NDArray[np.float64]
 
@@ -94,12 +94,6 @@ def prove_family(
     return family if proved else None
 
 
-def potential_of(body: RigidBody, document: object) -> Potential:
-    """Return the potential of a document; raises what its family raises, or ValueError for its form."""
-    kind = document.get("type") if isinstance(document, dict) else None
-    return MODELS[str(kind)].model_validate(document).to_domain(body)
-
-
 @dataclass(frozen=True, slots=True)
 class Poles:
     """The condition for motions through the poles to need no convention: V is twice differentiable there."""
@@ -127,8 +121,8 @@ def smooth_poles(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> 
     return Poles(found)
 
 
-def _member(body: RigidBody, document: object) -> Member:
-    potential = potential_of(body, document)
+def _member(body: RigidBody, document: Part) -> Member:
+    potential = potential_of(document, body)
     return Member(potential, decide(body, potential))
 
 

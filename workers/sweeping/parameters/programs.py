@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.tape import Instruction, Tape, with_inputs
-from service.schemas.reading.documents import with_values
+from service.schemas.problem.trusted import potential_of
+from service.schemas.reading.documents import Part, with_values
 from workers.solvers.compiled.evaluation.program import Program, make_program, rests_of
-from workers.sweeping.parameters.family import Path, potential_of
+from workers.sweeping.parameters.family import Path
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -193,12 +194,12 @@ class Group:
         return tuple(self.rows[:, slot] for slot in self.varying)
 
 
-def grouped(body: RigidBody, documents: Mapping[int, object]) -> list[Group]:
+def grouped(body: RigidBody, documents: Mapping[int, Part]) -> list[Group]:
     """Compile the potential of each place's document; what has no program is in no group."""
     members: dict[tuple[bytes, tuple[object, ...]], list[tuple[int, Tape, Program, FloatArray]]] = {}
     for place, document in documents.items():
         try:
-            tape = potential_of(body, document).tape
+            tape = potential_of(document, body).tape
         except (DynamicsError, ValueError):
             continue
         program, constants = make_program(tape)
@@ -219,7 +220,7 @@ def _tape(
     body: RigidBody, document: Mapping[str, object], paths: Sequence[Path], numbers: Sequence[Fraction]
 ) -> Tape:
     values: dict[Path, object] = dict(zip(paths, map(str, numbers), strict=True))
-    return potential_of(body, with_values(document, values)).tape
+    return potential_of(with_values(document, values), body).tape
 
 
 def numbers_of(tape: Tape) -> list[Fraction | None]:

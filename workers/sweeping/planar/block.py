@@ -12,13 +12,13 @@ from service.dynamics.accuracy import keeps
 from service.dynamics.motion import COLUMNS, group_errors
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Times
-from service.schemas.reading.documents import with_values
+from service.schemas.problem.trusted import potential_of
+from service.schemas.reading.documents import Part, with_values
 from service.schemas.sweep.sweep import Sweep, json_number
 from workers.solvers.choose import QUICK, compiled_tier
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.units import Units
-from workers.sweeping.parameters.family import potential_of
 from workers.sweeping.parameters.points import (
     Parameters,
     SweptPoints,
@@ -225,7 +225,7 @@ class BlockSolver:
         def potential_at(n: int) -> Potential:
             if not self._quick.places:
                 return problem.potential
-            return potential_of(problem.body, self._potential_at(points, int(places[n])))
+            return potential_of(self._potential_at(points, int(places[n])), problem.body)
 
         wanted, sign = np.flatnonzero(decided), side.motion.sign_of_g1
         return self._integrals.along(group, sign, energies, samples, wanted, potential_at)
@@ -293,12 +293,12 @@ class BlockSolver:
             self._programs[key] = affine_program(body, made.document, made.paths, key) if known else None
         return self._programs[key]
 
-    def _potential_at(self, points: SweptPoints, place: int) -> object:
+    def _potential_at(self, points: SweptPoints, place: int) -> Part:
         values = {
             path: json_number(_fraction(points.exact(axis, place)))
             for path, axis in zip(self._quick.paths, self._quick.places, strict=True)
         }
-        return with_values(dict(self._quick.potential), dict(values))
+        return with_values(self._quick.potential, dict(values))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,9 +14,10 @@ from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Number, Symbol, Tree, fold_tree
 from service.dynamics.potentials.families.homogeneous import B_coefficients
 from service.dynamics.potentials.potential import Potential
+from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.coefficients import ExactParts, SplitParameters, parts_of
-from workers.sweeping.parameters.family import Path, degree_in, potential_of
+from workers.sweeping.parameters.family import Path, degree_in
 from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
@@ -62,7 +63,7 @@ class FixedModel:
 
     def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
         """See Model.potential."""
-        return potential_of(moments.body(), dict(self.document))
+        return potential_of(self.document, moments.body())
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +114,7 @@ class ExpressionModel:
             shown: dict[Path, object] = {
                 ("parameters", hole): str(value) for hole, value in zip(self.holes, probe, strict=True)
             }
-            found.append((probe, potential_of(body, with_values(dict(self.holed), shown)).tape))
+            found.append((probe, potential_of(with_values(self.holed, shown), body).tape))
         return found
 
     def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
@@ -121,7 +122,7 @@ class ExpressionModel:
         values: dict[Path, object] = {
             ("parameters", name): str(value) for name, value in zip(self.names, numbers, strict=True)
         }
-        return potential_of(moments.body(), with_values(dict(self.document), values))
+        return potential_of(with_values(self.document, values), moments.body())
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +192,7 @@ class HomogeneousModel:
         values: dict[Path, object] = {
             path: str(value) for path, value in zip(self.paths, numbers, strict=True)
         }
-        return potential_of(moments.body(), with_values(dict(self.document), values))
+        return potential_of(with_values(self.document, values), moments.body())
 
 
 def _homogeneous(document: Mapping[str, object], paths: Sequence[Path]) -> Model | None:

@@ -23,7 +23,8 @@ from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.records import audit_out
 from service.api.replies.responses import AuditId, SolutionId, json_response, refusals
 from service.api.routes.jobs import SubmitQuery
-from service.api.submission import Checked, accept, check
+from service.api.submission import accept, check
+from service.api.verdicts.examiner import Submission
 from service.jobs.records import Job
 from service.jobs.store import Receipt
 from service.schemas.problem.documents import MEMBERS, AuditIn, audited_problem
@@ -102,7 +103,7 @@ def _read(inside: Resources, solution_id: str) -> _Audited:
     return _Audited(standing.id, standing.digest, problem, len(json.dumps(problem)))
 
 
-def _checked(content: bytes, problem: Mapping[str, object], settings: Settings) -> Checked:
+def _checked(content: bytes, problem: Mapping[str, object], settings: Settings) -> Submission:
     document = read_json(content) if content else {}
     _, faults = read_parts(document, AuditIn, MEMBERS)
     if faults:
@@ -111,16 +112,18 @@ def _checked(content: bytes, problem: Mapping[str, object], settings: Settings) 
     return check(audited_problem(dict(problem), document), settings)
 
 
-async def _submit(audited: _Audited, problem: Checked, inside: Resources, terms: SubmissionTerms) -> Response:
-    examined = await accept(inside, problem, terms.holder)
+async def _submit(
+    audited: _Audited, problem: Submission, inside: Resources, terms: SubmissionTerms
+) -> Response:
+    accepted = await accept(inside, problem, terms.holder)
 
     def store(receipt: Receipt[Made] | None) -> Job:
-        accepted = examined.accepted()
+        digest = accepted.digest
         return inside.audits.submit(
             audited.id,
             # In the same words, if it is the same: then equal bits are expected.
-            audited.problem if accepted.digest == audited.digest else accepted.document,
-            accepted.digest,
+            audited.problem if digest == audited.digest else accepted.document,
+            digest,
             priority=terms.priority,
             key_id=terms.key_id,
             examination=accepted.examination,

@@ -15,7 +15,7 @@ from service.api.replies.responses import SolutionId, json_response, refusals
 from service.api.tagged import told_of
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, as_decimals, join
-from service.schemas.problem.rules import ONE_AT_A_TIME
+from service.schemas.problem.trusted import ONE_AT_A_TIME
 from service.schemas.replies.solution import EnclosureOut, EnclosuresOut
 from service.storage.codecs.packing import decode_arrays
 

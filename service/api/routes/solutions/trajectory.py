@@ -38,14 +38,14 @@ from service.dynamics.equations.orientation import (
     trajectory_columns,
     trajectory_errors,
 )
-from service.dynamics.motion import COLUMNS
+from service.dynamics.motion import COLUMNS, columns_of
 from service.dynamics.problem import TimeSpan
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.ball_columns import is_part
 from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.solution.preview import deviation, preview_times
 from service.jobs.records import SolutionNotFoundError
-from service.schemas.problem.documents import asked_series
+from service.schemas.problem.trusted import outputs_of, times_of
 from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
 from service.schemas.replies.solution import MotionFunctionOut, TrajectoryOut
@@ -200,12 +200,12 @@ def _own_errors(told: object) -> dict[str, float]:
 
 def _remade(inside: Resources, solution_id: str) -> _Samples:
     """Recompute deleted samples: the same times and columns, with the error of the dense output."""
-    asked = asked_series(inside.solutions.get(solution_id).problem)
+    problem = inside.solutions.get(solution_id).problem
     dense = decode_dense(inside.solutions.dense(solution_id))
     _require_series(dense.columns)
-    times = sample_times(asked.time.to_domain(), dense.period)
+    times = sample_times(times_of(problem["time"]), dense.period)
     remade = _evaluated(dense, times)
-    left_out = set(COLUMNS) - set(asked.columns())
+    left_out = set(COLUMNS) - set(columns_of(outputs_of(problem)))
     columns = {name: values for name, values in remade.columns.items() if name not in left_out}
     return replace(remade, columns=columns)
 
@@ -223,8 +223,8 @@ def _previewed(
     """Return a preview, and how far it is off."""
     assert query.preview is not None
     if query.stop is None:
-        asked = asked_series(inside.solutions.get(solution_id).problem)
-        given = sample_times(asked.time.to_domain(), dense.period).doubles
+        problem = inside.solutions.get(solution_id).problem
+        given = sample_times(times_of(problem["time"]), dense.period).doubles
         start, stop = float(given.min()), float(given.max())
     else:
         start, stop = float(query.start or 0), float(query.stop)

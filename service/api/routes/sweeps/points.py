@@ -50,8 +50,7 @@ from service.api.tagged import told_of
 from service.jobs.records import SweepRecord
 from service.schemas.reading.documents import Fault
 from service.schemas.replies.sweep import GridOut, PointPageOut
-from service.schemas.sweep.reading import read_sweep
-from service.schemas.sweep.sweep import Sweep, SweepAxis
+from service.schemas.sweep.sweep import Sweep, SweepAxis, trusted_sweep
 from service.storage.sweeps.point_query import PointQuery
 from service.storage.sweeps.point_reader import PointBlock, PointReader
 from service.storage.sweeps.point_tables import PointGrid, cell_indices, read_grid
@@ -90,7 +89,7 @@ def get_points(
     """Return the computed points, filtered, sorted, and with only the requested columns."""
     media_type = chosen(asked.parameters.format, accept)
     record = inside.sweeps.get(sweep_id)
-    sweep = read_sweep(record.document)
+    sweep = trusted_sweep(record.document)
     wish = read_wish(asked, record.id, sweep, has_lists=media_type != CSV)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     is_page = media_type == JSON
@@ -232,7 +231,7 @@ def get_grid(
     name = asked.parameters.format
     media_type = preferred(list(_WRITERS), accept) if name is None else MEDIA_TYPES[name]
     record = inside.sweeps.get(sweep_id)
-    sweep = read_sweep(record.document)
+    sweep = trusted_sweep(record.document)
     wish = read_grid_wish(asked, sweep)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=False)
     grid = read_grid(reader, cell_indices(sweep, wish.at), wish.of)
@@ -317,7 +316,7 @@ def get_package(request: Request, sweep_id: SweepId, inside: Inside) -> Response
     told["Content-Disposition"] = f'attachment; filename="sweep-{record.id}.zip"'
     if is_head(request):
         return Response(media_type=ZIP, headers=told)
-    sweep = read_sweep(record.document)
+    sweep = trusted_sweep(record.document)
     wish = read_wish(Asked(PointsQuery(), frozenset(), ()), record.id, sweep, has_lists=True)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     about = Package(
