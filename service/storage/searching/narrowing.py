@@ -6,7 +6,7 @@ no statistics to know that before, and Postgres none of labels and of numbers wi
 that meet a condition are counted first in its index, up to a bound.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from sqlalchemy import ColumnElement, func, select
@@ -42,7 +42,7 @@ class Found:
 
 
 def met_by_few(
-    session: Session, source: Source, conditions: Sequence[Condition], asked: Iterable[Subject], bound: int
+    session: Session, source: Source, conditions: Sequence[Condition], asked: Sequence[Subject], bound: int
 ) -> Found | None:
     """Return how to find the rows that meet the conditions by what an index tells of one of them.
 
@@ -54,13 +54,12 @@ def met_by_few(
         The largest cost; None is returned if there is no such way.
     """
     about = _by_subject(source, conditions)
-    subjects = {*asked, *(each.subject for each in conditions)}
     counted = {subject: entries(session, source, each, bound) for subject, each in about.items()}
     counts = {subject: n for subject, n in counted.items() if n <= bound}
     best: tuple[int, Subject, Source, list[Subject]] | None = None
     for subject, count in counts.items():
         is_attached = source.attached(subject) is not None
-        view = source.through(subject, subjects) if is_attached else source
+        view = source.through(subject) if is_attached else source
         has_all = is_attached or subject.name in source.covering
         # What meets another condition is collected from its own table, if that is less than to look up rows.
         others = [
@@ -68,7 +67,9 @@ def met_by_few(
             for each, n in counts.items()
             if each != subject and source.attached(each) and not view.is_covered(each) and n <= ROW * count
         ]
-        is_whole = has_all and all(map(view.is_covered, subjects.difference([subject], others)))
+        settled = [condition for each in (subject, *others) for condition in about[each]]
+        read = {*asked, *(each.subject for each in conditions if each not in settled)}
+        is_whole = has_all and all(map(view.is_covered, read))
         looked_up = [
             n for each, n in counts.items() if each == subject or (has_all and view.is_covered(each))
         ]
@@ -88,13 +89,12 @@ def met_by_few(
 
 
 def met(
-    session: Session, source: Source, conditions: Sequence[Condition], asked: Iterable[Subject] = ()
+    session: Session, source: Source, conditions: Sequence[Condition], asked: Sequence[Subject] = ()
 ) -> Found:
     """Return how to find all rows that meet the conditions."""
-    subjects = list(asked)
     # Of columns the database has a good index, if not the best one, by itself.
     for bound in (MANY, MOST) if members(source, conditions) else (MANY,):
-        found = met_by_few(session, source, conditions, subjects, bound)
+        found = met_by_few(session, source, conditions, asked, bound)
         if found is not None:
             return found
     return Found(source, [*source.always, *conditions_of(source, conditions)], None)
