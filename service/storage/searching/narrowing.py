@@ -30,7 +30,7 @@ _IN_LABELS = ("id", "created_at")
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Narrowed:
     """How the rows of a query are found."""
 
     source: Source
@@ -43,7 +43,7 @@ class Found:
 
 def met_by_few(
     session: Session, source: Source, conditions: Sequence[Condition], asked: Sequence[Subject], bound: int
-) -> Found | None:
+) -> Narrowed | None:
     """Return how to find the rows that meet the conditions by what an index tells of one of them.
 
     Parameters
@@ -85,19 +85,19 @@ def met_by_few(
         few = found_in_index(source, about[subject]).limit(2 * counts[subject] + MANY)
         found = [source.id.in_(few)]
     rest = tests(session, view, conditions, about[subject], [about[each] for each in others])
-    return Found(view, [*view.always, *found, *rest], cost)
+    return Narrowed(view, [*view.always, *found, *rest], cost)
 
 
 def met(
     session: Session, source: Source, conditions: Sequence[Condition], asked: Sequence[Subject] = ()
-) -> Found:
+) -> Narrowed:
     """Return how to find all rows that meet the conditions."""
     # Of columns the database has a good index, if not the best one, by itself.
     for bound in (MANY, MOST) if members(source, conditions) else (MANY,):
         found = met_by_few(session, source, conditions, asked, bound)
         if found is not None:
             return found
-    return Found(source, [*source.always, *conditions_of(source, conditions)], None)
+    return Narrowed(source, [*source.always, *conditions_of(source, conditions)], None)
 
 
 def tests(

@@ -22,7 +22,7 @@ from service.storage.searching.narrowing import (
     MANY,
     MOST,
     ROW,
-    Found,
+    Narrowed,
     entries,
     label_of_order,
     members,
@@ -140,7 +140,7 @@ def _is_shorter(search: _Search, cost: int) -> bool:
     return each * (search.session.scalar(select(func.count()).select_from(some)) or 0) < cost
 
 
-def _sorted(search: _Search, few: Found) -> list[_Row]:
+def _sorted(search: _Search, few: Narrowed) -> list[_Row]:
     """Return the rows from those that meet the conditions, all of which are sorted."""
     source, given = few.source, few.given
     order = order_of(search.session, source, search.keys)
